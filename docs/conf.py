@@ -1,0 +1,62 @@
+"""Sphinx configuration; `make docs` builds, `make test` checks every page and docstring with warnings as errors."""
+
+import os
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.transforms import SphinxTransform
+
+ROOT = Path(__file__).resolve().parents[1]
+os.environ["MPLBACKEND"] = "Agg"
+sys.path.insert(0, str(ROOT))
+
+project = "cutvib_ss"
+author = "The cutvib_ss developers"
+copyright = author
+release = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+version = ".".join(release.split(".")[:2])
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "numpydoc",
+]
+exclude_patterns = ["_build", "adr/template.md"]
+templates_path = ["_templates"]
+
+myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
+myst_heading_anchors = 3
+
+# One page a module, written from docs/_templates/autosummary/module.rst.
+autosummary_generate = True
+autosummary_imported_members = False
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # numpydoc's Parameters say more: shape and unit
+numpydoc_show_class_members = False
+default_role = "code"
+
+html_theme = "furo"
+html_title = f"cutvib_ss {release}"
+html_show_copyright = False
+
+
+class BarsAsPrinted(SphinxTransform):
+    """Leave |H| as it stands: bars mean a modulus here, and no page defines substitutions."""
+
+    default_priority = 205  # before Sphinx and docutils look for substitutions, at 210 and 220
+
+    def apply(self, **kwargs: Any) -> None:
+        """Replace every substitution reference by the text that it was written as."""
+        for reference in list(self.document.findall(nodes.substitution_reference)):
+            reference.parent.replace(reference, nodes.Text(f"|{reference.astext()}|"))
+
+
+def setup(app: Sphinx) -> None:
+    """Register what this project adds to Sphinx."""
+    app.add_transform(BarsAsPrinted)
