@@ -1,0 +1,387 @@
+"""
+Frozen parameter sets, each checked when it is made; the paper's tables, one function each, with source and caveat.
+
+The paper is "Analysis and Control of Vibrations of a Cartesian Cutting Machine Using an Equivalent Robotic Model".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from math import isfinite, pi, radians
+from typing import Any
+
+from cutvib_ss.errors import ParameterError
+
+
+def check_number(name: str, value: Any, minimum: float | None = None, strict: bool = False) -> float:
+    """
+    A finite number, at or above (``strict``: above) a minimum.
+
+    Parameters
+    ----------
+    name : str
+        What the number is, for the message.
+    value : object
+        The value to check.
+    minimum : float, optional
+        Smallest value that makes sense.
+    strict : bool
+        Whether the minimum itself is refused.
+
+    Returns
+    -------
+    float
+        The value.
+
+    Raises
+    ------
+    ParameterError
+        If it is not a number, not finite, or too small.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ParameterError(f"{name} = {value!r} is not a number")
+    number = float(value)
+    if not isfinite(number):
+        raise ParameterError(f"{name} = {value} is not finite")
+    if minimum is not None and (number <= minimum if strict else number < minimum):
+        raise ParameterError(f"{name} = {value} must be {'greater than' if strict else 'at least'} {minimum:g}")
+    return number
+
+
+def check_position(position: Any) -> float:
+    """
+    A position on the rail, strictly between its ends.
+
+    Parameters
+    ----------
+    position : float
+        y_b / L of the head on the rail.
+
+    Returns
+    -------
+    float
+        The position.
+
+    Raises
+    ------
+    ParameterError
+        If it does not lie strictly inside (0, 1).
+    """
+    number = check_number("position", position)
+    if not 0.0 < number < 1.0:
+        raise ParameterError(f"position = {position} must lie strictly between 0 and 1 (y_b / L of the head on the rail)")
+    return number
+
+
+@dataclass(frozen=True)
+class HeadParameters:
+    """
+    The equivalent two-link robot of the cutting head (Fig. 3, Eqs. 1-3).
+
+    Parameters
+    ----------
+    m1, m2 : float
+        Tip masses of link 1 (head) and link 2 (tool) [kg].
+    l1, l2 : float
+        Lengths of the links [m].
+    theta01, theta02 : float
+        Joint angles of the reference configuration [rad]; ``theta02`` is relative to link 1.
+    k1, k2 : float
+        Torsional stiffness of the joints [N m/rad].
+    c1, c2 : float
+        Torsional damping of the joints [N m s/rad].
+    source, caveat : str
+        Where the values come from, and what to know about them.
+
+    Raises
+    ------
+    ParameterError
+        If a mass, length or stiffness is not positive, or a damping negative.
+    """
+
+    m1: float
+    m2: float
+    l1: float
+    l2: float
+    theta01: float
+    theta02: float
+    k1: float
+    k2: float
+    c1: float
+    c2: float
+    source: str = field(default="", compare=False)
+    caveat: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        for name in ("m1", "m2", "l1", "l2", "k1", "k2"):
+            check_number(f"head.{name}", getattr(self, name), 0.0, strict=True)
+        for name in ("c1", "c2"):
+            check_number(f"head.{name}", getattr(self, name), 0.0)
+        for name in ("theta01", "theta02"):
+            check_number(f"head.{name}", getattr(self, name))
+
+
+@dataclass(frozen=True)
+class RailParameters:
+    """
+    The moving rail as a pinned uniform beam with modal damping (Eqs. 4-9).
+
+    Parameters
+    ----------
+    length : float
+        L [m].
+    mass : float
+        Mass of the whole rail, μL [kg].
+    first_frequency : float
+        First natural frequency with pinned ends and without the head [Hz]; mode r has r² times this (Eq. 8).
+    damping_ratio : float
+        Modal damping ratio ζ_r, the same for every mode.
+    n_modes : int
+        Number of modes m kept in the superposition (Eq. 10).
+    source, caveat : str
+        Where the values come from, and what to know about them.
+
+    Raises
+    ------
+    ParameterError
+        If a value is impossible.
+    """
+
+    length: float
+    mass: float
+    first_frequency: float
+    damping_ratio: float
+    n_modes: int
+    source: str = field(default="", compare=False)
+    caveat: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        for name in ("length", "mass", "first_frequency"):
+            check_number(f"rail.{name}", getattr(self, name), 0.0, strict=True)
+        if check_number("rail.damping_ratio", self.damping_ratio, 0.0) >= 1.0:
+            raise ParameterError(f"rail.damping_ratio = {self.damping_ratio} must be below 1")
+        if isinstance(self.n_modes, bool) or not isinstance(self.n_modes, int) or not 1 <= self.n_modes <= 1000:
+            raise ParameterError(f"rail.n_modes = {self.n_modes!r} must be a whole number from 1 to 1000")
+
+    @property
+    def bending_stiffness(self) -> float:
+        """E I [N m^2], from Eq. 8 for r = 1."""
+        return self.mass * (2 * pi * self.first_frequency) ** 2 * self.length**3 / pi**4
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """
+    One standard deviation of what is known of each value, as a fraction of it; the angles are exact.
+
+    Parameters
+    ----------
+    m1, m2, l1, l2, k1, k2, c1, c2 : float
+        Of the head's parameters.
+    mass, first_frequency, damping_ratio : float
+        Of the rail's parameters.
+    calibration : float
+        Of each response channel's sensitivity, smooth over frequency.
+    """
+
+    m1: float = 0.005
+    m2: float = 0.01
+    l1: float = 0.003
+    l2: float = 0.003
+    k1: float = 0.01
+    k2: float = 0.01
+    c1: float = 0.1
+    c2: float = 0.1
+    mass: float = 0.005
+    first_frequency: float = 0.005
+    damping_ratio: float = 0.15
+    calibration: float = 0.01
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            if check_number(f"tolerance.{f.name}", getattr(self, f.name), 0.0) >= 1.0:
+                raise ParameterError(f"tolerance.{f.name} = {getattr(self, f.name)} is a fraction: it must be below 1")
+
+
+@dataclass(frozen=True)
+class StructureTolerances:
+    """
+    Tolerances of a second-order structure: one common scale factor on each matrix.
+
+    Parameters
+    ----------
+    mass, damping, stiffness : float
+        One standard deviation of the factor on each matrix.
+    calibration : float
+        Of each response channel's sensitivity, smooth over frequency.
+    """
+
+    mass: float = 0.02
+    damping: float = 0.2
+    stiffness: float = 0.02
+    calibration: float = 0.01
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            if check_number(f"tolerance.{f.name}", getattr(self, f.name), 0.0) >= 1.0:
+                raise ParameterError(f"tolerance.{f.name} = {getattr(self, f.name)} is a fraction: it must be below 1")
+
+
+@dataclass(frozen=True)
+class AbsorberParameters:
+    """
+    A tuned vibration absorber: one sprung mass (Section 7, Eqs. 24-26).
+
+    Parameters
+    ----------
+    frequency : float
+        Tuning frequency f_N [Hz].
+    damping_ratio : float
+        ζ_a.
+    mass : float
+        m_a [kg].
+    source, caveat : str
+        Where the values come from, and what to know about them.
+    """
+
+    frequency: float
+    damping_ratio: float
+    mass: float
+    source: str = field(default="", compare=False)
+    caveat: str = field(default="", compare=False)
+
+    def __post_init__(self) -> None:
+        check_number("absorber.frequency", self.frequency, 0.0, strict=True)
+        check_number("absorber.mass", self.mass, 0.0, strict=True)
+        check_number("absorber.damping_ratio", self.damping_ratio, 0.0)
+
+    @property
+    def stiffness(self) -> float:
+        """k_a = m_a (2π f_N)² [N/m] (Eq. 25)."""
+        return self.mass * (2 * pi * self.frequency) ** 2
+
+    @property
+    def damping(self) -> float:
+        """c_a = 2 ζ_a √(k_a m_a) [N s/m] (Eq. 26)."""
+        return 2 * self.damping_ratio * (self.stiffness * self.mass) ** 0.5
+
+
+_UNITS_CAVEAT = "The paper heads k in N/m and c in N s/m; they are N m/rad and N m s/rad."
+
+
+def table_1() -> HeadParameters:
+    """
+    First guess of the head's parameters, as printed in Table 1.
+
+    Returns
+    -------
+    HeadParameters
+        The printed values.
+    """
+    return HeadParameters(
+        m1=24.0, m2=0.5, l1=0.1, l2=0.1, theta01=0.0, theta02=radians(90.0),
+        k1=522_100.0, k2=10_442.0, c1=36.84, c2=0.72, source="Table 1",
+        caveat="Neither damping follows Eq. 20 with ζ = 0.1: c2 is half of Eq. 20's 1.445 (ζ = 0.05), c1 is ζ = 0.05 with "
+        "m1 = 26 kg; m1 itself is not Eq. 15's 25 kg at 230 Hz. " + _UNITS_CAVEAT,
+    )  # fmt: skip
+
+
+def table_2() -> tuple[HeadParameters, HeadParameters]:
+    """
+    Lower and upper limits of the head's parameters in the fit, as printed in Table 2.
+
+    Returns
+    -------
+    lower, upper : HeadParameters
+        The printed limits.
+    """
+    lower = HeadParameters(
+        m1=23.0, m2=0.4, l1=0.09, l2=0.09, theta01=0.0, theta02=radians(90.0),
+        k1=469_890.0, k2=9_397.8, c1=29.48, c2=0.58, source="Table 2, lower", caveat=_UNITS_CAVEAT,
+    )  # fmt: skip
+    upper = HeadParameters(
+        m1=25.0, m2=0.6, l1=0.11, l2=0.11, theta01=radians(10.0), theta02=radians(110.0),
+        k1=574_310.0, k2=11_486.2, c1=44.21, c2=0.87, source="Table 2, upper", caveat=_UNITS_CAVEAT,
+    )  # fmt: skip
+    return lower, upper
+
+
+def table_3() -> HeadParameters:
+    """
+    Optimised parameters of the head, as printed in Table 3.
+
+    Returns
+    -------
+    HeadParameters
+        The printed values.
+    """
+    return HeadParameters(
+        m1=24.88, m2=0.60, l1=0.097, l2=0.096, theta01=radians(0.65), theta02=radians(110.0),
+        k1=522_100.0, k2=10_442.0, c1=44.20, c2=0.58, source="Table 3",
+        caveat="m2, theta02, c1 and c2 lie on Table 2's limits: the paper's data do not determine the fit in those "
+        "directions. " + _UNITS_CAVEAT,
+    )  # fmt: skip
+
+
+def recovered_rail() -> RailParameters:
+    """
+    The rail behind Tables 5 and 6.
+
+    Returns
+    -------
+    RailParameters
+        First frequency from Table 5, mass recovered from Table 6, four modes as Table 6 was computed with.
+    """
+    return RailParameters(
+        length=2.5, mass=76.5, first_frequency=31.7, damping_ratio=0.01, n_modes=4,
+        source="Table 5 (first frequency), least squares over Table 6 (mass), the machine's name HI-2.5 (length)",
+        caveat="Neither mass, length nor damping is printed: the mass reproduces Table 6 to 0.2 %, the length only scales "
+        "E I and μ, the damping ratio 0.01 is an assumption.",
+    )  # fmt: skip
+
+
+def table_5() -> tuple[float, ...]:
+    """
+    Natural frequencies of the rail without the head, as printed in Table 5.
+
+    Returns
+    -------
+    tuple of float
+        Four frequencies [Hz].
+    """
+    return (31.7, 126.8, 285.3, 507.1)
+
+
+def table_6() -> dict[float, tuple[float, ...]]:
+    """
+    Natural frequencies of the rail with the head, as printed in Table 6.
+
+    Returns
+    -------
+    dict
+        Position y_b / L (FC and BC: 1/2; CC: 1/3) to six frequencies [Hz].
+    """
+    return {
+        1 / 2: (24.5, 126.8, 210.6, 220.8, 409.1, 507.1),
+        1 / 3: (25.7, 107.9, 216.7, 285.3, 317.2, 549.9),
+    }
+
+
+def table_7() -> AbsorberParameters:
+    """
+    The tuned vibration absorber, as printed in Table 7.
+
+    Returns
+    -------
+    AbsorberParameters
+        Frequency, damping ratio and mass; stiffness and damping follow from Eqs. 25 and 26.
+    """
+    return AbsorberParameters(
+        frequency=212.0, damping_ratio=0.04, mass=0.08, source="Table 7",
+        caveat="The printed k_a = 14,195 N/m is a misprint: Eq. 25 gives 141,946 N/m, and Eq. 26 gives the printed "
+        "c_a = 8.52 N s/m only with that value.",
+    )  # fmt: skip
+
+
+TABLE_7_PRINTED = {"stiffness": 14_195.0, "damping": 8.52}
+"""k_a [N/m] (a misprint) and c_a [N s/m] as Table 7 prints them."""

@@ -1,0 +1,360 @@
+"""
+Linear elements that attach in parallel at a port, and the parts of the machine that are absent by default.
+
+An element knows its dynamic stiffness z(s), that is force over displacement at its port, the derivatives of z to its
+parameters and to s, and - where it has one - its finite second-order form. Zero severity is z = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Protocol
+
+import numpy as np
+
+from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.parameters import check_number
+from cutvib_ss.results import ComplexArray
+
+
+class Element(Protocol):
+    """A linear element in parallel at a port."""
+
+    def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
+        """
+        Force over displacement at the port.
+
+        Parameters
+        ----------
+        s : ndarray of complex
+            Laplace variable [rad/s].
+
+        Returns
+        -------
+        ndarray
+            z(s), of the shape of ``s``.
+        """
+        ...
+
+    def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
+        """
+        Derivative of z(s) to a parameter, or to s itself.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter, or ``"s"``.
+        s : ndarray of complex
+            Laplace variable [rad/s].
+
+        Returns
+        -------
+        ndarray
+            The derivative, of the shape of ``s``.
+        """
+        ...
+
+    def second_order(self) -> SecondOrder:
+        """
+        The element as a system with port ``"end"``.
+
+        Returns
+        -------
+        SecondOrder
+            The finite form.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class SpringDamperMass:
+    """
+    Spring, damper and mass from a port to ground: z = k (1 + iη) + s c + s² m.
+
+    Parameters
+    ----------
+    stiffness : float
+        k [N/m or N m/rad].
+    damping : float
+        c [N s/m or N m s/rad].
+    mass : float
+        m [kg or kg m²].
+    loss_stiffness : float
+        k η of a hysteretic spring [N/m or N m/rad]: a force in quadrature with the displacement at every frequency, as
+        exact in the frequency response as it is non-causal in time.
+    """
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    mass: float = 0.0
+    loss_stiffness: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping", "mass", "loss_stiffness"):
+            check_number(name, getattr(self, name))
+
+    def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
+        """
+        Force over displacement at the port.
+
+        Parameters
+        ----------
+        s : ndarray of complex
+            Laplace variable [rad/s].
+
+        Returns
+        -------
+        ndarray
+            z(s).
+        """
+        z: ComplexArray = self.stiffness + 1j * self.loss_stiffness + s * self.damping + s**2 * self.mass
+        return z
+
+    def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
+        """
+        Derivative of z(s) to a parameter, or to s itself.
+
+        Parameters
+        ----------
+        name : str
+            ``"stiffness"``, ``"damping"``, ``"mass"``, ``"loss_stiffness"`` or ``"s"``.
+        s : ndarray of complex
+            Laplace variable [rad/s].
+
+        Returns
+        -------
+        ndarray
+            The derivative.
+        """
+        if name == "s":
+            return self.damping + 2 * s * self.mass
+        power = {"stiffness": 1.0 + 0j * s, "loss_stiffness": 1j + 0 * s, "damping": s, "mass": s**2}
+        return power[name]
+
+    def second_order(self) -> SecondOrder:
+        """
+        One degree of freedom, with port ``"end"``.
+
+        Returns
+        -------
+        SecondOrder
+            The element.
+
+        Raises
+        ------
+        CouplingError
+            If it is hysteretic, which has no finite second-order form.
+        """
+        if self.loss_stiffness != 0.0:
+            raise CouplingError(
+                "structural (hysteretic) damping has no finite second-order form; ask for equivalent viscous damping"
+            )
+        one = np.ones((1, 1))
+        return SecondOrder(self.mass * one, self.damping * one, self.stiffness * one, ("end",), {"end": np.ones(1)})
+
+
+@dataclass(frozen=True)
+class SprungMass:
+    """
+    A mass on a spring and damper: absorber, panel or hose (Eq. 24).
+
+    Parameters
+    ----------
+    mass : float
+        m [kg].
+    frequency : float
+        Natural frequency of the mass on its spring [Hz].
+    damping_ratio : float
+        ζ.
+    """
+
+    mass: float
+    frequency: float
+    damping_ratio: float
+
+    def __post_init__(self) -> None:
+        check_number("mass", self.mass, 0.0)
+        check_number("frequency", self.frequency, 0.0, strict=True)
+        check_number("damping_ratio", self.damping_ratio, 0.0)
+
+    def _parts(self, s: ComplexArray) -> tuple[float, ComplexArray, ComplexArray]:
+        w = 2 * pi * self.frequency
+        spring: ComplexArray = w * w + 2 * self.damping_ratio * w * s
+        below: ComplexArray = spring + s * s
+        return w, spring, below
+
+    def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
+        """
+        Force over displacement at the port: m s² (ω² + 2ζωs) / (s² + 2ζωs + ω²), Eq. 24 at s = jω.
+
+        Parameters
+        ----------
+        s : ndarray of complex
+            Laplace variable [rad/s].
+
+        Returns
+        -------
+        ndarray
+            z(s).
+        """
+        _, spring, below = self._parts(s)
+        z: ComplexArray = self.mass * s * s * spring / below
+        return z
+
+    def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
+        """
+        Derivative of z(s) to a parameter, or to s itself.
+
+        Parameters
+        ----------
+        name : str
+            ``"mass"``, ``"frequency"``, ``"damping_ratio"`` or ``"s"``.
+        s : ndarray of complex
+            Laplace variable [rad/s].
+
+        Returns
+        -------
+        ndarray
+            The derivative.
+        """
+        w, spring, below = self._parts(s)
+        ratio = spring / below
+        zeta = self.damping_ratio
+        out: ComplexArray
+        if name == "mass":
+            out = s * s * ratio
+        elif name == "s":
+            d_ratio = (2 * zeta * w * below - spring * (2 * zeta * w + 2 * s)) / below**2
+            out = self.mass * (2 * s * ratio + s * s * d_ratio)
+        else:
+            # d(spring/below) = s² d(spring) / below², for any parameter that only enters the spring.
+            d_spring = {"frequency": 2 * pi * (2 * w + 2 * zeta * s), "damping_ratio": 2 * w * s}[name]
+            out = self.mass * s**4 * d_spring / below**2
+        return out
+
+    def second_order(self) -> SecondOrder:
+        """
+        Two degrees of freedom, port ``"end"`` on the massless foot.
+
+        Returns
+        -------
+        SecondOrder
+            The element; with no mass it is a foot alone.
+
+        Raises
+        ------
+        CouplingError
+            Never for a positive mass.
+        """
+        if self.mass == 0.0:
+            return SpringDamperMass().second_order()
+        w = 2 * pi * self.frequency
+        k, c = self.mass * w * w, 2 * self.damping_ratio * w * self.mass
+        pattern = np.array([[1.0, -1.0], [-1.0, 1.0]])
+        return SecondOrder(
+            np.diag([0.0, self.mass]), c * pattern, k * pattern, ("end", "mass"),
+            {"end": np.array([1.0, 0.0]), "mass": np.array([0.0, 1.0])},
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """
+    An element at a port.
+
+    Parameters
+    ----------
+    port : str
+        Name of the port.
+    element : Element
+        What is attached there.
+    """
+
+    port: str
+    element: SpringDamperMass | SprungMass
+
+
+@dataclass(frozen=True)
+class Guide:
+    """
+    Give of the guide's ball bearings, in series between rail and head.
+
+    Parameters
+    ----------
+    stiffness : float
+        k [N/m].
+    damping : float
+        c [N s/m].
+    """
+
+    stiffness: float
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_number("guide stiffness", self.stiffness, 0.0, strict=True)
+        check_number("guide damping", self.damping, 0.0)
+
+    def compliance(self, s: ComplexArray) -> ComplexArray:
+        """
+        Displacement across the guide per force through it.
+
+        Parameters
+        ----------
+        s : ndarray of complex
+            Laplace variable [rad/s].
+
+        Returns
+        -------
+        ndarray
+            1 / (k + s c).
+        """
+        out: ComplexArray = 1.0 / (self.stiffness + s * self.damping)
+        return out
+
+    def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
+        """
+        Derivative of the compliance to a parameter, or to s.
+
+        Parameters
+        ----------
+        name : str
+            ``"stiffness"``, ``"damping"`` or ``"s"``.
+        s : ndarray of complex
+            Laplace variable [rad/s].
+
+        Returns
+        -------
+        ndarray
+            The derivative.
+        """
+        inner = {"stiffness": 1.0 + 0j * s, "damping": s, "s": self.damping + 0j * s}[name]
+        out: ComplexArray = -inner * self.compliance(s) ** 2
+        return out
+
+
+def check_port(port: str, ports: tuple[str, ...]) -> str:
+    """
+    A port that is there.
+
+    Parameters
+    ----------
+    port : str
+        Name asked for.
+    ports : tuple of str
+        Names that are there.
+
+    Returns
+    -------
+    str
+        The name.
+
+    Raises
+    ------
+    ParameterError
+        If it is not there.
+    """
+    if port not in ports:
+        raise ParameterError(f"no port {port!r}; there are {', '.join(ports)}")
+    return port

@@ -1,0 +1,226 @@
+"""
+The cutting head as an equivalent two-link robot (Section 3.1, Eqs. 1-3).
+
+Everything follows from where the two masses move. With absolute link angles, X down and Z along the machine,
+
+    head_x = x_b + l1 cos θ01 · θ1                    head_z = -l1 sin θ01 · θ1
+    tool_x = head_x + l2 cos(θ01+θ02) · (θ1 + θ2)     tool_z = head_z - l2 sin(θ01+θ02) · (θ1 + θ2)
+
+and the mass matrix of Eq. 2 is m1 (h_x h_xᵀ + h_z h_zᵀ) + m2 (t_x t_xᵀ + t_z t_zᵀ) over those rows; the generalised force of
+Eq. 3 is the row of tool_x; Eqs. 12 and 13 are the rows of tool_x and tool_z. A rotation ψ of the base (a rail that twists)
+turns both links as θ1 does, and lifts the base by the eccentricity e between it and the rail's shear centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import control
+import numpy as np
+
+from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.parameters import HeadParameters
+from cutvib_ss.results import FloatArray
+
+HEAD_PARAMETERS = ("m1", "m2", "l1", "l2", "theta01", "theta02", "k1", "k2", "c1", "c2")
+"""Names of the head's ten parameters, in the tables' order."""
+
+
+def head_rows(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> dict[str, FloatArray]:
+    """
+    Rows of the head's ports over (θ1, θ2, x_b) and, on a rail that twists, ψ.
+
+    Parameters
+    ----------
+    p : HeadParameters
+        The head.
+    twist : bool
+        Whether the base also rotates with the rail.
+    eccentricity : float
+        Distance e in Z from the rail's shear centre to the base [m].
+
+    Returns
+    -------
+    dict of str to ndarray, shape (3,) or (4,)
+        ``tool_x``, ``tool_z``, ``head_x``, ``head_z``, ``base``, ``joint1``, ``joint2`` and, with ``twist``, ``twist``.
+    """
+    a, b = p.theta01, p.theta01 + p.theta02
+    x1, z1 = p.l1 * np.cos(a), -p.l1 * np.sin(a)
+    x2, z2 = p.l2 * np.cos(b), -p.l2 * np.sin(b)
+    return _with_twist(
+        {
+            "tool_x": np.array([x1 + x2, x2, 1.0]),
+            "tool_z": np.array([z1 + z2, z2, 0.0]),
+            "head_x": np.array([x1, 0.0, 1.0]),
+            "head_z": np.array([z1, 0.0, 0.0]),
+            "base": np.array([0.0, 0.0, 1.0]),
+            "joint1": np.array([1.0, 0.0, 0.0]),
+            "joint2": np.array([0.0, 1.0, 0.0]),
+        },
+        twist,
+        eccentricity,
+    )
+
+
+def head_row_derivatives(
+    p: HeadParameters, name: str, twist: bool = False, eccentricity: float = 0.0
+) -> dict[str, FloatArray]:
+    """
+    Derivatives of the rows to one of the head's parameters; rows that do not depend on it are left out.
+
+    Parameters
+    ----------
+    p : HeadParameters
+        The head.
+    name : str
+        ``"l1"``, ``"l2"``, ``"theta01"``, ``"theta02"``, or any other parameter (no row depends on it).
+    twist : bool
+        Whether the base also rotates with the rail.
+    eccentricity : float
+        As in `head_rows`.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Derivative of each row that depends on the parameter.
+    """
+    a, b = p.theta01, p.theta01 + p.theta02
+    # Derivatives of (x1, z1, x2, z2) of head_rows.
+    moves = {
+        "l1": (np.cos(a), -np.sin(a), 0.0, 0.0),
+        "l2": (0.0, 0.0, np.cos(b), -np.sin(b)),
+        "theta01": (-p.l1 * np.sin(a), -p.l1 * np.cos(a), -p.l2 * np.sin(b), -p.l2 * np.cos(b)),
+        "theta02": (0.0, 0.0, -p.l2 * np.sin(b), -p.l2 * np.cos(b)),
+    }
+    if name not in moves:
+        return {}
+    x1, z1, x2, z2 = moves[name]
+    rows = {
+        "tool_x": np.array([x1 + x2, x2, 0.0]),
+        "tool_z": np.array([z1 + z2, z2, 0.0]),
+        "head_x": np.array([x1, 0.0, 0.0]),
+        "head_z": np.array([z1, 0.0, 0.0]),
+    }
+    return _with_twist(rows, twist, eccentricity, port=False)
+
+
+def _with_twist(
+    rows: dict[str, FloatArray], twist: bool, eccentricity: float, port: bool = True
+) -> dict[str, FloatArray]:
+    if not twist:
+        return rows
+    turned = {
+        name: np.append(row, row[0] + eccentricity * row[2] if name not in ("joint1", "joint2") else 0.0)
+        for name, row in rows.items()
+    }
+    if port:
+        turned["twist"] = np.array([0.0, 0.0, 0.0, 1.0])
+        # What couples to the rail's bending is the motion of the shear centre, not of the base above it.
+        turned["shear_centre"] = np.array([0.0, 0.0, 1.0, 0.0])
+    return turned
+
+
+def mass_matrix(p: HeadParameters, rows: Mapping[str, FloatArray]) -> FloatArray:
+    """
+    Eq. 2, from the rows of the two masses.
+
+    Parameters
+    ----------
+    p : HeadParameters
+        The head.
+    rows : mapping of str to ndarray
+        Rows from `head_rows`.
+
+    Returns
+    -------
+    ndarray, shape (3, 3) or (4, 4)
+        Mass matrix.
+    """
+    total: FloatArray = p.m1 * (np.outer(rows["head_x"], rows["head_x"]) + np.outer(rows["head_z"], rows["head_z"]))
+    total += p.m2 * (np.outer(rows["tool_x"], rows["tool_x"]) + np.outer(rows["tool_z"], rows["tool_z"]))
+    return total
+
+
+def head(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> SecondOrder:
+    """
+    The head as a second-order system over (θ1, θ2, x_b) (Eq. 1).
+
+    Parameters
+    ----------
+    p : HeadParameters
+        The head.
+    twist : bool
+        Whether the base also rotates with the rail (fourth degree of freedom ψ).
+    eccentricity : float
+        Distance e in Z from the rail's shear centre to the base [m].
+
+    Returns
+    -------
+    SecondOrder
+        The head, its base free. The mass matrix is singular where θ01 = 0 (Table 1).
+    """
+    rows = head_rows(p, twist, eccentricity)
+    n = 4 if twist else 3
+    damping, stiffness = np.zeros((n, n)), np.zeros((n, n))
+    damping[0, 0], damping[1, 1] = p.c1, p.c2
+    stiffness[0, 0], stiffness[1, 1] = p.k1, p.k2
+    return SecondOrder(
+        mass=mass_matrix(p, rows),
+        damping=damping,
+        stiffness=stiffness,
+        dofs=("theta1", "theta2", "base", "twist")[:n],
+        ports=rows,
+    )
+
+
+def head_state_space(p: HeadParameters) -> control.StateSpace:
+    """
+    The head driven by the cutting force and the acceleration of its base.
+
+    Parameters
+    ----------
+    p : HeadParameters
+        The head.
+
+    Returns
+    -------
+    control.StateSpace
+        4 states. Inputs ``force`` [N] and ``base_acceleration`` [m/s^2]; outputs ``theta1``, ``theta2`` [rad], ``tool_x``,
+        ``tool_z`` [m] *relative to the base*, and ``base_force`` [N], the F_bx of Eq. 3.
+
+    Notes
+    -----
+    The first two rows of Eq. 1 are driven by the force and by -M_θb ẍ_b; the third gives F_bx = M_bθ θ̈ + (m1 + m2) ẍ_b - F_x.
+
+    Examples
+    --------
+    >>> from cutvib_ss.parameters import table_3
+    >>> head_state_space(table_3()).nstates
+    4
+    """
+    system = head(p)
+    free = SecondOrder(
+        mass=system.mass[:2, :2],
+        damping=system.damping[:2, :2],
+        stiffness=system.stiffness[:2, :2],
+        dofs=("theta1", "theta2"),
+        ports={name: row[:2] for name, row in system.ports.items()} | {"base_inertia": -system.mass[:2, 2]},
+    )
+    plant = free.state_space(
+        {"force": "tool_x", "base_acceleration": "base_inertia"},
+        {
+            "theta1": ("joint1", "displacement"),
+            "theta2": ("joint2", "displacement"),
+            "tool_x": ("tool_x", "displacement"),
+            "tool_z": ("tool_z", "displacement"),
+            "base_force": ("base_inertia", "acceleration"),
+        },
+        name="head",
+    )
+    c, d = plant.C.copy(), plant.D.copy()
+    c[-1], d[-1] = -c[-1], -d[-1]
+    d[-1] += np.array([-1.0, p.m1 + p.m2])
+    return control.ss(
+        plant.A, plant.B, c, d, inputs=plant.input_labels, outputs=plant.output_labels, states=plant.state_labels,
+        name="head",
+    )  # fmt: skip

@@ -1,0 +1,355 @@
+"""
+The moving rail as a uniform beam by mode superposition (Section 3.2, Eqs. 4-9), and what may be added to it.
+
+Pinned, w(y, t) = Σ sin(rπy/L) a_r(t), each mode of modal mass μL/2 and frequency r² ω_1 (Eq. 8). With the paper's
+mass-normalised shapes φ_r = √(2/μL) sin(rπy/L) and coordinates η_r = √(μL/2) a_r (Eqs. 7 and 9).
+
+Ends that give are *released*: w gains the two rigid motions (1 - y/L) u_left + (y/L) u_right, inertially coupled to the
+modes, with the end springs on u. Sines and rigid motions together are complete, and the pinned rail is the limit of rigid
+springs. Ends that resist turning are springs on the end slopes Σ (rπ/L) a_r (and the alternating sum at y = L). Twist is a
+second field ψ(y, t) = Σ sin(sπy/L) b_s(t), held at the ends, each mode of modal inertia J/2 and frequency s times the first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import control
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.parameters import RailParameters, check_number, check_position
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.subsystems.elements import SpringDamperMass
+
+
+@dataclass(frozen=True)
+class EndSupports:
+    """
+    Springs and dampers under the rail's ends, in place of rigid pins.
+
+    Parameters
+    ----------
+    k_left, k_right : float
+        Stiffness at y = 0 and y = L [N/m].
+    c_left, c_right : float
+        Damping [N s/m].
+    """
+
+    k_left: float
+    k_right: float
+    c_left: float = 0.0
+    c_right: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("k_left", "k_right"):
+            check_number(name, getattr(self, name), 0.0, strict=True)
+        for name in ("c_left", "c_right"):
+            check_number(name, getattr(self, name), 0.0)
+
+
+@dataclass(frozen=True)
+class Torsion:
+    """
+    Twist of the rail about its shear centre.
+
+    Parameters
+    ----------
+    eccentricity : float
+        Distance e in Z from the shear centre to the head's base [m].
+    inertia : float
+        Polar moment of inertia J of the whole rail [kg m²].
+    torsion_frequency : float
+        First natural frequency of torsion, without the head [Hz].
+    damping_ratio : float
+        Modal damping ratio of every torsion mode.
+    """
+
+    eccentricity: float
+    inertia: float
+    torsion_frequency: float
+    damping_ratio: float
+
+    def __post_init__(self) -> None:
+        check_number("eccentricity", self.eccentricity)
+        check_number("inertia", self.inertia, 0.0, strict=True)
+        check_number("torsion_frequency", self.torsion_frequency, 0.0, strict=True)
+        check_number("damping_ratio", self.damping_ratio, 0.0)
+
+
+@dataclass(frozen=True)
+class RailAttachment:
+    """
+    An element at a point of the rail.
+
+    Parameters
+    ----------
+    element : SpringDamperMass
+        What is attached.
+    position : float
+        y / L of the point; 0 or 1 for the slope at an end.
+    slope : bool
+        Whether it acts on the slope there instead of on the displacement.
+    """
+
+    element: SpringDamperMass
+    position: float
+    slope: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.slope:
+            check_position(self.position)
+
+
+@dataclass(frozen=True)
+class Rail:
+    """
+    The rail's parameters and what is added to the pinned beam; nothing by default.
+
+    Parameters
+    ----------
+    parameters : RailParameters
+        The pinned beam.
+    supports : EndSupports, optional
+        Ends that give.
+    torsion : Torsion, optional
+        A rail that twists.
+    attachments : tuple of RailAttachment
+        Elements along it.
+    """
+
+    parameters: RailParameters
+    supports: EndSupports | None = None
+    torsion: Torsion | None = None
+    attachments: tuple[RailAttachment, ...] = field(default=())
+
+
+def sine_shapes(position: ArrayLike, n_modes: int) -> FloatArray:
+    """
+    sin(rπ y/L) of the modes r = 1 … n_modes.
+
+    Parameters
+    ----------
+    position : array_like, shape (position,)
+        y / L.
+    n_modes : int
+        Number of modes.
+
+    Returns
+    -------
+    ndarray, shape (position, mode)
+        Shapes of unit amplitude.
+    """
+    y = np.atleast_1d(np.asarray(position, dtype=float))
+    shapes: FloatArray = np.sin(np.pi * np.outer(y, np.arange(1, n_modes + 1)))
+    return shapes
+
+
+def slope_shapes(position: float, length: float, n_modes: int) -> FloatArray:
+    """
+    Slope (rπ/L) cos(rπ y/L) of the modes.
+
+    Parameters
+    ----------
+    position : float
+        y / L.
+    length : float
+        L [m].
+    n_modes : int
+        Number of modes.
+
+    Returns
+    -------
+    ndarray, shape (mode,)
+        Slopes [1/m] of modes of unit amplitude.
+    """
+    r = np.arange(1, n_modes + 1)
+    slopes: FloatArray = np.pi * r / length * np.cos(np.pi * r * position)
+    return slopes
+
+
+def mode_shapes(p: RailParameters, position: ArrayLike) -> FloatArray:
+    """
+    Mass-normalised mode shapes φ_r anywhere on the rail (Eq. 7).
+
+    Parameters
+    ----------
+    p : RailParameters
+        The rail.
+    position : array_like, shape (position,)
+        y / L, 0 to 1.
+
+    Returns
+    -------
+    ndarray, shape (position, mode)
+        φ_r = √(2/μL) sin(rπy/L) [1/√kg].
+    """
+    shapes: FloatArray = np.sqrt(2.0 / p.mass) * sine_shapes(position, p.n_modes)
+    return shapes
+
+
+def natural_frequencies(p: RailParameters) -> FloatArray:
+    """
+    Natural frequencies of the pinned rail without the head (Eq. 8, Table 5).
+
+    Parameters
+    ----------
+    p : RailParameters
+        The rail.
+
+    Returns
+    -------
+    ndarray, shape (mode,)
+        r² f_1 [Hz].
+    """
+    frequencies: FloatArray = p.first_frequency * np.arange(1.0, p.n_modes + 1) ** 2
+    return frequencies
+
+
+RIGID_INERTIA = np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]])
+"""∫ h hᵀ dy / L of the rigid motions h = (1 - y/L, y/L)."""
+
+
+def rigid_coupling(n_modes: int) -> FloatArray:
+    """
+    Inertial coupling of the sine modes with the two rigid motions.
+
+    Parameters
+    ----------
+    n_modes : int
+        Number of modes.
+
+    Returns
+    -------
+    ndarray, shape (mode, 2)
+        ∫ sin(rπy/L) h(y) dy / L = (1, (-1)^(r+1)) / (rπ).
+    """
+    r = np.arange(1, n_modes + 1)
+    return np.column_stack([1.0 / (np.pi * r), (-1.0) ** (r + 1) / (np.pi * r)])
+
+
+def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
+    """
+    The rail as a second-order system in modal coordinates, with ports at points along it.
+
+    Parameters
+    ----------
+    model : Rail
+        The rail.
+    points : mapping of str to float
+        Port name to y / L; each also gives the port ``"<name>_twist"`` where the rail twists.
+
+    Returns
+    -------
+    SecondOrder
+        Degrees of freedom η_1 … η_m (mass-normalised), then the ends' motions and the twist's coordinates where there are any.
+
+    Notes
+    -----
+    Eq. 9 with damping ratio ζ on the elastic coordinates alone: rigid motion does not strain the rail.
+    """
+    p = model.parameters
+    m = p.n_modes
+    scale = np.sqrt(2.0 / p.mass)
+    w = 2 * np.pi * natural_frequencies(p)
+    dofs = [f"eta{r}" for r in range(1, m + 1)]
+    ends = ["rail_left", "rail_right"] if model.supports else []
+    twists = [f"twist{r}" for r in range(1, m + 1)] if model.torsion else []
+    n = m + len(ends) + len(twists)
+    mass, damping, stiffness = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
+    elastic = np.arange(m)
+    damping[elastic, elastic] = 2 * p.damping_ratio * w
+    stiffness[elastic, elastic] = w**2
+    if model.supports:
+        u = slice(m, m + 2)
+        mass[u, u] = p.mass * RIGID_INERTIA
+        mass[:m, u] = scale * p.mass * rigid_coupling(m)
+        mass[u, :m] = mass[:m, u].T
+        damping[u, u] = np.diag([model.supports.c_left, model.supports.c_right])
+        stiffness[u, u] = np.diag([model.supports.k_left, model.supports.k_right])
+    if model.torsion:
+        t = n - m + elastic
+        wt = 2 * np.pi * model.torsion.torsion_frequency * (elastic + 1.0)
+        mass[t, t] = model.torsion.inertia / 2
+        damping[t, t] = model.torsion.inertia * model.torsion.damping_ratio * wt
+        stiffness[t, t] = model.torsion.inertia / 2 * wt**2
+
+    def row(y: float, slope: bool = False) -> FloatArray:
+        elastic_part = slope_shapes(y, p.length, m) if slope else sine_shapes(y, m)[0]
+        rigid_part = np.array([-1.0, 1.0]) / p.length if slope else np.array([1.0 - y, y])
+        return np.concatenate([scale * elastic_part, rigid_part[: len(ends)], np.zeros(len(twists))])
+
+    ports = {name: row(y) for name, y in points.items()}
+    if model.torsion:
+        for name, y in points.items():
+            ports[f"{name}_twist"] = np.concatenate([np.zeros(n - m), sine_shapes(y, m)[0]])
+    for i, dof in enumerate(dofs):
+        ports[dof] = np.eye(n)[i]
+    for i, end in enumerate(("rail_left", "rail_right")):
+        ports[end] = np.eye(n)[m + i] if model.supports else np.zeros(n)
+    for attachment in model.attachments:
+        e, at = attachment.element, row(attachment.position, attachment.slope)
+        block = np.outer(at, at)
+        mass, damping, stiffness = mass + e.mass * block, damping + e.damping * block, stiffness + e.stiffness * block
+    return SecondOrder(mass, damping, stiffness, tuple(dofs + ends + twists), ports)
+
+
+def rail_state_space(p: RailParameters, position: float) -> control.StateSpace:
+    """
+    The pinned rail from base force to base motion (Eqs. 5, 6 and 9).
+
+    Parameters
+    ----------
+    p : RailParameters
+        The rail.
+    position : float
+        y_b / L, strictly inside (0, 1).
+
+    Returns
+    -------
+    control.StateSpace
+        2m states. Input ``rail_force`` R_bx [N]; outputs ``base_x`` [m], ``base_velocity`` [m/s], ``base_acceleration``
+        [m/s^2].
+
+    Examples
+    --------
+    >>> from cutvib_ss.parameters import recovered_rail
+    >>> rail_state_space(recovered_rail(), 0.5).nstates
+    8
+    """
+    system = rail(Rail(p), {"base": check_position(position)})
+    return system.state_space(
+        {"rail_force": "base"},
+        {
+            "base_x": ("base", "displacement"),
+            "base_velocity": ("base", "velocity"),
+            "base_acceleration": ("base", "acceleration"),
+        },
+        name="rail",
+    )
+
+
+def pinned_receptance(p: RailParameters, position: float, s: ComplexArray) -> ComplexArray:
+    """
+    Receptance of the pinned rail at one point, by the sum over its modes.
+
+    Parameters
+    ----------
+    p : RailParameters
+        The rail.
+    position : float
+        y / L.
+    s : ndarray of complex, shape (frequency,)
+        Laplace variable [rad/s].
+
+    Returns
+    -------
+    ndarray, shape (frequency,)
+        Σ φ_r² / (s² + 2ζω_r s + ω_r²) [m/N].
+    """
+    phi = mode_shapes(p, position)[0]
+    w = 2 * np.pi * natural_frequencies(p)[:, None]
+    total: ComplexArray = phi**2 @ (1.0 / (s * s + 2 * p.damping_ratio * w * s + w * w))
+    return total

@@ -1,0 +1,74 @@
+"""Conversions at the border: everything inside the package is SI."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from cutvib_ss.errors import DataFormatError
+
+STANDARD_GRAVITY = 9.80665
+"""Standard acceleration of gravity [m/s^2] (ISO 80000-3), the `g` of accelerometers."""
+
+UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
+    {
+        "N": ("force", 1.0),
+        "m/s^2": ("acceleration", 1.0),
+        "g": ("acceleration", STANDARD_GRAVITY),
+        "m/s": ("velocity", 1.0),
+        "m": ("displacement", 1.0),
+        "mm": ("displacement", 1e-3),
+    }
+)
+"""Every unit that is read: its quantity, and its value in SI units."""
+
+SI_UNIT: Mapping[str, str] = MappingProxyType(
+    {"force": "N", "acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
+)
+"""The SI unit of each quantity."""
+
+DERIVATIVE_ORDER: Mapping[str, int] = MappingProxyType(
+    {"displacement": 0, "velocity": 1, "acceleration": 2}
+)
+"""Time derivatives of displacement behind each motion quantity."""
+
+_SPELLINGS = {"m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/sec^2": "m/s^2", "newton": "N"}
+
+
+def to_si(unit: str, quantity: str, where: str) -> float:
+    """
+    Factor that brings values in a unit to SI, after checking what the unit measures.
+
+    Parameters
+    ----------
+    unit : str
+        Unit as the file spells it, for instance ``"g"`` or ``"m/s^2"``.
+    quantity : str
+        What the channel must be: ``"force"``, ``"displacement"``, ``"velocity"`` or ``"acceleration"``.
+    where : str
+        File and channel, for the message.
+
+    Returns
+    -------
+    float
+        SI value of one such unit.
+
+    Raises
+    ------
+    DataFormatError
+        If the unit is unknown, or measures something else.
+
+    Examples
+    --------
+    >>> to_si("g", "acceleration", "blow.csv: tool_x")
+    9.80665
+    """
+    spelled = unit.strip()
+    spelled = _SPELLINGS.get(spelled, spelled)
+    if spelled not in UNITS:
+        raise DataFormatError(f"{where}: unit {unit!r} is not read; convert to one of {', '.join(UNITS)}")
+    measures, factor = UNITS[spelled]
+    if measures != quantity:
+        raise DataFormatError(
+            f"{where}: unit {unit!r} is a unit of {measures}, but this channel is {quantity}; "
+            f"give it in {SI_UNIT[quantity]}"
+        )
+    return factor
