@@ -1,35 +1,32 @@
 """
-The machine: head and rail joined by the base-force constraint (Eqs. 5, 6, 10), at any position of the head on the rail.
+The cutting machine: head and rail joined by the base-force constraint (Eqs. 5, 6, 10), at any position of the head on the rail.
 
-A model is frozen data with named slots; what is absent is an empty slot, never a branch elsewhere. Effects return a new model
-with a slot filled. The response code reads the slots; the second-order form and the python-control plant are built here.
+The response code reads the slots; the second-order form and the python-control plant are built here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal
 
 import control
 import numpy as np
 
-from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.interconnection import close_base_loop, with_quantity
 from cutvib_ss.mechanical import Channel, SecondOrder
 from cutvib_ss.parameters import (
     HeadParameters,
     RailParameters,
-    StructureTolerances,
     Tolerances,
-    check_number,
     check_position,
     recovered_rail,
     table_3,
 )
 from cutvib_ss.results import FloatArray, Quantity
-from cutvib_ss.subsystems.elements import Attachment, Guide, SpringDamperMass
+from cutvib_ss.slots import MeasurementChain, NonlinearElement, attach_all, through_chain, viscous_attachments
+from cutvib_ss.subsystems.elements import Attachment, Guide
 from cutvib_ss.subsystems.head import head
 from cutvib_ss.subsystems.rail import Rail, rail
 
@@ -44,213 +41,6 @@ CUTTING_CHANNELS: Mapping[str, Channel] = MappingProxyType(
 
 CUTTING_SIGNALS: Mapping[str, str] = MappingProxyType({"force": "tool_x", "base_x": "base"})
 """Signal names of the cutting machine that are not the names of their ports."""
-
-
-@dataclass(frozen=True)
-class ChannelChain:
-    """
-    What a measurement chain does to one response channel: gain · e^(-s delay).
-
-    Parameters
-    ----------
-    gain : float
-        Factor on the sensitivity.
-    delay : float
-        How late the channel is against the force [s].
-    """
-
-    gain: float = 1.0
-    delay: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_number("gain", self.gain)
-        check_number("delay", self.delay)
-
-
-@dataclass(frozen=True)
-class MeasurementChain:
-    """
-    The measurement chain; ideal by default.
-
-    Parameters
-    ----------
-    channels : mapping of str to ChannelChain
-        Chains of the response channels; those left out are ideal.
-    cross_axis : float
-        Fraction of ``tool_x`` that leaks into ``tool_z``.
-    decay_rate : float
-        Rate of an exponential window on force and response whose damping was never taken out [1/s].
-    """
-
-    channels: Mapping[str, ChannelChain] = field(default_factory=dict)
-    cross_axis: float = 0.0
-    decay_rate: float = 0.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
-        check_number("cross_axis", self.cross_axis)
-        check_number("decay_rate", self.decay_rate, 0.0)
-
-    def channel(self, name: str) -> ChannelChain:
-        """
-        Chain of one channel.
-
-        Parameters
-        ----------
-        name : str
-            Name of the channel.
-
-        Returns
-        -------
-        ChannelChain
-            Its chain; ideal where nothing is known.
-        """
-        return self.channels.get(name, ChannelChain())
-
-    def with_channel(self, name: str, chain: ChannelChain) -> MeasurementChain:
-        """
-        The chain with one channel replaced.
-
-        Parameters
-        ----------
-        name : str
-            Name of the channel.
-        chain : ChannelChain
-            Its new chain.
-
-        Returns
-        -------
-        MeasurementChain
-            The new chain.
-        """
-        return replace(self, channels={**self.channels, name: chain})
-
-
-@dataclass(frozen=True)
-class NonlinearElement:
-    """
-    A nonlinear law between a port's motion and the force there, which linear analyses ignore.
-
-    Parameters
-    ----------
-    port : str
-        Name of the port.
-    law : str
-        Effect id of the law in the catalogue.
-    parameters : mapping of str to float
-        The law's parameters [SI].
-    """
-
-    port: str
-    law: str
-    parameters: Mapping[str, float]
-
-
-@runtime_checkable
-class Model(Protocol):
-    """What the response code, the measurement and the diagnosis need of a model, whichever its kind."""
-
-    @property
-    def channels(self) -> Mapping[str, Channel]:
-        """Response channels of a campaign on this model."""
-        ...
-
-    @property
-    def input_port(self) -> str:
-        """Port at which a campaign's force acts."""
-        ...
-
-    @property
-    def input_quantity(self) -> Literal["force", "acceleration"]:
-        """What a campaign's ``force`` channel holds."""
-        ...
-
-    @property
-    def has_position(self) -> bool:
-        """Whether the model depends on a position."""
-        ...
-
-    @property
-    def attachments(self) -> tuple[Attachment, ...]:
-        """Elements in parallel at ports."""
-        ...
-
-    @property
-    def chain(self) -> MeasurementChain:
-        """The measurement chain."""
-        ...
-
-    @property
-    def nonlinear(self) -> tuple[NonlinearElement, ...]:
-        """Nonlinear elements."""
-        ...
-
-    def second_order(self, position: float | None = None, viscous_at: float | None = None) -> SecondOrder:
-        """
-        The exact second-order form at a position.
-
-        Parameters
-        ----------
-        position : float, optional
-            y_b / L, where the model has one.
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-
-        Returns
-        -------
-        SecondOrder
-            The joined system.
-        """
-        ...
-
-
-def viscous_attachments(attachments: Iterable[Attachment], viscous_at: float | None) -> tuple[Attachment, ...]:
-    """
-    The attachments with hysteretic damping replaced by what dissipates as much at one frequency.
-
-    Parameters
-    ----------
-    attachments : iterable of Attachment
-        Any attachments.
-    viscous_at : float or None
-        Frequency [Hz]; None leaves them as they are.
-
-    Returns
-    -------
-    tuple of Attachment
-        With c = kη/ω in place of the loss.
-    """
-    if viscous_at is None:
-        return tuple(attachments)
-    omega = 2 * np.pi * check_number("viscous_at", viscous_at, 0.0, strict=True)
-    out = []
-    for a in attachments:
-        e = a.element
-        if isinstance(e, SpringDamperMass) and e.loss_stiffness:
-            e = replace(e, damping=e.damping + e.loss_stiffness / omega, loss_stiffness=0.0)
-        out.append(replace(a, element=e))
-    return tuple(out)
-
-
-def attach_all(system: SecondOrder, attachments: Sequence[Attachment]) -> SecondOrder:
-    """
-    A system with elements attached at its ports.
-
-    Parameters
-    ----------
-    system : SecondOrder
-        The system.
-    attachments : sequence of Attachment
-        What to attach, and where.
-
-    Returns
-    -------
-    SecondOrder
-        The joined system; the k-th element's own coordinates are named ``attached<k>_…``.
-    """
-    for k, a in enumerate(attachments):
-        system = system.attach([a.port], a.element.second_order(), ["end"], prefix=f"attached{k + 1}_")
-    return system
 
 
 @dataclass(frozen=True)
@@ -473,178 +263,6 @@ def _tie(system: SecondOrder, port: str, dof: str) -> SecondOrder:
         tuple(system.dofs[i] for i in keep),
         {p: r @ transform for p, r in system.ports.items()},
     )
-
-
-def through_chain(chain: MeasurementChain, plant: control.StateSpace, pade_order: int | None) -> control.StateSpace:
-    """
-    A plant's outputs as the measurement chain shows them.
-
-    Parameters
-    ----------
-    chain : MeasurementChain
-        The chain.
-    plant : control.StateSpace
-        Displacement outputs.
-    pade_order : int or None
-        Order of the Padé approximation of delays.
-
-    Returns
-    -------
-    control.StateSpace
-        With gains, leakage across axes and delays applied.
-
-    Raises
-    ------
-    CouplingError
-        If a channel is late and no ``pade_order`` is given, or an exponential window was never taken out.
-    """
-    names = list(plant.output_labels)
-    if chain.decay_rate:
-        raise CouplingError("an exponential window in the chain shifts every pole; it is no property of a plant")
-    if chain.cross_axis == 0.0 and not any(n in chain.channels for n in names):
-        return plant
-    mix = np.eye(len(names))
-    if chain.cross_axis and "tool_z" in names:
-        if "tool_x" not in names:
-            raise CouplingError("tool_x leaks into tool_z (cross_axis): ask for both outputs")
-        mix[names.index("tool_z"), names.index("tool_x")] = chain.cross_axis
-    static = np.diag([chain.channel(n).gain for n in names]) @ mix
-    out = control.ss(static) * plant
-    late = [chain.channel(n).delay for n in names]
-    if any(late):
-        if pade_order is None:
-            raise CouplingError("a delayed channel has no finite plant; ask for an approximation with pade_order")
-        delays = [
-            control.ss(control.tf(*control.pade(t, pade_order))) if t else control.ss([], [], [], [[1.0]]) for t in late
-        ]
-        out = control.append(*delays) * out
-    return control.ss(out.A, out.B, out.C, out.D, inputs=plant.input_labels, outputs=names)
-
-
-@dataclass(frozen=True)
-class Structure:
-    """
-    Any other structure: M, C, K with ports and channels (machine.toml, ``kind = "second_order"``).
-
-    Parameters
-    ----------
-    system : SecondOrder
-        The matrices and ports.
-    channels : mapping of str to Channel
-        What each response channel reads.
-    input_port : str
-        Port at which the measured force acts, or which moves with the base.
-    input_quantity : {"force", "acceleration"}
-        ``"acceleration"``: the structure stands on a shaker, the input is the base's acceleration, motion is relative to it.
-    tolerance : StructureTolerances
-        How well the matrices are known.
-    scales : tuple of float
-        Factors on mass, damping and stiffness, which tuning moves.
-    attachments : tuple of Attachment
-        Elements in parallel at ports; none by default.
-    chain : MeasurementChain
-        The measurement chain; ideal by default.
-    nonlinear : tuple of NonlinearElement
-        Nonlinear elements; none by default.
-    effects : tuple of object
-        The effects behind the filled slots.
-    """
-
-    system: SecondOrder
-    channels: Mapping[str, Channel]
-    input_port: str
-    input_quantity: Literal["force", "acceleration"] = "force"
-    tolerance: StructureTolerances = field(default_factory=StructureTolerances)
-    scales: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    attachments: tuple[Attachment, ...] = ()
-    chain: MeasurementChain = field(default_factory=MeasurementChain)
-    nonlinear: tuple[NonlinearElement, ...] = ()
-    effects: tuple[object, ...] = ()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
-        if np.linalg.eigvalsh(self.system.mass).min() <= 0.0:
-            raise ParameterError("the mass matrix is not positive definite; check the masses and their signs")
-        self.system.port(self.input_port)
-        for name, channel in self.channels.items():
-            if channel.port not in self.system.ports:
-                raise ParameterError(f"channel {name!r} reads port {channel.port!r}, which is not under [ports]")
-
-    @property
-    def has_position(self) -> bool:
-        """A structure has no position."""
-        return False
-
-    @property
-    def scaled(self) -> SecondOrder:
-        """The matrices with their factors applied."""
-        m, c, k = self.scales
-        s = self.system
-        return replace(s, mass=m * s.mass, damping=c * s.damping, stiffness=k * s.stiffness)
-
-    def second_order(self, position: float | None = None, viscous_at: float | None = None) -> SecondOrder:
-        """
-        The exact second-order form.
-
-        Parameters
-        ----------
-        position : None
-            A structure has no position.
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-
-        Returns
-        -------
-        SecondOrder
-            The structure with what is attached to it.
-        """
-        if position is not None and not np.isnan(position):
-            raise ParameterError(f"position = {position}: a second_order model has no position")
-        return attach_all(self.scaled, viscous_attachments(self.attachments, viscous_at))
-
-    def plant(
-        self,
-        position: float | None = None,
-        inputs: Sequence[str] = ("force",),
-        outputs: Sequence[str] | None = None,
-        quantity: Quantity | None = None,
-        pade_order: int | None = None,
-        viscous_at: float | None = None,
-    ) -> control.StateSpace:
-        """
-        The structure as a python-control object.
-
-        Parameters
-        ----------
-        position : None
-            A structure has no position.
-        inputs : sequence of str
-            ``force`` (the input port), or names of ports.
-        outputs : sequence of str, optional
-            Channels or ports; the channels by default.
-        quantity : {"displacement", "velocity", "acceleration"}, optional
-            Motion of the outputs; by default each channel's own, and displacement of ports.
-        pade_order : int, optional
-            Order of the Padé approximation of channel delays.
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-
-        Returns
-        -------
-        control.StateSpace
-            2n states, signals named.
-        """
-        system = self.second_order(position, viscous_at)
-        ports_in = {name: self.input_port if name == "force" else name for name in inputs}
-        if self.input_quantity == "acceleration" and "force" in ports_in:
-            drive = -(system.mass @ system.port(self.input_port))
-            system = replace(system, ports={**system.ports, "base inertia": drive})
-            ports_in["force"] = "base inertia"
-        reads: dict[str, tuple[str, Quantity]] = {}
-        for name in tuple(self.channels) if outputs is None else outputs:
-            channel = self.channels.get(name, Channel(name, "displacement"))
-            reads[name] = (channel.port, quantity or channel.quantity)
-        return through_chain(self.chain, system.state_space(ports_in, reads, name="structure"), pade_order)
 
 
 def published_machine() -> Machine:

@@ -1,0 +1,1 @@
+"""What a model does: modes and poles, frequency responses in closed form and their derivatives, time responses."""

@@ -1,0 +1,231 @@
+"""Frequency responses of a model as its measurement chain would show them, and their derivatives to the model's values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.machine import Machine
+from cutvib_ss.response.condensed import CondensedModel, as_laplace, as_positions
+from cutvib_ss.results import QUANTITY_OF_FORM, ComplexArray, Form, FrequencyResponse, Quantity
+from cutvib_ss.slots import Path
+from cutvib_ss.structure import Structure
+from cutvib_ss.units import DERIVATIVE_ORDER
+
+
+def frequency_response(
+    machine: Machine | Structure,
+    positions: ArrayLike | None,
+    freq: ArrayLike,
+    form: Form | None = None,
+    inputs: Sequence[str] = ("force",),
+    outputs: Sequence[str] | None = None,
+    decay_rate: float = 0.0,
+) -> FrequencyResponse:
+    """
+    Frequency responses in closed form, for all positions and frequencies at once.
+
+    Parameters
+    ----------
+    machine : Machine or Structure
+        The model.
+    positions : array_like, shape (position,)
+        y_b / L of the head, strictly inside (0, 1); None for a structure.
+    freq : array_like, shape (frequency,)
+        Frequencies [Hz].
+    form : {"receptance", "mobility", "accelerance"}, optional
+        Form of every output. By default accelerance for a cutting machine, each channel's own for a structure.
+    inputs : sequence of str
+        ``force`` (the cutting force, tool X) or any port: ``head_x``, ``base``, ``tool_z``, ``rail(0.25)`` …
+    outputs : sequence of str, optional
+        Channels and ports: ``tool_x``, ``tool_z``, ``base_x``, ``head_x``, ``joint2``, ``rail(0.25)``, or modal coordinates
+        ``eta1`` … (Fig. 18). By default the model's channels.
+    decay_rate : float
+        σ [1/s]: the response at s = σ + jω, what an FRF estimated under an exponential window shows.
+
+    Returns
+    -------
+    FrequencyResponse
+        ``data`` of shape (position, output, input, frequency).
+
+    Raises
+    ------
+    ParameterError
+        If a position, frequency, form or signal is impossible.
+
+    Notes
+    -----
+    See `cutvib_ss.response.condensed` for the derivation. Delays and hysteretic damping are exact.
+
+    Examples
+    --------
+    >>> from cutvib_ss.machine import published_machine
+    >>> frf = frequency_response(published_machine(), [0.5], [217.0], outputs=["tool_x"])
+    >>> frf.data.shape, frf.unit
+    ((1, 1, 1, 1), 'm/s^2/N')
+    """
+    outputs = tuple(machine.channels) if outputs is None else tuple(outputs)
+    quantities = output_quantities(machine, outputs, form)
+    places = as_positions(machine, positions)
+    f, s = as_laplace(freq, decay_rate)
+    prediction = ChainedResponse(machine, places, s, quantities, outputs, tuple(inputs))
+    unit = "m/s^2" if machine.input_quantity == "acceleration" else "N"
+    return FrequencyResponse(
+        prediction.data(), f, places, outputs, tuple(inputs), quantities, input_unit=unit, decay_rate=decay_rate
+    )
+
+
+def output_quantities(
+    machine: Machine | Structure, outputs: Sequence[str], form: Form | None
+) -> tuple[Quantity, ...]:
+    """
+    Motion quantity of each output.
+
+    Parameters
+    ----------
+    machine : Machine or Structure
+        The model.
+    outputs : sequence of str
+        Channels and ports.
+    form : {"receptance", "mobility", "accelerance"} or None
+        Form of every output; None: each channel's own, acceleration of other ports of a machine, displacement of a structure's.
+
+    Returns
+    -------
+    tuple of str
+        The quantities.
+
+    Raises
+    ------
+    ParameterError
+        If the form is unknown.
+    """
+    if form is not None:
+        if form not in QUANTITY_OF_FORM:
+            raise ParameterError(f"form {form!r} is not one of {', '.join(QUANTITY_OF_FORM)}")
+        return (QUANTITY_OF_FORM[form],) * len(outputs)
+    other: Quantity = "acceleration" if isinstance(machine, Machine) else "displacement"
+    return tuple(machine.channels[o].quantity if o in machine.channels else other for o in outputs)
+
+
+class ChainedResponse:
+    """
+    Responses through the measurement chain, and their derivatives.
+
+    Parameters
+    ----------
+    machine : Machine or Structure
+        The model.
+    positions : ndarray, shape (position,)
+        y_b / L.
+    s : ndarray of complex, shape (frequency,)
+        Laplace variable of the measurement [rad/s].
+    quantities : sequence of str
+        Motion quantity of each output.
+    outputs, inputs : sequence of str
+        Signals.
+
+    Notes
+    -----
+    H = g e^(-sτ) s^k (H_own + cross · H_tool_x), at s shifted by the rate of a window that was never taken out.
+    """
+
+    def __init__(
+        self,
+        machine: Machine | Structure,
+        positions: np.ndarray,
+        s: ComplexArray,
+        quantities: Sequence[Quantity],
+        outputs: Sequence[str],
+        inputs: Sequence[str],
+    ) -> None:
+        self.machine, self.outputs, self.inputs = machine, tuple(outputs), tuple(inputs)
+        self.chain = machine.chain
+        self.s = s + self.chain.decay_rate
+        self.model = CondensedModel(machine, positions, self.s)
+        self.orders = [DERIVATIVE_ORDER[q] for q in quantities]
+        self._shape = (positions.size, len(self.outputs), len(self.inputs), s.size)
+        self._bare: dict[tuple[str, str], ComplexArray] = {}
+
+    def _receptance(self, output: str, input: str) -> ComplexArray:
+        if (output, input) not in self._bare:
+            self._bare[output, input] = self.model.receptance(output, input)
+        return self._bare[output, input]
+
+    def _leaks(self, output: str) -> bool:
+        return output == "tool_z" and self.chain.cross_axis != 0.0
+
+    def _factor(self, k: int) -> ComplexArray:
+        channel = self.chain.channel(self.outputs[k])
+        factor: ComplexArray = channel.gain * self.s ** self.orders[k]
+        return factor * np.exp(-self.s * channel.delay) if channel.delay else factor
+
+    def data(self) -> ComplexArray:
+        """
+        The responses.
+
+        Returns
+        -------
+        ndarray, shape (position, output, input, frequency)
+            In the wanted quantities.
+        """
+        out = np.empty(self._shape, dtype=np.complex128)
+        for k, output in enumerate(self.outputs):
+            for i, input in enumerate(self.inputs):
+                value = self._receptance(output, input)
+                if self._leaks(output):
+                    value = value + self.chain.cross_axis * self._receptance("tool_x", input)
+                out[:, k, i] = self._factor(k) * value
+        return out
+
+    def derivative(self, path: Path) -> ComplexArray:
+        """
+        Derivative of the responses to one of the model's values.
+
+        Parameters
+        ----------
+        path : tuple of str and int
+            The value's path, as `slots.value_at` takes it.
+
+        Returns
+        -------
+        ndarray, shape (position, output, input, frequency)
+            The derivative.
+
+        Raises
+        ------
+        ParameterError
+            If the response has no derivative to that value.
+        """
+        out = np.zeros(self._shape, dtype=np.complex128)
+        for k, output in enumerate(self.outputs):
+            factor = self._factor(k)
+            for i, input in enumerate(self.inputs):
+                out[:, k, i] = factor * self._one(path, k, output, input)
+        return out
+
+    def _one(self, path: Path, k: int, output: str, input: str) -> ComplexArray | float:
+        cross = self.chain.cross_axis
+        if path[0] != "chain":
+            change = self.model.derivative(path, output, input)
+            return change + cross * self.model.derivative(path, "tool_x", input) if self._leaks(output) else change
+        value = self._receptance(output, input)
+        if path == ("chain", "cross_axis"):
+            return self._receptance("tool_x", input) if output == "tool_z" else 0.0
+        if self._leaks(output):
+            value = value + cross * self._receptance("tool_x", input)
+        channel = self.chain.channel(output)
+        if path == ("chain", "decay_rate"):
+            change = self.model.derivative(("s",), output, input)
+            if self._leaks(output):
+                change = change + cross * self.model.derivative(("s",), "tool_x", input)
+            order: ComplexArray = self.orders[k] / self.s if self.orders[k] else 0 * self.s
+            return change + (order - channel.delay) * value
+        if path[:2] == ("chain", "channels"):
+            if path[2] != output:
+                return 0.0
+            return -self.s * value if path[3] == "delay" else value / channel.gain
+        raise ParameterError(f"the response has no derivative to {'.'.join(map(str, path))}")

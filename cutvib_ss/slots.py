@@ -1,0 +1,353 @@
+"""
+The slots that every kind of model has: attachments, measurement chain, nonlinear elements; all empty by default.
+
+A model is frozen data with named slots; what is absent is an empty slot, never a branch elsewhere. Effects return a new model
+with a slot filled. A value in a slot is named by its path, so that fits can move it and responses differentiate by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, is_dataclass, replace
+from types import MappingProxyType
+from typing import Any, Literal, Protocol, TypeAlias, TypeVar, runtime_checkable
+
+import control
+import numpy as np
+
+from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.parameters import check_number
+from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
+
+Path: TypeAlias = tuple[str | int, ...]
+ModelT = TypeVar("ModelT")
+
+
+@dataclass(frozen=True)
+class ChannelChain:
+    """
+    What a measurement chain does to one response channel: gain · e^(-s delay).
+
+    Parameters
+    ----------
+    gain : float
+        Factor on the sensitivity.
+    delay : float
+        How late the channel is against the force [s].
+    """
+
+    gain: float = 1.0
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_number("gain", self.gain)
+        check_number("delay", self.delay)
+
+
+@dataclass(frozen=True)
+class MeasurementChain:
+    """
+    The measurement chain; ideal by default.
+
+    Parameters
+    ----------
+    channels : mapping of str to ChannelChain
+        Chains of the response channels; those left out are ideal.
+    cross_axis : float
+        Fraction of ``tool_x`` that leaks into ``tool_z``.
+    decay_rate : float
+        Rate of an exponential window on force and response whose damping was never taken out [1/s].
+    """
+
+    channels: Mapping[str, ChannelChain] = field(default_factory=dict)
+    cross_axis: float = 0.0
+    decay_rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
+        check_number("cross_axis", self.cross_axis)
+        check_number("decay_rate", self.decay_rate, 0.0)
+
+    def channel(self, name: str) -> ChannelChain:
+        """
+        Chain of one channel.
+
+        Parameters
+        ----------
+        name : str
+            Name of the channel.
+
+        Returns
+        -------
+        ChannelChain
+            Its chain; ideal where nothing is known.
+        """
+        return self.channels.get(name, ChannelChain())
+
+    def with_channel(self, name: str, chain: ChannelChain) -> MeasurementChain:
+        """
+        The chain with one channel replaced.
+
+        Parameters
+        ----------
+        name : str
+            Name of the channel.
+        chain : ChannelChain
+            Its new chain.
+
+        Returns
+        -------
+        MeasurementChain
+            The new chain.
+        """
+        return replace(self, channels={**self.channels, name: chain})
+
+
+@dataclass(frozen=True)
+class NonlinearElement:
+    """
+    A nonlinear law between a port's motion and the force there, which linear analyses ignore.
+
+    Parameters
+    ----------
+    port : str
+        Name of the port.
+    law : str
+        Effect id of the law in the catalogue.
+    parameters : mapping of str to float
+        The law's parameters [SI].
+    """
+
+    port: str
+    law: str
+    parameters: Mapping[str, float]
+
+
+@runtime_checkable
+class Model(Protocol):
+    """What the response code, the measurement and the diagnosis need of a model, whichever its kind."""
+
+    @property
+    def channels(self) -> Mapping[str, Channel]:
+        """Response channels of a campaign on this model."""
+        ...
+
+    @property
+    def input_port(self) -> str:
+        """Port at which a campaign's force acts."""
+        ...
+
+    @property
+    def input_quantity(self) -> Literal["force", "acceleration"]:
+        """What a campaign's ``force`` channel holds."""
+        ...
+
+    @property
+    def has_position(self) -> bool:
+        """Whether the model depends on a position."""
+        ...
+
+    @property
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Elements in parallel at ports."""
+        ...
+
+    @property
+    def chain(self) -> MeasurementChain:
+        """The measurement chain."""
+        ...
+
+    @property
+    def nonlinear(self) -> tuple[NonlinearElement, ...]:
+        """Nonlinear elements."""
+        ...
+
+    def second_order(self, position: float | None = None, viscous_at: float | None = None) -> SecondOrder:
+        """
+        The exact second-order form at a position.
+
+        Parameters
+        ----------
+        position : float, optional
+            y_b / L, where the model has one.
+        viscous_at : float, optional
+            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
+
+        Returns
+        -------
+        SecondOrder
+            The joined system.
+        """
+        ...
+
+
+def viscous_attachments(attachments: Iterable[Attachment], viscous_at: float | None) -> tuple[Attachment, ...]:
+    """
+    The attachments with hysteretic damping replaced by what dissipates as much at one frequency.
+
+    Parameters
+    ----------
+    attachments : iterable of Attachment
+        Any attachments.
+    viscous_at : float or None
+        Frequency [Hz]; None leaves them as they are.
+
+    Returns
+    -------
+    tuple of Attachment
+        With c = kη/ω in place of the loss.
+    """
+    if viscous_at is None:
+        return tuple(attachments)
+    omega = 2 * np.pi * check_number("viscous_at", viscous_at, 0.0, strict=True)
+    out = []
+    for a in attachments:
+        e = a.element
+        if isinstance(e, SpringDamperMass) and e.loss_stiffness:
+            e = replace(e, damping=e.damping + e.loss_stiffness / omega, loss_stiffness=0.0)
+        out.append(replace(a, element=e))
+    return tuple(out)
+
+
+def attach_all(system: SecondOrder, attachments: Sequence[Attachment]) -> SecondOrder:
+    """
+    A system with elements attached at its ports.
+
+    Parameters
+    ----------
+    system : SecondOrder
+        The system.
+    attachments : sequence of Attachment
+        What to attach, and where.
+
+    Returns
+    -------
+    SecondOrder
+        The joined system; the k-th element's own coordinates are named ``attached<k>_…``.
+    """
+    for k, a in enumerate(attachments):
+        system = system.attach([a.port], a.element.second_order(), ["end"], prefix=f"attached{k + 1}_")
+    return system
+
+
+def through_chain(chain: MeasurementChain, plant: control.StateSpace, pade_order: int | None) -> control.StateSpace:
+    """
+    A plant's outputs as the measurement chain shows them.
+
+    Parameters
+    ----------
+    chain : MeasurementChain
+        The chain.
+    plant : control.StateSpace
+        Displacement outputs.
+    pade_order : int or None
+        Order of the Padé approximation of delays.
+
+    Returns
+    -------
+    control.StateSpace
+        With gains, leakage across axes and delays applied.
+
+    Raises
+    ------
+    CouplingError
+        If a channel is late and no ``pade_order`` is given, or an exponential window was never taken out.
+    """
+    names = list(plant.output_labels)
+    if chain.decay_rate:
+        raise CouplingError("an exponential window in the chain shifts every pole; it is no property of a plant")
+    if chain.cross_axis == 0.0 and not any(n in chain.channels for n in names):
+        return plant
+    mix = np.eye(len(names))
+    if chain.cross_axis and "tool_z" in names:
+        if "tool_x" not in names:
+            raise CouplingError("tool_x leaks into tool_z (cross_axis): ask for both outputs")
+        mix[names.index("tool_z"), names.index("tool_x")] = chain.cross_axis
+    static = np.diag([chain.channel(n).gain for n in names]) @ mix
+    out = control.ss(static) * plant
+    late = [chain.channel(n).delay for n in names]
+    if any(late):
+        if pade_order is None:
+            raise CouplingError("a delayed channel has no finite plant; ask for an approximation with pade_order")
+        delays = [
+            control.ss(control.tf(*control.pade(t, pade_order))) if t else control.ss([], [], [], [[1.0]]) for t in late
+        ]
+        out = control.append(*delays) * out
+    return control.ss(out.A, out.B, out.C, out.D, inputs=plant.input_labels, outputs=names)
+
+
+def value_at(model: Any, path: Path) -> float:
+    """
+    The number that a path names.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    path : tuple of str and int
+        Attribute names and indices, for instance ``("head", "k2")`` or ``("chain", "channels", "tool_x", "gain")``.
+
+    Returns
+    -------
+    float
+        The value.
+
+    Raises
+    ------
+    ParameterError
+        If the path leads nowhere.
+    """
+    node = model
+    for step in path:
+        node = _child(node, step, path)
+    return float(node)
+
+
+def with_value(model: ModelT, path: Path, value: float) -> ModelT:
+    """
+    A copy of a model with one number changed.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    path : tuple of str and int
+        As in `value_at`.
+    value : float
+        The new value.
+
+    Returns
+    -------
+    Machine or Structure
+        The new model, checked as any is.
+
+    Raises
+    ------
+    ParameterError
+        If the path leads nowhere, or the value is impossible.
+    """
+    return _rebuilt(model, path, value, path)
+
+
+def _child(node: Any, step: str | int, path: Path) -> Any:
+    if isinstance(node, Mapping):
+        return node.get(step, ChannelChain())
+    try:
+        return node[step] if isinstance(node, tuple) else getattr(node, str(step))
+    except (AttributeError, IndexError, TypeError):
+        raise ParameterError(f"the model has no value at {'.'.join(map(str, path))}") from None
+
+
+def _rebuilt(node: Any, steps: Path, value: float, path: Path) -> Any:
+    if not steps:
+        return value
+    step, rest = steps[0], steps[1:]
+    inner = _rebuilt(_child(node, step, path), rest, value, path)
+    if isinstance(node, Mapping):
+        return {**node, step: inner}
+    if isinstance(node, tuple):
+        return tuple(inner if i == step else item for i, item in enumerate(node))
+    if not is_dataclass(node) or isinstance(node, type):
+        raise ParameterError(f"the model has no value at {'.'.join(map(str, path))}")
+    return replace(node, **{str(step): inner})
