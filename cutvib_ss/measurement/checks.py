@@ -1,0 +1,259 @@
+"""What goes wrong in a measurement: double hits, overloads, dead channels, a force or sensor the wrong way round."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import signal
+
+from cutvib_ss.errors import DataFormatError
+from cutvib_ss.measurement.estimation import blow_start, estimate
+from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
+from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
+
+DOUBLE_HIT = 0.1
+"""A second peak of the force above this fraction of the first is a second hit."""
+
+_OVERLOAD_RUN = 3  # consecutive samples at the extreme value
+_FEWEST_STEPS = 100  # of the digitiser, within the extreme: fewer, and equal samples are no sign of clipping
+
+
+def check_record(record: Record, machine: MachineLike, where: str) -> tuple[Record, tuple[str, ...]]:
+    """
+    A record without what cannot be used, and a word on everything that was noticed.
+
+    Parameters
+    ----------
+    record : Record
+        Record as read.
+    machine : MachineLike
+        Nominal model: tells the driving point.
+    where : str
+        File, for the messages.
+
+    Returns
+    -------
+    record : Record
+        Without overloaded blows and dead channels, as long as others remain.
+    warnings : tuple of str
+        One line each.
+
+    Raises
+    ------
+    DataFormatError
+        If the force is zero in every blow, or no live response channel is left.
+
+    Notes
+    -----
+    A double hit is kept: the force's spectrum is as it was measured, and H1 holds for any force. An overloaded blow is
+    dropped where another is left, since its histories are not what happened.
+    """
+    warnings: list[str] = []
+    if record.kind != "frf":
+        record = _drop_dead_channels(_drop_dead_forces(record, where, warnings), where, warnings)
+    else:
+        record = _drop_dead_responses(record, where, warnings)
+    if record.kind == "impact":
+        record = _drop_overloads(record, where, warnings)
+        for history in record.histories:
+            second = second_hit(history.force)
+            if second is not None:
+                warnings.append(
+                    f"{where}: {history.name}: double hit, a second peak of {100 * second[1]:.0f} % of the first "
+                    f"{1e3 * second[0] / history.fs:.1f} ms after it; kept, since H1 holds for it"
+                )
+    elif record.kind == "timeseries":
+        for history in record.histories:
+            for name in _overloaded(history):
+                warnings.append(
+                    f"{where}: {history.name}: {name} is overloaded (clipped); lower the gain and record again"
+                )
+    warnings += _driving_point(record, machine, where)
+    return record, tuple(warnings)
+
+
+def second_hit(force: FloatArray, fraction: float = DOUBLE_HIT) -> tuple[int, float] | None:
+    """
+    The largest second hit within a blow.
+
+    Parameters
+    ----------
+    force : ndarray, shape (sample,)
+        Force of one blow, of either sign.
+    fraction : float
+        Peaks below this fraction of the first do not count.
+
+    Returns
+    -------
+    (int, float) or None
+        Samples after the largest hit, and height as a fraction of it; None where there is but one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> hit = np.hanning(20)
+    >>> second_hit(np.concatenate([np.zeros(50), hit, np.zeros(30), 0.5 * hit, np.zeros(50)]))
+    (50, 0.5)
+    """
+    centred = force - np.median(force)
+    largest = int(np.argmax(np.abs(centred)))
+    upright = centred * np.sign(centred[largest])
+    peak = float(upright[largest])
+    noise = 8 * float(np.std(centred[: blow_start(force)] if blow_start(force) else [0.0]))
+    height = max(fraction * peak, noise)
+    # between two hits the hammer lifts off: the force falls by most of the smaller one
+    peaks, properties = signal.find_peaks(upright, height=height, prominence=0.8 * height)
+    others = [
+        (int(p - largest), float(upright[p] / peak))
+        for p, prominence in zip(peaks, properties["prominences"], strict=True)
+        if p != largest and prominence > 0.7 * upright[p]
+    ]
+    return max(others, key=lambda other: other[1], default=None)
+
+
+def overloaded(values: FloatArray) -> bool:
+    """
+    Whether a signal is clipped: several consecutive samples at its extreme value.
+
+    Parameters
+    ----------
+    values : ndarray, shape (sample,)
+        Signal.
+
+    Returns
+    -------
+    bool
+        True if clipped.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> sine = np.sin(np.linspace(0, 20, 2000))
+    >>> overloaded(sine), overloaded(np.clip(sine, -0.9, 0.9))
+    (False, True)
+    """
+    for side in (values, -values):
+        extreme = float(np.max(side))
+        if extreme <= 0 or extreme < 0.5 * float(np.max(np.abs(values))):
+            continue
+        at = side >= extreme - 1e-9 * extreme
+        run = np.convolve(at, np.ones(_OVERLOAD_RUN, dtype=int), mode="valid")
+        if np.max(run) < _OVERLOAD_RUN:
+            continue
+        levels = np.unique(side[side > 0])
+        if levels.size > 1 and extreme / float(np.min(np.diff(levels))) > _FEWEST_STEPS:
+            return True
+    return False
+
+
+def sign_at_driving_point(frf: MeasuredFrequencyResponse, output: str) -> float:
+    """
+    Sign of a driving point's response: +1 where force and motion are counted in one direction.
+
+    Parameters
+    ----------
+    frf : MeasuredFrequencyResponse
+        Responses with a force as input.
+    output : str
+        Channel at the place and in the direction of the force.
+
+    Returns
+    -------
+    float
+        Mean sign of Im(accelerance), weighted by its fourth power so that the peaks decide: -1 to 1; 0 where no line
+        stands out of the noise.
+
+    Notes
+    -----
+    A passive structure takes up power at every frequency, so that Im(accelerance) is positive at every peak of a driving
+    point. Lines within ten times the noise are left out. A late channel turns the phase of the mass line first, which
+    is real; this is why the peaks decide.
+    """
+    part = frf.sel(output=output).to_form("accelerance")
+    h, variance = part.data[0, 0, 0], part.variance[0, 0, 0]
+    clear = np.isfinite(h) & (part.freq > 0)
+    clear[clear] = np.abs(h[clear]) ** 2 > 100 * variance[clear]
+    if not np.any(clear):
+        return 0.0
+    across = h.imag[clear] / np.max(np.abs(h.imag[clear]))
+    return float(np.sum(np.sign(across) * across**4) / np.sum(across**4))
+
+
+def _driving_point(record: Record, machine: MachineLike, where: str) -> list[str]:
+    if machine.input_quantity != "force":  # relative motion under base excitation has no driving point
+        return []
+    drivers = [name for name in record.channels if machine.channels[name].port == machine.input_port]
+    if not drivers:
+        return []
+    frf = estimate(record) if record.frf is None else record.frf
+    return [
+        f"{where}: {name} and the force have opposite signs at the driving point (Im of accelerance is negative at its "
+        "peaks): hammer or sensor the wrong way round; turn the sign of the force if all channels are turned, else of "
+        f"{name}, in the file (in UFF: direction -1)"
+        for name in drivers
+        if sign_at_driving_point(frf, name) < -0.5
+    ]
+
+
+def _drop_dead_forces(record: Record, where: str, warnings: list[str]) -> Record:
+    alive = [history for history in record.histories if np.ptp(history.force) > 0]
+    if not alive:
+        raise DataFormatError(f"{where}: the {FORCE} is constant (zero); check its sensor, cable and channel")
+    for history in record.histories:
+        if not any(history is other for other in alive):
+            warnings.append(f"{where}: {history.name} dropped: its {FORCE} is constant (zero)")
+    return _with(record, tuple(alive))
+
+
+def _drop_dead_channels(record: Record, where: str, warnings: list[str]) -> Record:
+    dead = [
+        name
+        for k, name in enumerate(record.channels)
+        if any(np.ptp(history.responses[k]) == 0 for history in record.histories)
+    ]
+    return _without(record, dead, where, warnings, "constant")
+
+
+def _drop_dead_responses(record: Record, where: str, warnings: list[str]) -> Record:
+    assert record.frf is not None
+    flat = [name for k, name in enumerate(record.channels) if not np.any(record.frf.data[0, k])]
+    return _without(record, flat, where, warnings, "zero throughout")
+
+
+def _without(record: Record, dead: list[str], where: str, warnings: list[str], why: str) -> Record:
+    if not dead:
+        return record
+    keep = [k for k, name in enumerate(record.channels) if name not in dead]
+    if not keep:
+        raise DataFormatError(f"{where}: every response channel is {why}; check sensors, cables and channels")
+    warnings += [f"{where}: {name} is {why} (dead channel): left out" for name in dead]
+    channels = tuple(record.channels[k] for k in keep)
+    return replace(
+        record,
+        channels=channels,
+        quantities=tuple(record.quantities[k] for k in keep),
+        histories=tuple(replace(h, responses=h.responses[keep], channels=channels) for h in record.histories),
+        frf=None if record.frf is None else record.frf.sel(output=channels),
+    )
+
+
+def _drop_overloads(record: Record, where: str, warnings: list[str]) -> Record:
+    found = {id(history): _overloaded(history) for history in record.histories}
+    good = tuple(history for history in record.histories if not found[id(history)])
+    for history in record.histories:
+        if found[id(history)]:
+            names = ", ".join(found[id(history)])
+            fate = "dropped" if good else "kept for want of another; record again"
+            warnings.append(f"{where}: {history.name}: {names} overloaded (clipped): {fate}")
+    return _with(record, good or record.histories)
+
+
+def _with(record: Record, histories: tuple[History, ...]) -> Record:
+    averages = len(histories) if record.kind == "impact" else record.averages
+    return replace(record, histories=histories, averages=averages)
+
+
+def _overloaded(history: History) -> list[str]:
+    columns = [(FORCE, history.force), *zip(history.channels, history.responses, strict=True)]
+    return [name for name, values in columns if overloaded(values)]

@@ -1,0 +1,205 @@
+"""From a file's named columns to checked histories and frequency responses in SI units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from cutvib_ss.errors import DataFormatError
+from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawHistory, RawResponse, Signal
+from cutvib_ss.measurement.records import FORCE, History
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.units import SI_UNIT, to_si
+
+FEWEST_SAMPLES = 16
+"""A time record with fewer samples than this cannot hold a blow and what it excites."""
+
+FEWEST_LINES = 4
+"""Frequency responses with fewer lines than this carry no noise estimate."""
+
+ABSURD = {"force": 1e8, "acceleration": 1e6, "velocity": 1e5, "displacement": 1e3}
+"""Magnitudes (SI) beyond which a value is a wrong unit or a fault, not a measurement."""
+
+_PER = re.compile(r"^(?P<numerator>.+?)/(?P<denominator>N|newton|g|m/s\^?2|m/s²|m/s\*\*2|m/sec\^2)$", re.IGNORECASE)
+
+
+def histories_of(contents: Contents, layout: Layout, where: str) -> tuple[History, ...]:
+    """
+    Time records of a file in SI units.
+
+    Parameters
+    ----------
+    contents : Contents
+        What the reader found.
+    layout : Layout
+        Quantity of every channel.
+    where : str
+        File, for the message.
+
+    Returns
+    -------
+    tuple of History
+        One per blow or recording; channels in the order of the layout.
+
+    Raises
+    ------
+    DataFormatError
+        If channels are missing, unknown, duplicate or of different lengths, a unit does not fit, or values are not
+        finite or absurd.
+    """
+    if not contents.histories:
+        raise DataFormatError(f"{where}: holds no time record; record at least one blow")
+    return tuple(_history(history, layout, where) for history in contents.histories)
+
+
+def frf_of(contents: Contents, layout: Layout, where: str) -> RawFrf:
+    """
+    Frequency responses of a file in SI units.
+
+    Parameters
+    ----------
+    contents : Contents
+        What the reader found.
+    layout : Layout
+        Quantity of every channel.
+    where : str
+        File, for the message.
+
+    Returns
+    -------
+    RawFrf
+        The same in SI units, coherence within [0, 1]; channels in the order of the layout.
+
+    Raises
+    ------
+    DataFormatError
+        If channels are missing, unknown or duplicate, a unit does not fit, frequencies do not ascend, or values are
+        not finite.
+    """
+    frf = contents.frf
+    if frf is None or not frf.responses:
+        raise DataFormatError(f"{where}: holds no frequency response of a channel; export at least one")
+    freq = frf.freq
+    if freq.size < FEWEST_LINES:
+        raise DataFormatError(f"{where}: {freq.size} frequency lines are too few; give at least {FEWEST_LINES}")
+    if not np.all(np.isfinite(freq)) or freq[0] < 0 or not np.all(np.diff(freq) > 0):
+        raise DataFormatError(f"{where}: frequencies must be finite, from 0 Hz up and ascending; sort the lines")
+    _check_names([r.name for r in frf.responses], layout, where)
+    ordered = sorted(frf.responses, key=lambda r: list(layout.quantities).index(r.name))
+    return RawFrf(freq, tuple(_response(r, layout, where) for r in ordered))
+
+
+def to_contents(histories: Sequence[History], layout: Layout) -> Contents:
+    """
+    Histories as a writer takes them, in SI units.
+
+    Parameters
+    ----------
+    histories : sequence of History
+        Blows or recordings.
+    layout : Layout
+        Quantity of every channel.
+
+    Returns
+    -------
+    Contents
+        One raw history each, the force first.
+    """
+    raw = []
+    for k, history in enumerate(histories):
+        columns = [(FORCE, history.force), *zip(history.channels, history.responses, strict=True)]
+        signals = tuple(Signal(name, SI_UNIT[layout.quantities[name]], values) for name, values in columns)
+        raw.append(RawHistory(history.name or f"blow_{k + 1}", history.fs, signals))
+    return Contents(histories=tuple(raw))
+
+
+def _history(raw: RawHistory, layout: Layout, where: str) -> History:
+    where = f"{where}: {raw.name}" if raw.name else where
+    names = [signal.name for signal in raw.signals]
+    _check_names(names, layout, where)
+    if FORCE not in names:
+        raise DataFormatError(
+            f"{where}: no channel {FORCE!r} among {', '.join(names)}; record the force with the responses"
+        )
+    if len(names) == 1:
+        raise DataFormatError(f"{where}: no response channel; record at least one of {_responses(layout)}")
+    lengths = {signal.name: signal.values.size for signal in raw.signals}
+    if len(set(lengths.values())) > 1:
+        raise DataFormatError(f"{where}: channels have different lengths {lengths}; record them together")
+    samples = lengths[FORCE]
+    if samples < FEWEST_SAMPLES:
+        raise DataFormatError(f"{where}: {samples} samples are too few; give at least {FEWEST_SAMPLES}")
+    if not (np.isfinite(raw.fs) and raw.fs > 0):
+        raise DataFormatError(f"{where}: sampling frequency {raw.fs} Hz; it must be positive")
+    columns = {signal.name: _si(signal, layout.quantities[signal.name], where) for signal in raw.signals}
+    channels = tuple(name for name in layout.quantities if name in columns and name != FORCE)
+    responses = np.stack([columns[name] for name in channels])
+    return History(raw.fs, columns[FORCE], responses, channels, raw.name)
+
+
+def _si(signal: Signal, quantity: str, where: str) -> FloatArray:
+    where = f"{where}: channel {signal.name!r}"
+    if signal.unit is None:
+        raise DataFormatError(f"{where} names no unit; say which, for instance {SI_UNIT[quantity]}")
+    values = signal.values * to_si(signal.unit, quantity, where)
+    _check_finite(values, where, "sample")
+    worst = float(np.max(np.abs(values)))
+    if worst > ABSURD[quantity]:
+        raise DataFormatError(
+            f"{where}: {worst:.3g} {SI_UNIT[quantity]} is no measurement (limit {ABSURD[quantity]:g}); check scale and unit"
+        )
+    return values
+
+
+def _response(raw: RawResponse, layout: Layout, where: str) -> RawResponse:
+    where = f"{where}: channel {raw.name!r}"
+    quantity, driven_by = layout.quantities[raw.name], layout.quantities[FORCE]
+    unit = f"{SI_UNIT[quantity]}/{SI_UNIT[driven_by]}"
+    if raw.unit is None:
+        raise DataFormatError(f"{where} names no unit; say which, for instance {unit}")
+    numerator, denominator = _split_unit(raw.unit, where, unit)
+    factor = to_si(numerator, quantity, where) / to_si(denominator, driven_by, where)
+    values: ComplexArray = raw.values * factor
+    _check_finite(values, where, "line")
+    coherence = raw.coherence
+    if coherence is not None:
+        _check_finite(coherence, f"{where}: coherence", "line")
+        low, high = float(np.min(coherence)), float(np.max(coherence))
+        if low < -1e-6 or high > 1 + 1e-6:
+            raise DataFormatError(
+                f"{where}: coherence runs from {low:.4g} to {high:.4g}; it lies within 0 to 1 (not percent)"
+            )
+        coherence = np.clip(coherence, 0.0, 1.0)
+    return RawResponse(raw.name, unit, values, coherence)
+
+
+def _split_unit(unit: str, where: str, expected: str) -> tuple[str, str]:
+    """Numerator and denominator: the last slash parts them, but for the slashes within m/s and m/s^2."""
+    match = _PER.match(unit.strip().replace("(", "").replace(")", ""))
+    if match is None:
+        raise DataFormatError(f"{where}: unit {unit!r} is not response per input; give it as {expected}")
+    return match["numerator"], match["denominator"]
+
+
+def _check_names(names: Sequence[str], layout: Layout, where: str) -> None:
+    for name in names:
+        if name not in layout.quantities:
+            raise DataFormatError(
+                f"{where}: channel {name!r} is not known; the model has {FORCE} and {_responses(layout)}"
+            )
+        if list(names).count(name) > 1:
+            raise DataFormatError(f"{where}: channel {name!r} comes {list(names).count(name)} times; keep one")
+
+
+def _responses(layout: Layout) -> str:
+    return ", ".join(name for name in layout.quantities if name != FORCE)
+
+
+def _check_finite(values: FloatArray | ComplexArray, where: str, what: str) -> None:
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise DataFormatError(
+            f"{where}: NaN or Inf at {what} {bad[0] + 1} ({bad.size} of {values.size}); remove the record or record again"
+        )

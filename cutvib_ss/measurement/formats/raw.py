@@ -1,0 +1,232 @@
+"""What every format gives and takes: named columns in the file's own units, not yet checked or converted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from cutvib_ss.errors import DataFormatError
+from cutvib_ss.results import ComplexArray, FloatArray
+
+
+@dataclass(frozen=True)
+class Signal:
+    """
+    One column of a time record.
+
+    Parameters
+    ----------
+    name : str
+        Channel name.
+    unit : str or None
+        Unit as the file spells it; None where the file has none.
+    values : ndarray, shape (sample,)
+        Values in that unit.
+    """
+
+    name: str
+    unit: str | None
+    values: FloatArray
+
+
+@dataclass(frozen=True)
+class RawHistory:
+    """
+    One blow or recording as the file holds it.
+
+    Parameters
+    ----------
+    name : str
+        Group, blow or segment name.
+    fs : float
+        Sampling frequency [Hz].
+    signals : tuple of Signal
+        Force and responses.
+    """
+
+    name: str
+    fs: float
+    signals: tuple[Signal, ...]
+
+
+@dataclass(frozen=True)
+class RawResponse:
+    """
+    One frequency response as the file holds it.
+
+    Parameters
+    ----------
+    name : str
+        Channel name.
+    unit : str or None
+        Unit of response per input, for instance ``"g/N"``; None where the file has none.
+    values : ndarray of complex, shape (frequency,)
+        Values in that unit.
+    coherence : ndarray or None, shape (frequency,)
+        Ordinary coherence, where the file has it.
+    """
+
+    name: str
+    unit: str | None
+    values: ComplexArray
+    coherence: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class RawFrf:
+    """
+    Frequency responses on one frequency axis.
+
+    Parameters
+    ----------
+    freq : ndarray, shape (frequency,)
+        Frequency [Hz].
+    responses : tuple of RawResponse
+        One per channel.
+    """
+
+    freq: FloatArray
+    responses: tuple[RawResponse, ...]
+
+
+@dataclass(frozen=True)
+class Contents:
+    """
+    All that one file holds for a record.
+
+    Parameters
+    ----------
+    histories : tuple of RawHistory
+        Time records; empty for frequency responses.
+    frf : RawFrf or None
+        Frequency responses.
+    warnings : tuple of str
+        What the reader noticed.
+    """
+
+    histories: tuple[RawHistory, ...] = ()
+    frf: RawFrf | None = None
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Layout:
+    """
+    What a reader may need to know of the channels.
+
+    Parameters
+    ----------
+    quantities : mapping of str to str
+        Quantity of every channel, the input's (``"force"``) among them.
+    nodes : mapping of str to (int, int or None)
+        Node and direction (1, 2, 3 for X, Y, Z; None: any) of every channel, for formats that number nodes.
+    """
+
+    quantities: Mapping[str, str]
+    nodes: Mapping[str, tuple[int, int | None]]
+
+
+class Format(Protocol):
+    """What each module of a format offers."""
+
+    def read(self, path: Path, frf: bool, layout: Layout) -> Contents:
+        """Contents of a file: frequency responses where ``frf``, else time records."""
+        ...
+
+    def write(self, path: Path, contents: Contents, layout: Layout) -> None:
+        """Write contents to a new file."""
+        ...
+
+
+def sampling_frequency(step: float, tolerance: float = 1e-9) -> float:
+    """
+    Sampling frequency whose time step was written rounded: the shortest decimal that agrees with it.
+
+    Parameters
+    ----------
+    step : float
+        Time step as read [s].
+    tolerance : float
+        Relative rounding error of the step.
+
+    Returns
+    -------
+    float
+        Sampling frequency [Hz].
+
+    Examples
+    --------
+    >>> sampling_frequency(2.44141e-4, 2e-6)
+    4096.0
+    """
+    for digits in range(1, 16):
+        for candidate in (_rounded(1 / step, digits), 1 / _rounded(step, digits)):
+            if abs(candidate * step - 1) <= tolerance:
+                return candidate
+    return 1 / step
+
+
+def even_sampling(time: FloatArray, where: str) -> float:
+    """
+    Sampling frequency of a time column, after checking that its steps are even up to its own rounding.
+
+    Parameters
+    ----------
+    time : ndarray, shape (sample,)
+        Time [s].
+    where : str
+        File and blow, for the message.
+
+    Returns
+    -------
+    float
+        Sampling frequency [Hz].
+
+    Raises
+    ------
+    DataFormatError
+        If there are fewer than two samples, time does not increase, or steps differ by more than the rounding
+        of the printed times.
+    """
+    if time.size < 2:
+        raise DataFormatError(f"{where}: {time.size} sample(s) cannot make a time record; record a whole blow")
+    if not np.all(np.isfinite(time)):
+        raise DataFormatError(f"{where}: the time column holds NaN or Inf; remove the row or record again")
+    steps = np.diff(time)
+    if not np.all(steps > 0):
+        row = int(np.argmin(steps > 0)) + 1
+        raise DataFormatError(
+            f"{where}: time does not increase at sample {row + 1} ({time[row - 1]:g} s, then {time[row]:g} s); "
+            "sort the rows, or give a `blow` column where each blow starts anew"
+        )
+    index = np.arange(time.size)
+    # a straight line through all times is better known than any one step of rounded times
+    step, start = np.polyfit(index - index.mean(), time, 1)
+    error = float(np.max(np.abs(time - start - step * (index - index.mean()))))
+    quantum = _printed_quantum(time)
+    if error > max(1e-3 * step, quantum):
+        raise DataFormatError(
+            f"{where}: time steps are uneven (up to {error:.2g} s off a step of {step:.4g} s); resample the record evenly"
+        )
+    return sampling_frequency(float(step), max(1e-9, quantum / float(time[-1] - time[0])))
+
+
+def _printed_quantum(time: FloatArray) -> float:
+    """Last printed digit of the largest times: that of the fewest significant digits which give all of their decade."""
+    largest = float(np.max(np.abs(time)))
+    exponent = math.floor(math.log10(largest)) if largest > 0 else 0
+    sample = time[np.abs(time) >= 10.0**exponent]
+    for digits in range(3, 10):
+        quantum = float(10.0 ** (exponent - digits + 1))
+        if np.all(np.abs(sample / quantum - np.round(sample / quantum)) < 1e-6):
+            return quantum
+    return 0.0
+
+
+def _rounded(value: float, digits: int) -> float:
+    return float(f"{value:.{digits - 1}e}")

@@ -1,0 +1,246 @@
+"""
+How uncertain an estimated frequency response is: noise power smoothed over frequency, and the variance that follows.
+
+A variance from few averages is itself so scattered that the reduced χ² of a perfect model doubles at three averages
+(the mean of 1/χ²_ν is 1/(ν - 2)). The noise is smooth along frequency where the response is not, so it is the noise power
+that is smoothed, never the variance: in the response's noise S_e(f) = a(f) + b(f) |H(f)|², a is the response channel's
+own noise and b |H|² is that of the force, which peaks where the response does; a and b are what varies slowly.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutvib_ss.results import ComplexArray, FloatArray
+
+NOISE_BINS = 15
+"""Half width of the smoothing, in independent frequency bins."""
+
+_FLOOR = 1e-20  # of the largest |H|²: what twelve printed digits leave of a noiseless response
+_FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
+_SECOND_DIFFERENCE = np.array([1.0, -2.0, 1.0])
+
+
+def smooth_noise(power: FloatArray, gain: FloatArray, half_width: int) -> FloatArray:
+    """
+    Expected noise power a(f) + b(f) |H|² behind scattered estimates of it.
+
+    Parameters
+    ----------
+    power : ndarray, shape (frequency,)
+        Estimates of noise power, any unit; entries that are not finite are left out.
+    gain : ndarray, shape (frequency,)
+        Modulus |H| of the response.
+    half_width : int
+        Half width of the running window over which a and b are taken as constant [bins].
+
+    Returns
+    -------
+    ndarray, shape (frequency,)
+        Expected noise power.
+
+    Notes
+    -----
+    Weighted least squares within a running window, weights 1/S_e² iterated from the running mean (the estimates are
+    gamma distributed: their spread is proportional to their mean); neither a nor b is let below zero.
+    """
+    known = np.isfinite(power) & np.isfinite(gain)
+    if not np.any(known):
+        return np.full(power.shape, np.nan)
+    scale = float(np.mean(power[known])) or 1.0
+    p = np.where(known, power, 0.0) / scale
+    g = np.where(known, gain, 0.0) ** 2
+    g = g / (float(np.max(g)) or 1.0)
+    weight = known.astype(float)
+    expected = np.maximum(_running(weight * p, half_width) / np.maximum(_running(weight, half_width), 1e-300), 1e-12)
+    for _ in range(4):
+        w = weight / expected**2
+        s0, s1, s2, t0, t1 = (_running(w * x, half_width) for x in (np.ones_like(g), g, g * g, p, g * p))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            constant = t0 / s0
+            proportional = t1 / s2
+            determinant = s0 * s2 - s1 * s1
+            a = (t0 * s2 - t1 * s1) / determinant
+            b = (s0 * t1 - s1 * t0) / determinant
+        told_apart = determinant > 1e-3 * s0 * s2
+        only_a = ~told_apart | (b < 0) | ~np.isfinite(a + b)
+        only_b = ~only_a & (a < 0)
+        fit = np.where(only_a, constant, np.where(only_b, proportional * g, a + b * g))
+        expected = np.where(np.isfinite(fit), np.maximum(fit, 1e-12), expected)
+    return expected * scale
+
+
+def scatter_correction(freedom: float, half_width: int, correlation: FloatArray, size: int) -> float:
+    """
+    Factor ν/(ν-2) that makes the mean of |ΔH|² over its estimated variance one.
+
+    Parameters
+    ----------
+    freedom : float
+        Degrees of freedom of one bin's noise estimate: 2 (n-1) for n averages.
+    half_width : int
+        Half width of the smoothing [bins].
+    correlation : ndarray, shape (lag,)
+        Squared modulus of the correlation between spectra of noise a number of bins apart (1 at lag 0).
+    size : int
+        Number of frequency bins.
+
+    Returns
+    -------
+    float
+        The factor.
+    """
+    bins = min(2 * half_width + 1, size)
+    lags = correlation[1:bins]
+    independent = bins / (1 + 2 * float(np.sum(lags * (1 - np.arange(1, lags.size + 1) / bins))))
+    nu = freedom * independent - 2.0  # a and b are fitted
+    return nu / (nu - 2) if nu > 4 else 2.0
+
+
+def bin_correlation(window: FloatArray) -> FloatArray:
+    """
+    Squared modulus of the correlation between bins of a windowed noise spectrum, by lag.
+
+    Parameters
+    ----------
+    window : ndarray, shape (sample,)
+        Window on the block.
+
+    Returns
+    -------
+    ndarray, shape (lag,)
+        1 at lag 0; zero elsewhere for a boxcar.
+
+    Notes
+    -----
+    White noise under a window w has E[X_k X_l*] ∝ DFT(w²)[k-l].
+    """
+    spectrum = np.abs(np.fft.rfft(window**2)) ** 2
+    return np.asarray(spectrum / spectrum[0], dtype=np.float64)
+
+
+def widened(half_width: int, correlation: FloatArray) -> int:
+    """
+    Half width in bins where neighbouring bins are not independent.
+
+    Parameters
+    ----------
+    half_width : int
+        Half width for independent bins.
+    correlation : ndarray, shape (lag,)
+        Of `bin_correlation`.
+
+    Returns
+    -------
+    int
+        Half width, widened by the square root of the number of bins that go together: a compromise between independent
+        samples and a noise that varies along frequency.
+    """
+    return round(half_width * float(np.sqrt(1 + 2 * np.sum(correlation[1:]))))
+
+
+def frf_variance(
+    freq: FloatArray, data: ComplexArray, coherence: FloatArray, averages: int, noise_bins: int = NOISE_BINS
+) -> FloatArray:
+    """
+    Variance of frequency responses that were estimated elsewhere.
+
+    Parameters
+    ----------
+    freq : ndarray, shape (frequency,)
+        Frequency [Hz].
+    data : ndarray of complex, shape (channel, frequency)
+        H1 estimates.
+    coherence : ndarray, shape (channel, frequency)
+        Ordinary coherence, NaN where unknown.
+    averages : int
+        Blows or blocks n behind each estimate.
+    noise_bins : int
+        Half width of the smoothing [bins].
+
+    Returns
+    -------
+    ndarray, shape (channel, frequency)
+        Variance E|ΔH|² of the complex estimate, finite and positive.
+
+    Notes
+    -----
+    With coherence from n averages the noise-to-force ratio R = |H|² (1 - γ²)/γ² is smoothed (`smooth_noise`), and the
+    variance is R/(n-1): per real part |H|² (1 - γ²)/(2 (n-1) γ²). With one average, or without coherence, or where it is
+    one throughout, coherence says nothing: then the noise is what a fourth difference along frequency leaves, by its
+    running median, which a few lines of a sharp peak do not move.
+    """
+    del freq  # lines are taken as they come: their spacing does not enter
+    variance = np.empty(data.shape)
+    alone = np.zeros(1)
+    for k, (h, c) in enumerate(zip(data, coherence, strict=True)):
+        gain = np.abs(h)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = gain**2 * (1 - c) / c
+        told = np.isfinite(ratio)
+        if averages > 1 and np.count_nonzero(told) >= min(4, h.size) and np.any(ratio[told] > 0):
+            correction = scatter_correction(2.0 * (averages - 1), noise_bins, alone, h.size)
+            smooth = smooth_noise(np.where(told, ratio, np.nan), gain, noise_bins) / (averages - 1) * correction
+        else:
+            smooth = high_pass_variance(h, noise_bins)
+        variance[k] = floored(smooth, gain)
+    return variance
+
+
+def high_pass_variance(data: ComplexArray, noise_bins: int = NOISE_BINS) -> FloatArray:
+    """
+    Variance of a single estimate, from what scatters along frequency.
+
+    Parameters
+    ----------
+    data : ndarray of complex, shape (frequency,)
+        Estimate.
+    noise_bins : int
+        Half width of the running median [bins].
+
+    Returns
+    -------
+    ndarray, shape (frequency,)
+        Variance E|ΔH|².
+
+    Notes
+    -----
+    The fourth difference of white noise has 70 times its variance; the median of an exponential variable is ln 2 times
+    its mean.
+    """
+    kernel = _FOURTH_DIFFERENCE if data.size >= 6 else _SECOND_DIFFERENCE
+    residual = np.abs(np.convolve(data, kernel, mode="valid")) ** 2 / np.sum(kernel**2)
+    margin = kernel.size // 2
+    padded = np.pad(residual, margin + noise_bins, mode="symmetric")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * noise_bins + 1)
+    return np.asarray(np.median(windows, axis=-1) / np.log(2), dtype=np.float64)
+
+
+def floored(variance: FloatArray, gain: FloatArray) -> FloatArray:
+    """
+    The same variance, kept from zero and from NaN.
+
+    Parameters
+    ----------
+    variance : ndarray, shape (..., frequency)
+        Variance.
+    gain : ndarray, shape (..., frequency)
+        Modulus of the response.
+
+    Returns
+    -------
+    ndarray, shape (..., frequency)
+        At least 1e-20 of the largest squared gain; where unknown, the squared gain.
+    """
+    largest = np.max(gain, axis=-1, keepdims=True)
+    known = np.where(np.isfinite(variance), variance, gain**2)
+    return np.asarray(np.maximum(known, np.maximum(_FLOOR * largest**2, 1e-300)), dtype=np.float64)
+
+
+def _running(values: FloatArray, half_width: int) -> FloatArray:
+    """Running sum over a window that is cut at the ends."""
+    total = np.concatenate(([0.0], np.cumsum(values)))
+    index = np.arange(values.size)
+    high = np.minimum(index + half_width + 1, values.size)
+    low = np.maximum(index - half_width, 0)
+    return np.asarray(total[high] - total[low], dtype=np.float64)

@@ -1,0 +1,116 @@
+"""campaign.toml: its keys and their checks."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from cutvib_ss.errors import DataFormatError
+
+_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+_Count = Annotated[int, Field(ge=1)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class CampaignTable(_Table):
+    """The ``[campaign]`` table: title, and the nominal model's file."""
+
+    title: str = ""
+    machine: str | None = None
+
+
+class RecordTable(_Table):
+    """A ``[[record]]`` table: one position and level, its files, and how they were measured."""
+
+    file: str | list[str]
+    kind: Literal["impact", "frf", "timeseries"]
+    use: Literal["fit", "check"] | None = None
+    position: Annotated[float, Field(gt=0, lt=1, allow_inf_nan=False)] | None = None
+    peak_force: _Positive | None = None
+    averages: _Count = 1
+    excitation: Literal["impact", "random", "multisine", "sine"] | None = None
+    block: _Positive | None = None
+    blow_at: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
+    exponential_decay: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+
+    @field_validator("file")
+    @classmethod
+    def _some_file(cls, value: str | list[str]) -> str | list[str]:
+        if not value or (isinstance(value, list) and not all(value)):
+            raise ValueError("name at least one file")
+        return value
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files, in order."""
+        return (self.file,) if isinstance(self.file, str) else tuple(self.file)
+
+
+class CampaignFile(_Table):
+    """The whole of campaign.toml."""
+
+    campaign: CampaignTable = CampaignTable()
+    record: Annotated[list[RecordTable], Field(min_length=1)]
+    dofs: dict[str, Annotated[int, Field(ge=0)]] = {}
+
+
+def read_campaign_file(path: Path) -> CampaignFile:
+    """
+    Parse and check a campaign.toml.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    CampaignFile
+        Its tables.
+
+    Raises
+    ------
+    DataFormatError
+        If it is missing, not TOML, or a key is unknown, missing or impossible; the message names the key's path.
+    """
+    try:
+        with path.open("rb") as file:
+            content = tomllib.load(file)
+    except FileNotFoundError:
+        raise DataFormatError(f"{path}: there is no such file; a campaign is a folder with a campaign.toml") from None
+    except OSError as error:
+        raise DataFormatError(
+            f"{path}: cannot be read ({error.strerror}); check the path and its permissions"
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DataFormatError(f"{path}: not valid TOML ({error}); correct that line") from error
+    if not content.get("record"):
+        raise DataFormatError(f"{path}: the campaign has no [[record]]; add one for each position and level")
+    try:
+        return CampaignFile.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
+        raise DataFormatError(f"{path}: {_say(first)}{more}") from None
+
+
+def _say(error: Any) -> str:
+    where = ""
+    for part in error["loc"]:
+        if isinstance(part, int):
+            where += f"[{part + 1}]"
+        elif not (part in ("str", "list[str]") or "[" in str(part)):  # pydantic's names of the members of a union
+            where += f".{part}" if where else str(part)
+    kind, value = error["type"], error.get("input")
+    if kind == "extra_forbidden":
+        return f"{where}: unknown key; remove it or correct its spelling"
+    if kind == "missing":
+        return f"{where}: missing; add it"
+    hint = "; y_b / L lies strictly inside (0, 1)" if error["loc"][-1] == "position" else ""
+    return f"{where} = {value!r}: {error['msg'][0].lower()}{error['msg'][1:]}{hint}"
