@@ -1,1 +1,62 @@
-"""Vibration of a Cartesian cutting machine: state-space models, and a diagnosis of the sim-to-real gap."""
+"""
+Vibration of a Cartesian cutting machine: state-space models, and a diagnosis of the sim-to-real gap.
+
+The public names are loaded when first used, so that importing the package costs nothing.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cutvib_ss.gap.diagnosis import diagnose
+    from cutvib_ss.machine import Machine, cutting_machine, published_machine
+    from cutvib_ss.measurement.campaign import read_campaign, write_campaign
+    from cutvib_ss.measurement.estimation import estimate
+    from cutvib_ss.model_files import read_machine, write_machine
+    from cutvib_ss.response.frequency import frequency_response
+    from cutvib_ss.response.modes import modes, track_modes
+    from cutvib_ss.structure import Structure
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Machine": "machine",
+    "Structure": "structure",
+    "cutting_machine": "machine",
+    "published_machine": "machine",
+    "read_machine": "model_files",
+    "write_machine": "model_files",
+    "modes": "response.modes",
+    "track_modes": "response.modes",
+    "frequency_response": "response.frequency",
+    "read_campaign": "measurement.campaign",
+    "write_campaign": "measurement.campaign",
+    "estimate": "measurement.estimation",
+    "diagnose": "gap.diagnosis",
+}
+
+__all__ = [
+    "Machine",
+    "Structure",
+    "cutting_machine",
+    "diagnose",
+    "estimate",
+    "frequency_response",
+    "modes",
+    "published_machine",
+    "read_campaign",
+    "read_machine",
+    "track_modes",
+    "write_campaign",
+    "write_machine",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -66,6 +66,8 @@ class Machine:
         Nonlinear elements; none by default.
     effects : tuple of object
         The effects behind the filled slots, for the record and for writing machine.toml.
+    bare : Machine, optional
+        The model before the first effect.
 
     Examples
     --------
@@ -81,6 +83,7 @@ class Machine:
     chain: MeasurementChain = field(default_factory=MeasurementChain)
     nonlinear: tuple[NonlinearElement, ...] = ()
     effects: tuple[object, ...] = ()
+    bare: Machine | None = field(default=None, compare=False, repr=False)
 
     @property
     def channels(self) -> Mapping[str, Channel]:

@@ -45,6 +45,8 @@ class Structure:
         Nonlinear elements; none by default.
     effects : tuple of object
         The effects behind the filled slots.
+    bare : Structure, optional
+        The model before the first effect.
     """
 
     system: SecondOrder
@@ -57,6 +59,7 @@ class Structure:
     chain: MeasurementChain = field(default_factory=MeasurementChain)
     nonlinear: tuple[NonlinearElement, ...] = ()
     effects: tuple[object, ...] = ()
+    bare: Structure | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))

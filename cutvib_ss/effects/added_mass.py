@@ -1,0 +1,98 @@
+"""A mass that the model lacks on the tool or the head."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Model,
+    applied,
+    attached_to,
+    check_place,
+    parameter,
+    port_of,
+    ports_of,
+)
+from cutvib_ss.machine import Machine
+from cutvib_ss.slots import Path, value_at, with_value
+from cutvib_ss.subsystems.elements import SpringDamperMass
+
+
+@dataclass(frozen=True)
+class AddedMass(Effect):
+    """
+    A rigid mass; on the machine it moves in X and Z, which is the same as an m2 or m1 that is off.
+
+    Parameters
+    ----------
+    place : str
+        ``"tool"`` (with m2) or ``"head"`` (with m1); any port of another structure.
+    mass : float
+        Mass [kg]; negative where the model has too much.
+    """
+
+    effect: ClassVar[str] = "added_mass"
+
+    mass: float = parameter("kg", -0.3, 0.6, "linear", minimum=None)
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        """
+        Places on a model.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model.
+
+        Returns
+        -------
+        tuple of str
+            The places.
+        """
+        return ports_of(model, ("tool", "head"))
+
+    def _path(self) -> Path:
+        return ("head", "m2" if self.place == "tool" else "m1")
+
+    def apply(self, model: Any) -> Any:
+        """
+        The model with the effect.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model without it.
+
+        Returns
+        -------
+        Machine or Structure
+            A new model.
+        """
+        check_place(self, model)
+        if isinstance(model, Machine):
+            path = self._path()
+            return applied(model, with_value(model, path, value_at(model, path) + self.mass), self)
+        return applied(model, attached_to(model, port_of(self.place, model), SpringDamperMass(mass=self.mass)), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        """
+        Values of the applied model that move with each parameter.
+
+        Parameters
+        ----------
+        applied : Machine or Structure
+            The model with the effect.
+
+        Returns
+        -------
+        mapping of str to tuple of (path, weight)
+            The paths and weights.
+        """
+        if isinstance(applied, Machine):
+            return {"mass": ((self._path(), 1.0),)}
+        return {"mass": ((("attachments", len(applied.attachments) - 1, "element", "mass"), 1.0),)}

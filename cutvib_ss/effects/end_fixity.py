@@ -1,0 +1,95 @@
+"""The ends of the rail are not free to turn: rotational springs at both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.machine import Machine
+from cutvib_ss.subsystems.elements import SpringDamperMass
+from cutvib_ss.subsystems.rail import RailAttachment
+
+
+@dataclass(frozen=True)
+class EndFixity(Effect):
+    """
+    Rotational springs on the slopes of the rail at its ends.
+
+    Parameters
+    ----------
+    place : str
+        ``"rail_ends"``.
+    k_left, k_right : float
+        Stiffness against rotation at y = 0 and y = L [N m/rad].
+
+    Notes
+    -----
+    Pinned sine modes carry an end slope as Σ rπ/L, whose compliance converges like 1/m in the number of modes m.
+    """
+
+    effect: ClassVar[str] = "end_fixity"
+
+    k_left: float = parameter("N m/rad", 1e3, 1e7)
+    k_right: float = parameter("N m/rad", 1e3, 1e7)
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        """
+        Places on a model.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model.
+
+        Returns
+        -------
+        tuple of str
+            The places.
+        """
+        return ("rail_ends",) if isinstance(model, Machine) else ()
+
+    def apply(self, model: Any) -> Any:
+        """
+        The model with the effect.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model without it.
+
+        Returns
+        -------
+        Machine or Structure
+            A new model.
+        """
+        check_place(self, model)
+        machine = machine_only(self.effect, model)
+        springs = tuple(
+            RailAttachment(SpringDamperMass(stiffness=k), end, slope=True)
+            for k, end in ((self.k_left, 0.0), (self.k_right, 1.0))
+        )
+        rail = replace(machine.rail, attachments=(*machine.rail.attachments, *springs))
+        return applied(machine, replace(machine, rail=rail), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        """
+        Values of the applied model that move with each parameter.
+
+        Parameters
+        ----------
+        applied : Machine or Structure
+            The model with the effect.
+
+        Returns
+        -------
+        mapping of str to tuple of (path, weight)
+            The paths and weights.
+        """
+        last = len(applied.rail.attachments)
+        return {
+            "k_left": ((("rail", "attachments", last - 2, "element", "stiffness"), 1.0),),
+            "k_right": ((("rail", "attachments", last - 1, "element", "stiffness"), 1.0),),
+        }

@@ -1,0 +1,83 @@
+"""The ball bearings of the guide give between rail and head."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.machine import Machine
+from cutvib_ss.subsystems.elements import Guide
+
+
+@dataclass(frozen=True)
+class GuideCompliance(Effect):
+    """
+    A spring and damper in series between rail and head.
+
+    Parameters
+    ----------
+    place : str
+        ``"head_base"``.
+    stiffness : float
+        Stiffness [N/m]; infinite stiffness is no effect.
+    damping : float
+        Damping [N s/m].
+    """
+
+    effect: ClassVar[str] = "guide_compliance"
+
+    stiffness: float = parameter("N/m", 1e6, 1e9)
+    damping: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0)
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        """
+        Places on a model.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model.
+
+        Returns
+        -------
+        tuple of str
+            The places.
+        """
+        return ("head_base",) if isinstance(model, Machine) else ()
+
+    def apply(self, model: Any) -> Any:
+        """
+        The model with the effect.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model without it.
+
+        Returns
+        -------
+        Machine or Structure
+            A new model.
+        """
+        check_place(self, model)
+        machine = machine_only(self.effect, model)
+        return applied(machine, replace(machine, guide=Guide(self.stiffness, self.damping)), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        """
+        Values of the applied model that move with each parameter.
+
+        Parameters
+        ----------
+        applied : Machine or Structure
+            The model with the effect.
+
+        Returns
+        -------
+        mapping of str to tuple of (path, weight)
+            The paths and weights.
+        """
+        return {"stiffness": ((("guide", "stiffness"), 1.0),), "damping": ((("guide", "damping"), 1.0),)}

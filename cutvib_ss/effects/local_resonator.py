@@ -1,0 +1,96 @@
+"""A panel, hose or cover that resonates on the tool or the head."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Model,
+    applied,
+    attached_to,
+    check_place,
+    parameter,
+    port_of,
+    ports_of,
+)
+from cutvib_ss.subsystems.elements import SprungMass
+
+
+@dataclass(frozen=True)
+class LocalResonator(Effect):
+    """
+    A sprung mass in X (Eq. 24 with the signs of an element in parallel).
+
+    Parameters
+    ----------
+    place : str
+        ``"tool"`` or ``"head"``; any port of another structure.
+    mass : float
+        Mass [kg].
+    frequency : float
+        Natural frequency of the mass on its spring [Hz].
+    damping_ratio : float
+        Damping ratio.
+    """
+
+    effect: ClassVar[str] = "local_resonator"
+
+    mass: float = parameter("kg", 0.002, 5.0)
+    frequency: float = parameter("Hz", 10.0, 600.0)
+    damping_ratio: float = parameter("1", 0.002, 0.2)
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        """
+        Places on a model.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model.
+
+        Returns
+        -------
+        tuple of str
+            The places.
+        """
+        return ports_of(model, ("tool", "head"))
+
+    def apply(self, model: Any) -> Any:
+        """
+        The model with the effect.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model without it.
+
+        Returns
+        -------
+        Machine or Structure
+            A new model.
+        """
+        check_place(self, model)
+        element = SprungMass(self.mass, self.frequency, self.damping_ratio)
+        return applied(model, attached_to(model, port_of(self.place, model), element), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        """
+        Values of the applied model that move with each parameter.
+
+        Parameters
+        ----------
+        applied : Machine or Structure
+            The model with the effect.
+
+        Returns
+        -------
+        mapping of str to tuple of (path, weight)
+            The paths and weights.
+        """
+        at = ("attachments", len(applied.attachments) - 1, "element")
+        return {name: (((*at, name), 1.0),) for name in ("mass", "frequency", "damping_ratio")}

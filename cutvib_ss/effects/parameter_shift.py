@@ -1,0 +1,144 @@
+"""One nominal parameter is off by more than its tolerance: a worn bearing, a loose slot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, parameter
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.machine import Machine
+from cutvib_ss.slots import Path, value_at, with_value
+
+MACHINE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    "joint1": ("k1", "c1"),
+    "joint2": ("k2", "c2"),
+    "head": ("l1",),
+    "tool": ("l2",),
+    "rail": ("mass", "first_frequency", "damping_ratio"),
+}
+"""Place of each parameter of the cutting machine; m1 and m2 go by `added_mass`."""
+
+STRUCTURE_PARAMETERS = ("mass", "damping", "stiffness")
+"""Matrices of any other structure; their place is ``"structure"``."""
+
+
+@dataclass(frozen=True)
+class ParameterShift(Effect):
+    """
+    One parameter times a factor.
+
+    Parameters
+    ----------
+    place : str
+        Where the parameter belongs: ``"joint1"``, ``"joint2"``, ``"head"``, ``"tool"``, ``"rail"`` or ``"structure"``.
+    parameter : str
+        Name of the parameter, as in machine.toml.
+    factor : float
+        Actual over nominal value.
+    """
+
+    effect: ClassVar[str] = "parameter_shift"
+
+    parameter: str
+    factor: float = parameter("1", 0.2, 5.0)
+
+    @classmethod
+    def choices(cls, model: Model) -> tuple[tuple[str, str], ...]:
+        """
+        Every (place, parameter) that can be off on a model.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model.
+
+        Returns
+        -------
+        tuple of (str, str)
+            Places and parameters.
+        """
+        if isinstance(model, Machine):
+            return tuple((place, name) for place, names in MACHINE_PARAMETERS.items() for name in names)
+        return tuple(("structure", name) for name in STRUCTURE_PARAMETERS)
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        """
+        Places on a model.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model.
+
+        Returns
+        -------
+        tuple of str
+            The places.
+        """
+        return tuple(dict.fromkeys(place for place, _ in cls.choices(model)))
+
+    def _path(self, model: Model) -> Path:
+        if (self.place, self.parameter) not in self.choices(model):
+            known = ", ".join(f"{p}: {n}" for p, n in self.choices(model))
+            raise ParameterError(
+                f"parameter_shift: no parameter {self.parameter!r} at {self.place!r}; there are {known}"
+            )
+        if not isinstance(model, Machine):
+            return ("scales", STRUCTURE_PARAMETERS.index(self.parameter))
+        return ("rail", "parameters", self.parameter) if self.place == "rail" else ("head", self.parameter)
+
+    def apply(self, model: Any) -> Any:
+        """
+        The model with the effect.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model without it.
+
+        Returns
+        -------
+        Machine or Structure
+            A new model.
+        """
+        check_place(self, model)
+        path = self._path(model)
+        return applied(model, with_value(model, path, value_at(model, path) * self.factor), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        """
+        Values of the applied model that move with each parameter.
+
+        Parameters
+        ----------
+        applied : Machine or Structure
+            The model with the effect.
+
+        Returns
+        -------
+        mapping of str to tuple of (path, weight)
+            The paths and weights.
+        """
+        path = self._path(applied)
+        return {"factor": ((path, value_at(applied, path) / self.factor),)}
+
+    def carries(self, path: Path, applied: Any) -> Carried:
+        """
+        The shifted value moves by the factor with the one underneath.
+
+        Parameters
+        ----------
+        path : tuple of str and int
+            A value of the model underneath.
+        applied : Machine or Structure
+            The model with the effect.
+
+        Returns
+        -------
+        tuple of (path, weight)
+            What moves with it.
+        """
+        return ((path, self.factor if path == self._path(applied) else 1.0),)

@@ -1,0 +1,94 @@
+"""A cable carrier or another mass at a point of the rail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.machine import Machine
+from cutvib_ss.subsystems.elements import SpringDamperMass
+from cutvib_ss.subsystems.rail import RailAttachment
+
+
+@dataclass(frozen=True)
+class RailAddedMass(Effect):
+    """
+    A mass at a point of the rail, with a damper to ground.
+
+    Parameters
+    ----------
+    place : str
+        ``"rail"``.
+    position : float
+        y / L of the mass.
+    mass : float
+        Mass [kg].
+    damping : float
+        Damping to ground [N s/m].
+    """
+
+    effect: ClassVar[str] = "rail_added_mass"
+
+    position: float = parameter("1", 0.02, 0.98, "linear")
+    mass: float = parameter("kg", 0.1, 20.0)
+    damping: float = parameter("N s/m", 0.0, 500.0, "linear", default=0.0)
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        """
+        Places on a model.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model.
+
+        Returns
+        -------
+        tuple of str
+            The places.
+        """
+        return ("rail",) if isinstance(model, Machine) else ()
+
+    def apply(self, model: Any) -> Any:
+        """
+        The model with the effect.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model without it.
+
+        Returns
+        -------
+        Machine or Structure
+            A new model.
+        """
+        check_place(self, model)
+        machine = machine_only(self.effect, model)
+        lump = RailAttachment(SpringDamperMass(mass=self.mass, damping=self.damping), self.position)
+        rail = replace(machine.rail, attachments=(*machine.rail.attachments, lump))
+        return applied(machine, replace(machine, rail=rail), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        """
+        Values of the applied model that move with each parameter.
+
+        Parameters
+        ----------
+        applied : Machine or Structure
+            The model with the effect.
+
+        Returns
+        -------
+        mapping of str to tuple of (path, weight)
+            The paths and weights.
+        """
+        at = ("rail", "attachments", len(applied.rail.attachments) - 1)
+        return {
+            "position": (((*at, "position"), 1.0),),
+            "mass": (((*at, "element", "mass"), 1.0),),
+            "damping": (((*at, "element", "damping"), 1.0),),
+        }

@@ -1,0 +1,95 @@
+"""The cutting force is eccentric to the shear centre of the rail and twists it, head and all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.machine import Machine
+from cutvib_ss.subsystems.rail import Torsion
+
+
+@dataclass(frozen=True)
+class RailTorsion(Effect):
+    """
+    Twist of the rail under the head's eccentric load (the paper's own outlook, end of Section 3.3).
+
+    Parameters
+    ----------
+    place : str
+        ``"rail"``.
+    eccentricity : float
+        Distance in Z from the rail's shear centre to the head's base [m].
+    inertia : float
+        Polar moment of inertia of the whole rail [kg m²].
+    torsion_frequency : float
+        First natural frequency of torsion, without the head [Hz].
+    damping_ratio : float
+        Damping ratio of the torsion modes.
+
+    Notes
+    -----
+    The head's base moves with w + e ψ and turns with ψ, so that both links turn too (`cutvib_ss.subsystems.head`).
+    """
+
+    effect: ClassVar[str] = "rail_torsion"
+
+    eccentricity: float = parameter("m", -0.2, 0.2, "linear", minimum=None)
+    inertia: float = parameter("kg m^2", 0.02, 10.0)
+    torsion_frequency: float = parameter("Hz", 30.0, 800.0)
+    damping_ratio: float = parameter("1", 0.001, 0.1)
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        """
+        Places on a model.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model.
+
+        Returns
+        -------
+        tuple of str
+            The places.
+        """
+        return ("rail",) if isinstance(model, Machine) else ()
+
+    def apply(self, model: Any) -> Any:
+        """
+        The model with the effect.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model without it.
+
+        Returns
+        -------
+        Machine or Structure
+            A new model.
+        """
+        check_place(self, model)
+        machine = machine_only(self.effect, model)
+        torsion = Torsion(self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio)
+        return applied(machine, replace(machine, rail=replace(machine.rail, torsion=torsion)), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        """
+        Values of the applied model that move with each parameter.
+
+        Parameters
+        ----------
+        applied : Machine or Structure
+            The model with the effect.
+
+        Returns
+        -------
+        mapping of str to tuple of (path, weight)
+            The paths and weights.
+        """
+        names = ("eccentricity", "inertia", "torsion_frequency", "damping_ratio")
+        return {name: ((("rail", "torsion", name), 1.0),) for name in names}

@@ -1,0 +1,91 @@
+"""The fixed rails and pillars give: springs and dampers under the ends of the rail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.machine import Machine
+from cutvib_ss.subsystems.rail import EndSupports
+
+
+@dataclass(frozen=True)
+class SupportCompliance(Effect):
+    """
+    End springs in place of rigid pins, left (y = 0) and right apart.
+
+    Parameters
+    ----------
+    place : str
+        ``"rail_ends"``.
+    k_left, k_right : float
+        Stiffness under the ends [N/m]; infinite stiffness is no effect.
+    c_left, c_right : float
+        Damping under the ends [N s/m].
+
+    Notes
+    -----
+    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.subsystems.rail`).
+    """
+
+    effect: ClassVar[str] = "support_compliance"
+
+    k_left: float = parameter("N/m", 1e6, 1e9)
+    k_right: float = parameter("N/m", 1e6, 1e9)
+    c_left: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0)
+    c_right: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0)
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        """
+        Places on a model.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model.
+
+        Returns
+        -------
+        tuple of str
+            The places.
+        """
+        return ("rail_ends",) if isinstance(model, Machine) else ()
+
+    def apply(self, model: Any) -> Any:
+        """
+        The model with the effect.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model without it.
+
+        Returns
+        -------
+        Machine or Structure
+            A new model.
+        """
+        check_place(self, model)
+        machine = machine_only(self.effect, model)
+        ends = EndSupports(self.k_left, self.k_right, self.c_left, self.c_right)
+        return applied(machine, replace(machine, rail=replace(machine.rail, supports=ends)), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        """
+        Values of the applied model that move with each parameter.
+
+        Parameters
+        ----------
+        applied : Machine or Structure
+            The model with the effect.
+
+        Returns
+        -------
+        mapping of str to tuple of (path, weight)
+            The paths and weights.
+        """
+        names = ("k_left", "k_right", "c_left", "c_right")
+        return {name: ((("rail", "supports", name), 1.0),) for name in names}

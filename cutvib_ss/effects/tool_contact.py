@@ -1,0 +1,93 @@
+"""Belt, cloth or a stop holds the tool: a spring and damper to ground in X."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Model,
+    applied,
+    attached_to,
+    check_place,
+    parameter,
+    port_of,
+    ports_of,
+)
+from cutvib_ss.subsystems.elements import SpringDamperMass
+
+
+@dataclass(frozen=True)
+class ToolContact(Effect):
+    """
+    A spring and damper from the tool to ground in X.
+
+    Parameters
+    ----------
+    place : str
+        ``"tool"``; any port of another structure.
+    stiffness : float
+        Stiffness [N/m].
+    damping : float
+        Damping [N s/m].
+    """
+
+    effect: ClassVar[str] = "tool_contact"
+
+    stiffness: float = parameter("N/m", 0.0, 1e6, "linear")
+    damping: float = parameter("N s/m", 0.0, 300.0, "linear", default=0.0)
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        """
+        Places on a model.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model.
+
+        Returns
+        -------
+        tuple of str
+            The places.
+        """
+        return ports_of(model, ("tool",))
+
+    def apply(self, model: Any) -> Any:
+        """
+        The model with the effect.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model without it.
+
+        Returns
+        -------
+        Machine or Structure
+            A new model.
+        """
+        check_place(self, model)
+        element = SpringDamperMass(stiffness=self.stiffness, damping=self.damping)
+        return applied(model, attached_to(model, port_of(self.place, model), element), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        """
+        Values of the applied model that move with each parameter.
+
+        Parameters
+        ----------
+        applied : Machine or Structure
+            The model with the effect.
+
+        Returns
+        -------
+        mapping of str to tuple of (path, weight)
+            The paths and weights.
+        """
+        at = ("attachments", len(applied.attachments) - 1, "element")
+        return {name: (((*at, name), 1.0),) for name in ("stiffness", "damping")}

@@ -1,0 +1,297 @@
+"""What a diagnosis says: the user's three questions, in the shape of the JSON that outside programs read."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from cutvib_ss.effects.base import Model
+from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
+
+SCHEMA = "cutvib-diagnosis/1"
+Verdict: TypeAlias = Literal["no_gap", "explained", "ambiguous", "unknown"]
+
+
+@dataclass(frozen=True)
+class GapFigures:
+    """
+    How far: mean modulus of the error on held-out records, over channels and bins of a band.
+
+    Parameters
+    ----------
+    unit : str
+        ``"g/N"``, or the channel's own.
+    before, tuned, after, noise_floor : float
+        Nominal model as given; re-tuned within tolerance; with the cause added; what estimator noise alone leaves.
+    band_hz : tuple of float
+        The band [Hz].
+    shrinkage : float
+        1 - after/before.
+    shrinkage_interval : tuple of float
+        95 % interval, by bootstrap over records.
+    """
+
+    unit: str
+    before: float
+    tuned: float
+    after: float
+    noise_floor: float
+    band_hz: tuple[float, float]
+    shrinkage: float
+    shrinkage_interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ErrorFigure:
+    """
+    Error and noise at one position or channel.
+
+    Parameters
+    ----------
+    label : float or str or None
+        Position y_b / L, or name of the channel.
+    error, noise : float
+        Mean modulus of the re-tuned nominal model's error, and what noise alone leaves, in the gap's unit.
+    """
+
+    label: float | str | None
+    error: float
+    noise: float
+
+
+@dataclass(frozen=True)
+class Where:
+    """
+    Where the gap lies.
+
+    Parameters
+    ----------
+    place : str
+        Most probable place; ``"none"`` without a gap.
+    places : tuple of (str, float)
+        Places with their probabilities, most probable first.
+    bands_hz : tuple of (float, float)
+        Bands in which the error stands out of the noise [Hz].
+    by_position, by_channel : tuple of ErrorFigure
+        The error over positions and channels.
+    level_dependent : bool
+        Whether the response changes with the excitation level.
+    """
+
+    place: str
+    places: tuple[tuple[str, float], ...]
+    bands_hz: tuple[tuple[float, float], ...]
+    by_position: tuple[ErrorFigure, ...]
+    by_channel: tuple[ErrorFigure, ...]
+    level_dependent: bool
+
+
+@dataclass(frozen=True)
+class FittedParameter:
+    """
+    A fitted parameter.
+
+    Parameters
+    ----------
+    value : float
+        Estimate, SI.
+    std : float
+        Standard deviation, tuning and calibration included.
+    unit : str
+        SI unit.
+    """
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Cause:
+    """
+    One hypothesis, fitted and judged.
+
+    Parameters
+    ----------
+    effect, place : str
+        Ids of the catalogue; ``"none"`` and ``"unknown"`` are hypotheses too.
+    probability : float
+        Probability, all causes together 1.
+    parameters : dict of str to FittedParameter
+        What was fitted.
+    after, shrinkage : float
+        Error left on held-out records, and 1 - after/before.
+    reduced_chi2 : float
+        χ² a degree of freedom on held-out records.
+    """
+
+    effect: str
+    place: str
+    probability: float
+    parameters: dict[str, FittedParameter] = field(default_factory=dict)
+    after: float = math.nan
+    shrinkage: float = math.nan
+    reduced_chi2: float = math.nan
+
+
+@dataclass(frozen=True)
+class NextTest:
+    """
+    The record that would best tell the remaining causes apart.
+
+    Parameters
+    ----------
+    why : str
+        What it would tell apart.
+    position : float or None
+        y_b / L.
+    peak_force : float or None
+        Level [N].
+    channel : str
+        Channel to look at.
+    """
+
+    why: str
+    position: float | None
+    peak_force: float | None
+    channel: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """
+    Measured against computed at one position and level, for pictures.
+
+    Parameters
+    ----------
+    label : str
+        Which record.
+    measured : MeasuredFrequencyResponse
+        The measurement.
+    nominal, tuned, corrected : FrequencyResponse
+        The model as given, re-tuned, and with the cause; each through the same estimator as the measurement.
+    """
+
+    label: str
+    measured: MeasuredFrequencyResponse
+    nominal: FrequencyResponse
+    tuned: FrequencyResponse
+    corrected: FrequencyResponse
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """
+    A diagnosis of the sim-to-real gap.
+
+    Parameters
+    ----------
+    verdict : {"no_gap", "explained", "ambiguous", "unknown"}
+        What may be concluded.
+    gap : GapFigures
+        How far.
+    where : Where
+        Where.
+    causes : tuple of Cause
+        Which, most probable first.
+    ambiguity_set : tuple of int
+        Indices into ``causes``: the smallest set that carries 0.95.
+    next_test : NextTest or None
+        What to measure next, if ambiguous.
+    title : str
+        Title of the campaign.
+    warnings : tuple of str
+        What was found in the measurement.
+    nominal, corrected_machine : Machine or Structure
+        The model as given, and with tuning and effect.
+    comparisons : tuple of Comparison
+        For pictures.
+    """
+
+    verdict: Verdict
+    gap: GapFigures
+    where: Where
+    causes: tuple[Cause, ...]
+    ambiguity_set: tuple[int, ...]
+    next_test: NextTest | None
+    title: str
+    warnings: tuple[str, ...]
+    nominal: Model
+    corrected_machine: Model
+    comparisons: tuple[Comparison, ...] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """
+        The diagnosis as plain data; what is not finite becomes None.
+
+        Returns
+        -------
+        dict
+            In the shape of the schema ``cutvib-diagnosis/1``.
+        """
+        g, w = self.gap, self.where
+        data = {
+            "schema": SCHEMA,
+            "verdict": self.verdict,
+            "gap": {
+                "unit": g.unit,
+                "before": g.before,
+                "tuned": g.tuned,
+                "after": g.after,
+                "noise_floor": g.noise_floor,
+                "band_hz": list(g.band_hz),
+                "shrinkage": g.shrinkage,
+                "shrinkage_interval": list(g.shrinkage_interval),
+            },
+            "where": {
+                "place": w.place,
+                "places": [{"place": p, "probability": q} for p, q in w.places],
+                "bands_hz": [list(b) for b in w.bands_hz],
+                "by_position": [{"position": f.label, "error": f.error, "noise": f.noise} for f in w.by_position],
+                "by_channel": [{"channel": f.label, "error": f.error, "noise": f.noise} for f in w.by_channel],
+                "level_dependent": w.level_dependent,
+            },
+            "causes": [
+                {
+                    "effect": c.effect,
+                    "place": c.place,
+                    "probability": c.probability,
+                    "parameters": {
+                        n: {"value": p.value, "std": p.std, "unit": p.unit} for n, p in c.parameters.items()
+                    },
+                    "after": c.after,
+                    "shrinkage": c.shrinkage,
+                    "reduced_chi2": c.reduced_chi2,
+                }
+                for c in self.causes
+            ],
+            "ambiguity_set": list(self.ambiguity_set),
+            "next_test": None if self.next_test is None else dict(vars(self.next_test)),
+            "title": self.title,
+            "warnings": list(self.warnings),
+        }
+        cleaned: dict[str, Any] = _finite(data)
+        return cleaned
+
+    def to_json(self) -> str:
+        """
+        The diagnosis as JSON text, without NaN or Infinity.
+
+        Returns
+        -------
+        str
+            Indented JSON of the schema ``cutvib-diagnosis/1``.
+        """
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
