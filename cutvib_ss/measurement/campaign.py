@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from cutvib_ss.errors import DataFormatError
+from cutvib_ss.errors import DataFormatError, ParameterError
+from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement.checks import check_record
-from cutvib_ss.measurement.conversion import frf_of, histories_of
-from cutvib_ss.measurement.formats import read_file
-from cutvib_ss.measurement.formats.raw import Layout, RawFrf
+from cutvib_ss.measurement.conversion import frf_of, histories_of, to_contents
+from cutvib_ss.measurement.formats import format_of, read_file
+from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawResponse
+from cutvib_ss.measurement.layout import layout_of
 from cutvib_ss.measurement.noise import frf_variance
 from cutvib_ss.measurement.records import FORCE, Campaign, History, MachineLike, Record
 from cutvib_ss.measurement.schema import CampaignFile, RecordTable, read_campaign_file
+from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.results import MeasuredFrequencyResponse, Quantity
 
-_AXIS = {"_x": 1, "_y": 2, "_z": 3}
-_CUTTING_MACHINE_NODES = {"tool": 1, "base": 2}
+_Writable: TypeAlias = Literal["tdms", "uff", "csv", "mat"]
+_FORMATS: tuple[str, ...] = get_args(_Writable)
 
 
 def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign:
@@ -50,7 +55,8 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
     if machine is None:
         machine = _machine(tables, file)
     layout = layout_of(machine, tables.dofs, f"{file}: dofs")
-    records, warnings = [], []
+    records: list[Record] = []
+    warnings: list[str] = []
     for number, table in enumerate(tables.record, start=1):
         _check_position(table, machine, f"{file}: record[{number}]")
         record, found = _read_record(table, file.parent, machine, layout)
@@ -60,66 +66,60 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
     return Campaign(title, file.parent, machine, tuple(records), tuple(warnings))
 
 
-def layout_of(machine: MachineLike, dofs: Mapping[str, int] | None = None, where: str = "dofs") -> Layout:
+def write_campaign(campaign: Campaign, folder: str | os.PathLike[str], format: _Writable = "tdms") -> Path:
     """
-    Quantities of a model's channels, and the node and direction where each is in formats that number nodes.
+    Write a campaign: campaign.toml, machine.toml and a file per record, in SI units.
 
     Parameters
     ----------
-    machine : MachineLike
-        Nominal model.
-    dofs : mapping of str to int, optional
-        Node number of each place: of a port (``"drive"``), of a channel, or of either without its axis (``"tool"`` for
-        ``tool_x`` and ``tool_z``). Default: ``tool`` 1, ``base`` 2; ports of other models are numbered from 1
-        in the order of the channels.
-    where : str
-        For the message.
+    campaign : Campaign
+        What to write.
+    folder : path-like
+        Folder to write to; made where absent. Files of the same names in it are replaced.
+    format : {"tdms", "uff", "csv", "mat"}
+        Format of the records. TDMS holds time records only.
 
     Returns
     -------
-    Layout
-        Of the force and every channel; a name that ends in ``_x``, ``_y`` or ``_z`` has direction 1, 2 or 3, others any.
+    Path
+        The campaign.toml written.
 
     Raises
     ------
+    ParameterError
+        If the format is not one of these.
     DataFormatError
-        If a place is not the model's.
+        If the format cannot hold a record.
+
+    Notes
+    -----
+    Everything is written beside the folder first and moved into it at the end, campaign.toml last: nothing is left half
+    written. UFF keeps twelve digits of a value, and six of the time or frequency step.
     """
-    ports = {name: str(channel.port) for name, channel in machine.channels.items()} | {FORCE: machine.input_port}
-    quantities: dict[str, str] = {FORCE: machine.input_quantity}
-    quantities |= {name: str(channel.quantity) for name, channel in machine.channels.items()}
-    given = dict(dofs or {})
-    places = {name: _places(name, port) for name, port in ports.items()}
-    known = {place for names in places.values() for place in names}
-    for place in given:
-        if place not in known:
-            raise DataFormatError(f"{where}.{place}: not a place of the model; it has {', '.join(sorted(known))}")
-    if machine.has_position:
-        given = _CUTTING_MACHINE_NODES | given
-    nodes: dict[str, tuple[int, int | None]] = {}
-    for name, port in ports.items():
-        stated = next((place for place in places[name] if place in given), None)
-        if stated is None:
-            stated = places[name][-1]
-            given[stated] = max(given.values(), default=0) + 1
-        axis = _AXIS.get(port[-2:], _AXIS.get(name[-2:]))
-        nodes[name] = (given[stated], 1 if axis is None and machine.has_position else axis)
-    return Layout(quantities, nodes)
-
-
-def _places(name: str, port: str) -> list[str]:
-    """Names under which [dofs] may give a channel's node, the most particular first."""
-    names = [name, port] if name != FORCE else [FORCE, port]
-    return list(dict.fromkeys([*names, *(n[:-2] if n[-2:] in _AXIS else n for n in reversed(names) if n != FORCE)]))
+    if format not in _FORMATS:
+        raise ParameterError(f"format {format!r} is not written; choose one of {', '.join(_FORMATS)}")
+    folder = Path(folder).resolve()
+    layout = layout_of(campaign.machine)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as name:
+        scratch = Path(name)
+        write_machine(campaign.machine, scratch / "machine.toml")
+        lines = ["[campaign]", f"title = {_toml(campaign.title)}", 'machine = "machine.toml"']
+        files = _file_names(campaign.records, f".{format}")
+        for record, file in zip(campaign.records, files, strict=True):
+            (scratch / file).parent.mkdir(parents=True, exist_ok=True)
+            format_of(scratch / file).write(scratch / file, _contents(record, layout), layout)
+            lines += ["", "[[record]]", f"file = {_toml(file)}", *_record_lines(record)]
+        (scratch / "campaign.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        for file in [*files, "machine.toml", "campaign.toml"]:
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            os.replace(scratch / file, folder / file)
+    return folder / "campaign.toml"
 
 
 def _machine(tables: CampaignFile, file: Path) -> Any:
     if tables.campaign.machine is None:
-        from cutvib_ss.machine import published_machine
-
         return published_machine()
-    from cutvib_ss.model_files import read_machine
-
     model = file.parent / tables.campaign.machine
     if not model.is_file():
         raise DataFormatError(f"{model}: there is no such file; correct campaign.machine in {file}")
@@ -226,3 +226,50 @@ def _check_alike(histories: Sequence[History], paths: Sequence[Path]) -> None:
                 f"{paths[0]}: {history.name!r} is sampled at {history.fs:g} Hz, {first.name!r} at {first.fs:g} Hz; "
                 "every blow of a record needs the same"
             )
+
+
+def _contents(record: Record, layout: Layout) -> Contents:
+    if record.frf is None:
+        return to_contents(record.histories, layout)
+    frf = record.frf
+    known = ~np.all(np.isnan(frf.coherence[0, :, 0]), axis=-1)
+    responses = tuple(
+        RawResponse(name, unit, frf.data[0, k, 0], frf.coherence[0, k, 0] if known[k] else None)
+        for k, (name, unit) in enumerate(zip(frf.outputs, frf.units, strict=True))
+    )
+    return Contents(frf=RawFrf(frf.freq, responses))
+
+
+def _file_names(records: Sequence[Record], suffix: str) -> list[str]:
+    """A file per record, under its own name with another suffix; numbered where two would share one."""
+    names: list[str] = []
+    for record in records:
+        path = Path(record.name).with_suffix("")
+        if path.is_absolute() or ".." in path.parts:  # not out of the folder
+            path = Path("records") / path.name
+        candidate, number = path.as_posix() + suffix, 1
+        while candidate in names:
+            number += 1
+            candidate = f"{path.as_posix()}_{number}{suffix}"
+        names.append(candidate)
+    return names
+
+
+def _record_lines(record: Record) -> list[str]:
+    values = {
+        "kind": record.kind,
+        "use": record.use,
+        "position": record.position,
+        "peak_force": record.peak_force,
+        "averages": record.averages if record.kind == "frf" else None,
+        "excitation": None if record.kind == "impact" else record.excitation,
+        "block": record.block,
+        "blow_at": record.blow_at,
+        "exponential_decay": record.exponential_decay or None,
+    }
+    return [f"{key} = {_toml(value)}" for key, value in values.items() if value is not None]
+
+
+def _toml(value: str | float) -> str:
+    """A TOML value: JSON's strings and numbers are TOML's as well, but for DEL."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -166,9 +166,9 @@ def sign_at_driving_point(frf: MeasuredFrequencyResponse, output: str) -> float:
 
     Notes
     -----
-    A passive structure takes up power at every frequency, so that Im(accelerance) is positive at every peak of a driving
-    point. Lines within ten times the noise are left out. A late channel turns the phase of the mass line first, which
-    is real; this is why the peaks decide.
+    A passive structure takes up power at every frequency, so that Im(accelerance) is positive at every peak of a
+    driving point. Lines within ten times the noise are left out. A late channel turns the phase of the mass line first,
+    which is real; this is why the peaks decide.
     """
     part = frf.sel(output=output).to_form("accelerance")
     h, variance = part.data[0, 0, 0], part.variance[0, 0, 0]

@@ -108,10 +108,12 @@ def to_contents(histories: Sequence[History], layout: Layout) -> Contents:
         One raw history each, the force first.
     """
     raw = []
+    names = [history.name for history in histories]
     for k, history in enumerate(histories):
         columns = [(FORCE, history.force), *zip(history.channels, history.responses, strict=True)]
         signals = tuple(Signal(name, SI_UNIT[layout.quantities[name]], values) for name, values in columns)
-        raw.append(RawHistory(history.name or f"blow_{k + 1}", history.fs, signals))
+        name = history.name if history.name and names.count(history.name) == 1 else f"blow_{k + 1}"
+        raw.append(RawHistory(name, history.fs, signals))
     return Contents(histories=tuple(raw))
 
 
@@ -148,7 +150,8 @@ def _si(signal: Signal, quantity: str, where: str) -> FloatArray:
     worst = float(np.max(np.abs(values)))
     if worst > ABSURD[quantity]:
         raise DataFormatError(
-            f"{where}: {worst:.3g} {SI_UNIT[quantity]} is no measurement (limit {ABSURD[quantity]:g}); check scale and unit"
+            f"{where}: {worst:.3g} {SI_UNIT[quantity]} is no measurement (limit {ABSURD[quantity]:g}); "
+            "check scale and unit"
         )
     return values
 
@@ -201,5 +204,6 @@ def _check_finite(values: FloatArray | ComplexArray, where: str, what: str) -> N
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         raise DataFormatError(
-            f"{where}: NaN or Inf at {what} {bad[0] + 1} ({bad.size} of {values.size}); remove the record or record again"
+            f"{where}: NaN or Inf at {what} {bad[0] + 1} ({bad.size} of {values.size}); "
+            "remove the record or record again"
         )

@@ -3,7 +3,8 @@ Frequency responses from time records: H1, H2, Hv, coherence, variance, and leak
 
 A blow is short and its response long: a 24.5 Hz mode at 0.6 % damping has not died out after 2 s, and a plain transform
 leaves 16 % at its peak. Multiplying force and response alike by e^(-σt) moves the whole transform to s = σ + jω,
-where the truncated rest is e^(-σT) smaller; the estimate is then H(σ + jω) without leakage, to be compared with a model there.
+where the truncated rest is e^(-σT) smaller; the estimate is then H(σ + jω) without leakage, to be compared with a model
+there.
 """
 
 from __future__ import annotations
@@ -51,8 +52,8 @@ def estimate(
     estimator : {"H1", "H2", "Hv"}
         H1 for noise on the responses, H2 for noise on the force, Hv for both.
     decay_rate : float
-        σ [1/s] of the factor e^(-σt) on force and responses alike; the result is at s = σ + jω. Only for blows: it needs
-        the structure at rest when the record starts.
+        σ [1/s] of the factor e^(-σt) on force and responses alike; the result is at s = σ + jω. Only for blows: it
+        needs the structure at rest when the record starts.
     band : (float, float), optional
         Lowest and highest frequency to return [Hz]; default all lines from 0 to fs/2.
     noise_bins : int
@@ -82,8 +83,8 @@ def estimate(
     of the estimate is that over Σ |F|². With a single blow the noise is taken from the samples before it, on force
     and response; without those, from what scatters along frequency.
 
-    Continuous recordings: Hann blocks, overlapped (Welch); the noise power is the incoherent part S_aa (1 - γ²), with as
-    many averages as the overlapped blocks are worth.
+    Continuous recordings: Hann blocks, overlapped (Welch); the noise power is the incoherent part S_aa (1 - γ²), with
+    as many averages as the overlapped blocks are worth.
     """
     if estimator not in _ESTIMATORS:
         raise ParameterError(f"estimator {estimator!r} is not one of {', '.join(_ESTIMATORS)}")
@@ -96,7 +97,8 @@ def estimate(
     else:
         if decay_rate:
             raise ParameterError(
-                f"record {record.name!r} does not start at rest, so e^(-σt) does not undo its leakage: leave decay_rate at 0"
+                f"record {record.name!r} does not start at rest, so e^(-σt) cannot undo its leakage: "
+                "leave decay_rate at 0"
             )
         freq, data, variance, gamma, averages = _from_recording(record, estimator, noise_bins, block, overlap)
     keep = slice(None) if band is None else _lines(freq, band)
@@ -218,8 +220,8 @@ def blow_start(force: FloatArray) -> int:
 
     Notes
     -----
-    The blow has begun where the force passes 5 % of its peak. A sixteenth of the samples before that, eight at least, are
-    given away: a digitiser's filter rings before an edge.
+    The blow has begun where the force passes 5 % of its peak. A sixteenth of the samples before that, eight at least,
+    are given away: a digitiser's filter rings before an edge.
     """
     offset = float(np.median(force))
     size = np.abs(force - offset)
@@ -253,7 +255,7 @@ def _from_blows(
             variance[k] = _quotient(power, input_power).real
         else:
             variance[k] = _single_blow_variance(record.histories[0], k, h, input_power, window, noise_bins)
-    freq = np.fft.rfftfreq(samples, 1 / fs)
+    freq: FloatArray = np.arange(samples // 2 + 1, dtype=np.float64) * (fs / samples)
     return freq, data, _finite(variance, data, input_power), gamma, averages
 
 
@@ -313,7 +315,7 @@ def _from_recording(
     blocks = [1 + (history.force.size - size) // step for history in record.histories]
     effective = sum(_effective_averages(window, step, count) for count in blocks)
     shares = np.array(blocks) / sum(blocks)
-    freq = np.fft.rfftfreq(size, 1 / fs)
+    freq: FloatArray = np.arange(size // 2 + 1, dtype=np.float64) * (fs / size)
     spectra = [_spectra(history, window, size - step) for history in record.histories]
     ff, fa, aa = (sum(share * s[i] for share, s in zip(shares, spectra, strict=True)) for i in range(3))
     if not np.any(ff > 0):
@@ -341,12 +343,17 @@ def _from_recording(
 
 
 def _spectra(history: History, window: FloatArray, shared: int) -> tuple[FloatArray, ComplexArray, FloatArray]:
-    options = {"fs": history.fs, "window": window, "noverlap": shared, "detrend": "constant"}
-    _, ff = signal.welch(history.force, **options)
-    _, aa = signal.welch(history.responses, **options)
-    # the order matters: csd(F, A) is Σ F* A, csd(A, F) its conjugate
-    _, fa = signal.csd(history.force[np.newaxis], history.responses, **options)
-    return ff, fa, aa
+    """Averaged power of the force, Σ F* A, and power of the responses: one-sided densities."""
+
+    def averaged(x: FloatArray, y: FloatArray) -> ComplexArray:
+        # the order matters: csd(F, A) is Σ F* A, csd(A, F) its conjugate
+        density = signal.csd(
+            x, y, fs=history.fs, window=window.tolist(), nperseg=window.size, noverlap=shared, detrend="constant"
+        )[1]
+        return np.asarray(density, dtype=np.complex128)
+
+    force, responses = history.force[np.newaxis], history.responses
+    return averaged(force, force)[0].real, averaged(force, responses), averaged(responses, responses).real
 
 
 def _effective_averages(window: FloatArray, step: int, count: int) -> float:

@@ -2,9 +2,9 @@
 How uncertain an estimated frequency response is: noise power smoothed over frequency, and the variance that follows.
 
 A variance from few averages is itself so scattered that the reduced χ² of a perfect model doubles at three averages
-(the mean of 1/χ²_ν is 1/(ν - 2)). The noise is smooth along frequency where the response is not, so it is the noise power
-that is smoothed, never the variance: in the response's noise S_e(f) = a(f) + b(f) |H(f)|², a is the response channel's
-own noise and b |H|² is that of the force, which peaks where the response does; a and b are what varies slowly.
+(the mean of 1/χ²_ν is 1/(ν - 2)). The noise is smooth along frequency where the response is not, so it is the noise
+power that is smoothed, never the variance: in S_e(f) = a(f) + b(f) |H(f)|², a is the response channel's own noise
+and b |H|² is that of the force, which peaks where the response does; a and b are what varies slowly.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def scatter_correction(freedom: float, half_width: int, correlation: FloatArray,
     bins = min(2 * half_width + 1, size)
     lags = correlation[1:bins]
     independent = bins / (1 + 2 * float(np.sum(lags * (1 - np.arange(1, lags.size + 1) / bins))))
-    nu = freedom * independent - 2.0  # a and b are fitted
+    nu = freedom * independent / 1.5  # two coefficients are fitted; where the gain is flat in the window, one
     return nu / (nu - 2) if nu > 4 else 2.0
 
 
@@ -166,8 +166,8 @@ def frf_variance(
     Notes
     -----
     With coherence from n averages the noise-to-force ratio R = |H|² (1 - γ²)/γ² is smoothed (`smooth_noise`), and the
-    variance is R/(n-1): per real part |H|² (1 - γ²)/(2 (n-1) γ²). With one average, or without coherence, or where it is
-    one throughout, coherence says nothing: then the noise is what a fourth difference along frequency leaves, by its
+    variance is R/(n-1): per real part |H|² (1 - γ²)/(2 (n-1) γ²). With one average, or without coherence, or where it
+    is one throughout, coherence says nothing: then the noise is what a fourth difference along frequency leaves, by its
     running median, which a few lines of a sharp peak do not move.
     """
     del freq  # lines are taken as they come: their spacing does not enter

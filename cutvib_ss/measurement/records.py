@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.mechanical import Channel
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse, Quantity, read_only
 
 Kind: TypeAlias = Literal["impact", "frf", "timeseries"]
@@ -20,26 +21,12 @@ FORCE = "force"
 """Name of the input's column or channel in every format, also where it holds a base acceleration."""
 
 
-class ChannelLike(Protocol):
-    """What a response channel reads."""
-
-    @property
-    def port(self) -> str:
-        """Port at which the motion is read."""
-        ...
-
-    @property
-    def quantity(self) -> Quantity:
-        """Motion quantity that the channel gives."""
-        ...
-
-
 class MachineLike(Protocol):
     """The part of a nominal model that the reading of measurements relies on."""
 
     @property
-    def channels(self) -> Mapping[str, Any]:
-        """Response channels by name; each has ``port`` and ``quantity`` (`ChannelLike`)."""
+    def channels(self) -> Mapping[str, Channel]:
+        """Response channels by name: port and quantity of each."""
         ...
 
     @property
@@ -91,8 +78,8 @@ class History:
             raise ParameterError(f"history {self.name!r}: the sampling frequency is {self.fs} Hz; it must be positive")
         if self.responses.shape != (len(self.channels), self.force.size):
             raise ParameterError(
-                f"history {self.name!r}: responses have shape {self.responses.shape}, but {len(self.channels)} channels "
-                f"of {self.force.size} samples are labelled"
+                f"history {self.name!r}: responses have shape {self.responses.shape}, but {len(self.channels)} "
+                f"channels of {self.force.size} samples are labelled"
             )
 
     @property

@@ -2,8 +2,9 @@
 MATLAB files (v4 to v7.3): variables of the channels' names, and ``fs``.
 
 Time records: ``fs`` [Hz], ``force`` and each channel as vectors; several blows are the columns of matrices (samples run
-along the longer side, so that rows are read as well). Frequency responses: ``freq`` [Hz], each channel a complex vector,
-``<channel>_coherence`` where known. A struct ``units`` with a field per channel names units; without it values are SI.
+along the longer side, so that rows are read as well). Frequency responses: ``freq`` [Hz], each channel a complex
+vector, ``<channel>_coherence`` where known. A struct ``units`` with a field per channel names units; without it values
+are SI.
 """
 
 from __future__ import annotations
@@ -25,7 +26,6 @@ from cutvib_ss.measurement.formats.raw import (
     RawHistory,
     RawResponse,
     Signal,
-    sampling_frequency,
 )
 from cutvib_ss.units import SI_UNIT
 
@@ -98,7 +98,7 @@ def write(path: Path, contents: Contents, layout: Layout) -> None:
         sizes = {(h.fs, h.signals[0].values.size) for h in contents.histories}
         if len(sizes) > 1:
             raise DataFormatError(
-                f"{path}: blows of different length or sampling frequency {sorted(sizes)} do not fit one matrix; "
+                f"{path.name}: blows of different length or sampling frequency {sorted(sizes)} do not fit one matrix; "
                 "write tdms, uff or csv"
             )
         variables["fs"] = contents.histories[0].fs
@@ -153,7 +153,7 @@ def _histories(path: Path, variables: dict[str, Any], units: dict[str, str], lay
     return tuple(
         RawHistory(
             f"blow {blow + 1}",
-            sampling_frequency(1 / fs),
+            fs,
             tuple(Signal(name, _unit(name, units, layout), matrix[blow]) for name, matrix in columns.items()),
         )
         for blow in range(blows)

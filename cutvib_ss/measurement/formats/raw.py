@@ -165,9 +165,10 @@ def sampling_frequency(step: float, tolerance: float = 1e-9) -> float:
     4096.0
     """
     for digits in range(1, 16):
-        for candidate in (_rounded(1 / step, digits), 1 / _rounded(step, digits)):
-            if abs(candidate * step - 1) <= tolerance:
-                return candidate
+        candidates = (_rounded(1 / step, digits), 1 / _rounded(step, digits))
+        best = min(candidates, key=lambda fs: abs(fs * step - 1))
+        if abs(best * step - 1) <= tolerance:
+            return best
     return 1 / step
 
 
@@ -211,7 +212,8 @@ def even_sampling(time: FloatArray, where: str) -> float:
     quantum = _printed_quantum(time)
     if error > max(1e-3 * step, quantum):
         raise DataFormatError(
-            f"{where}: time steps are uneven (up to {error:.2g} s off a step of {step:.4g} s); resample the record evenly"
+            f"{where}: time steps are uneven (up to {error:.2g} s off a step of {step:.4g} s); "
+            "resample the record evenly"
         )
     return sampling_frequency(float(step), max(1e-9, quantum / float(time[-1] - time[0])))
 

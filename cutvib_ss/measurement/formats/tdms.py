@@ -70,7 +70,7 @@ def write(path: Path, contents: Contents, layout: Layout) -> None:
         If the contents are frequency responses, which have no form in TDMS here.
     """
     if contents.frf is not None:
-        raise DataFormatError(f"{path}: TDMS holds time records only; write FRFs as uff, csv or mat")
+        raise DataFormatError(f"{path.name}: TDMS holds time records only; write FRFs as uff, csv or mat")
     objects: list[object] = [nptdms.RootObject(properties={})]
     for history in contents.histories:
         objects.append(nptdms.GroupObject(history.name))

@@ -140,19 +140,16 @@ def _header(layout: Layout, channel: str, function: int) -> dict[str, Any]:
         for axis in ("abscissa", "ordinate", "orddenom", "z_axis")
         for label in ("lab", "units_lab")
     }
-    reference = (
-        {"ref_node": ref_node, "ref_dir": ref_direction or 1} if function != _TIME else {"ref_node": 0, "ref_dir": 0}
-    )
-    return {
-        "type": 58, "binary": 0, "func_type": function, "func_id": 0, "ver_num": 1, "load_case_id": 0,
-        "id1": "NONE", "id2": "NONE", "id3": "NONE", "id4": "NONE", "id5": "NONE",
-        "rsp_ent_name": "NONE", "rsp_node": node, "rsp_dir": direction or 1, "ref_ent_name": "NONE",
-        **reference,
-        "abscissa_spec_data_type": 0, "ordinate_spec_data_type": 0, "orddenom_spec_data_type": 0,
-        "z_axis_spec_data_type": 0, "z_axis_value": 0.0, "abscissa_min": 0.0, "abscissa_inc": 0.0,
-        **exponents,
-        **labels,
-    }
+    fields: dict[str, Any] = {"type": 58, "binary": 0, "func_type": function, "func_id": 0, "ver_num": 1}
+    fields |= {"load_case_id": 0, "rsp_ent_name": "NONE", "ref_ent_name": "NONE"}
+    fields |= {f"id{k}": "NONE" for k in range(1, 6)}
+    fields |= {"rsp_node": node, "rsp_dir": direction or 1}
+    fields |= {"ref_node": ref_node, "ref_dir": ref_direction or 1}
+    if function == _TIME:  # a time record has no reference
+        fields |= {"ref_node": 0, "ref_dir": 0}
+    fields |= {"z_axis_value": 0.0, "abscissa_min": 0.0, "abscissa_inc": 0.0}
+    fields |= {f"{axis}_spec_data_type": 0 for axis in ("abscissa", "ordinate", "orddenom", "z_axis")}
+    return fields | exponents | labels
 
 
 def _data_sets(path: Path) -> tuple[list[_DataSet], tuple[float, float]]:

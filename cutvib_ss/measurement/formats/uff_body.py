@@ -91,11 +91,15 @@ def data_values(block: bytes, header: dict[str, Any], where: str) -> tuple[Float
             f"{where}: truncated, {values.size // width} of {points} points are there; export the file again"
         )
     table = values[: points * width].reshape(points, width)
+    abscissa: FloatArray
     if even:
-        abscissa = float(header["abscissa_min"]) + float(header["abscissa_inc"]) * np.arange(points)
+        abscissa = float(header["abscissa_min"]) + float(header["abscissa_inc"]) * np.arange(points, dtype=np.float64)
     else:
-        abscissa, table = np.ascontiguousarray(table[:, 0]), table[:, 1:]
-    ordinate = table[:, 0] + 1j * table[:, 1] if table.shape[1] == 2 else table[:, 0].astype(np.complex128)
+        abscissa, table = np.array(table[:, 0], dtype=np.float64), table[:, 1:]
+    ordinate = np.zeros(points, dtype=np.complex128)
+    ordinate.real = table[:, 0]
+    if table.shape[1] == 2:
+        ordinate.imag = table[:, 1]
     return abscissa, ordinate
 
 
@@ -121,6 +125,6 @@ def _ascii(body: bytes, order: int, even: bool, where: str) -> FloatArray:
     table = np.frombuffer(b"".join(lines), dtype=np.dtype([(f"f{k}", f"S{w}") for k, w in enumerate(fields)]))
     cells = np.stack([np.char.strip(table[name].astype("S20")) for name in table.dtype.names or ()], axis=1).ravel()
     try:
-        return cells[cells != b""].astype(np.float64)
+        return np.asarray(cells[cells != b""], dtype=np.float64)
     except ValueError as error:
         raise DataFormatError(f"{where}: not a number among its values ({error}); export the file again") from error

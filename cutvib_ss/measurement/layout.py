@@ -1,0 +1,66 @@
+"""Where the channels of a model are found in formats that number nodes, and what they measure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from cutvib_ss.errors import DataFormatError
+from cutvib_ss.measurement.formats.raw import Layout
+from cutvib_ss.measurement.records import FORCE, MachineLike
+
+_AXIS = {"_x": 1, "_y": 2, "_z": 3}
+_CUTTING_MACHINE_NODES = {"tool": 1, "base": 2}
+
+
+def layout_of(machine: MachineLike, dofs: Mapping[str, int] | None = None, where: str = "dofs") -> Layout:
+    """
+    Quantities of a model's channels, and the node and direction where each is in formats that number nodes.
+
+    Parameters
+    ----------
+    machine : MachineLike
+        Nominal model.
+    dofs : mapping of str to int, optional
+        Node number of each place: of a port (``"drive"``), of a channel, or of either without its axis (``"tool"`` for
+        ``tool_x`` and ``tool_z``). Default: ``tool`` 1, ``base`` 2; ports of other models are numbered from 1
+        in the order of the channels.
+    where : str
+        For the message.
+
+    Returns
+    -------
+    Layout
+        Of the force and every channel; a name that ends in ``_x``, ``_y`` or ``_z`` has direction 1, 2 or 3,
+        others any.
+
+    Raises
+    ------
+    DataFormatError
+        If a place is not the model's.
+    """
+    ports = {name: str(channel.port) for name, channel in machine.channels.items()} | {FORCE: machine.input_port}
+    quantities: dict[str, str] = {FORCE: machine.input_quantity}
+    quantities |= {name: str(channel.quantity) for name, channel in machine.channels.items()}
+    given = dict(dofs or {})
+    places = {name: _places(name, port) for name, port in ports.items()}
+    known = {place for names in places.values() for place in names}
+    for place in given:
+        if place not in known:
+            raise DataFormatError(f"{where}.{place}: not a place of the model; it has {', '.join(sorted(known))}")
+    if machine.has_position:
+        given = _CUTTING_MACHINE_NODES | given
+    nodes: dict[str, tuple[int, int | None]] = {}
+    for name, port in ports.items():
+        stated = next((place for place in places[name] if place in given), None)
+        if stated is None:
+            stated = places[name][-1]
+            given[stated] = max(given.values(), default=0) + 1
+        axis = _AXIS.get(port[-2:], _AXIS.get(name[-2:]))
+        nodes[name] = (given[stated], 1 if axis is None and machine.has_position else axis)
+    return Layout(quantities, nodes)
+
+
+def _places(name: str, port: str) -> list[str]:
+    """Names under which [dofs] may give a channel's node, the most particular first."""
+    names = [name, port] if name != FORCE else [FORCE, port]
+    return list(dict.fromkeys([*names, *(n[:-2] if n[-2:] in _AXIS else n for n in reversed(names) if n != FORCE)]))
