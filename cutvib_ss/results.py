@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.units import DERIVATIVE_ORDER, SI_UNIT
 
 Quantity: TypeAlias = Literal["displacement", "velocity", "acceleration"]
@@ -149,7 +150,7 @@ class FrequencyResponse:
     def _take(self, rows: NDArray[np.intp], outs: list[int], ins: list[int]) -> Self:
         return replace(
             self,
-            data=self.data[np.ix_(rows, outs, ins, np.arange(self.freq.size))],
+            data=self.data[np.ix_(rows, np.array(outs), np.array(ins), np.arange(self.freq.size))],
             positions=self.positions[rows],
             outputs=tuple(self.outputs[i] for i in outs),
             inputs=tuple(self.inputs[i] for i in ins),
@@ -217,7 +218,7 @@ class MeasuredFrequencyResponse(FrequencyResponse):
                 raise ParameterError(f"{name} has shape {getattr(self, name).shape}, the data {self.data.shape}")
 
     def _take(self, rows: NDArray[np.intp], outs: list[int], ins: list[int]) -> Self:
-        index = np.ix_(rows, outs, ins, np.arange(self.freq.size))
+        index = np.ix_(rows, np.array(outs), np.array(ins), np.arange(self.freq.size))
         return replace(
             self,
             data=self.data[index],
@@ -280,6 +281,127 @@ class Modes:
             object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
         object.__setattr__(self, "poles", read_only(self.poles, np.complex128))
         object.__setattr__(self, "dofs", tuple(self.dofs))
+
+
+@dataclass(frozen=True)
+class TrackedModes:
+    """
+    Natural modes followed over positions: column k is one and the same mode throughout.
+
+    Parameters
+    ----------
+    positions : array_like, shape (position,)
+        Positions y_b / L.
+    natural_freq : array_like, shape (position, mode)
+        Undamped natural frequencies [Hz]; ascending at the first position, and on as long as no two modes cross.
+    damping_ratio : array_like, shape (position, mode)
+        Damping ratios.
+    poles : array_like of complex, shape (position, mode)
+        Poles [rad/s] of the upper half plane.
+    mode_shapes : array_like, shape (position, dof, mode)
+        Mass-normalised mode shapes, their signs carried along.
+    mac : array_like, shape (position, mode)
+        Modal assurance criterion with the step before, the lowest on the way from the position before; 1 at the first.
+    dofs : sequence of str
+        Names of the degrees of freedom.
+    """
+
+    positions: FloatArray
+    natural_freq: FloatArray
+    damping_ratio: FloatArray
+    poles: ComplexArray
+    mode_shapes: FloatArray
+    mac: FloatArray
+    dofs: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("positions", "natural_freq", "damping_ratio", "mode_shapes", "mac"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
+        object.__setattr__(self, "poles", read_only(self.poles, np.complex128))
+        object.__setattr__(self, "dofs", tuple(self.dofs))
+
+
+@dataclass(frozen=True)
+class AbsorberCheck:
+    """
+    What an absorber does over the workspace.
+
+    Parameters
+    ----------
+    absorber : AbsorberParameters
+        The absorber.
+    working_frequency : float
+        Frequency of the tool's force [Hz].
+    positions : array_like, shape (position,)
+        Positions y_b / L.
+    before, after : array_like, shape (position,)
+        Modulus of the driving-point accelerance at the working frequency without and with the absorber [m/s^2/N].
+    frf_before, frf_after : FrequencyResponse
+        The driving-point accelerance around it, without and with the absorber.
+    peaks_before, peaks_after : sequence of tuple of float
+        Frequencies of the peaks of ``frf_before`` and ``frf_after`` at each position [Hz].
+    """
+
+    absorber: AbsorberParameters
+    working_frequency: float
+    positions: FloatArray
+    before: FloatArray
+    after: FloatArray
+    frf_before: FrequencyResponse
+    frf_after: FrequencyResponse
+    peaks_before: tuple[tuple[float, ...], ...]
+    peaks_after: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        for name in ("positions", "before", "after"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
+
+    @property
+    def reduction(self) -> FloatArray:
+        """Part of the accelerance that the absorber takes away at each position, 1 - after/before."""
+        return 1.0 - self.after / self.before
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """Position at which most is left, and what is left there [m/s^2/N]."""
+        k = int(np.argmax(self.after))
+        return float(self.positions[k]), float(self.after[k])
+
+
+@dataclass(frozen=True)
+class AbsorberStudy:
+    """
+    Absorbers over a grid of tunings and dampings, each judged by its worst position.
+
+    Parameters
+    ----------
+    working_frequency : float
+        Frequency of the tool's force [Hz].
+    positions : array_like, shape (position,)
+        Positions y_b / L over which the worst is taken.
+    tuning : array_like, shape (tuning,)
+        Tuning frequencies [Hz].
+    damping_ratio : array_like, shape (damping,)
+        Damping ratios of the absorber.
+    before : array_like, shape (position,)
+        Modulus of the driving-point accelerance at the working frequency without an absorber [m/s^2/N].
+    worst : array_like, shape (tuning, damping)
+        Largest modulus over the positions with the absorber [m/s^2/N].
+    best : AbsorberParameters
+        The absorber whose worst position is the best.
+    """
+
+    working_frequency: float
+    positions: FloatArray
+    tuning: FloatArray
+    damping_ratio: FloatArray
+    before: FloatArray
+    worst: FloatArray
+    best: AbsorberParameters
+
+    def __post_init__(self) -> None:
+        for name in ("positions", "tuning", "damping_ratio", "before", "worst"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
 
 
 def _indices(labels: tuple[str, ...], wanted: str | Sequence[str] | None, what: str) -> list[int]:
