@@ -1,4 +1,4 @@
-"""What goes wrong in a measurement: double hits, overloads, dead channels, a force or sensor the wrong way round."""
+"""What goes wrong in a measurement: double hits, overloads, dead channels; signs are in `signs`."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 from scipy import signal
 
 from cutvib_ss.errors import DataFormatError
-from cutvib_ss.measurement.estimation import blow_start, estimate
+from cutvib_ss.measurement.estimation import blow_start
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
-from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
+from cutvib_ss.measurement.signs import turned_signs
+from cutvib_ss.results import FloatArray
 
 DOUBLE_HIT = 0.1
 """A second peak of the force above this fraction of the first is a second hit."""
@@ -69,7 +70,7 @@ def check_record(record: Record, machine: MachineLike, where: str) -> tuple[Reco
                 warnings.append(
                     f"{where}: {history.name}: {name} is overloaded (clipped); lower the gain and record again"
                 )
-    warnings += _driving_point(record, machine, where)
+    warnings += turned_signs(record, machine, where)
     return record, tuple(warnings)
 
 
@@ -145,55 +146,6 @@ def overloaded(values: FloatArray) -> bool:
         if levels.size > 1 and extreme / float(np.min(np.diff(levels))) > _FEWEST_STEPS:
             return True
     return False
-
-
-def sign_at_driving_point(frf: MeasuredFrequencyResponse, output: str) -> float:
-    """
-    Sign of a driving point's response: +1 where force and motion are counted in one direction.
-
-    Parameters
-    ----------
-    frf : MeasuredFrequencyResponse
-        Responses with a force as input.
-    output : str
-        Channel at the place and in the direction of the force.
-
-    Returns
-    -------
-    float
-        Mean sign of Im(accelerance), weighted by its fourth power so that the peaks decide: -1 to 1; 0 where no line
-        stands out of the noise.
-
-    Notes
-    -----
-    A passive structure takes up power at every frequency, so that Im(accelerance) is positive at every peak of a
-    driving point. Lines within ten times the noise are left out. A late channel turns the phase of the mass line first,
-    which is real; this is why the peaks decide.
-    """
-    part = frf.sel(output=output).to_form("accelerance")
-    h, variance = part.data[0, 0, 0], part.variance[0, 0, 0]
-    clear = np.isfinite(h) & (part.freq > 0)
-    clear[clear] = np.abs(h[clear]) ** 2 > 100 * variance[clear]
-    if not np.any(clear):
-        return 0.0
-    across = h.imag[clear] / np.max(np.abs(h.imag[clear]))
-    return float(np.sum(np.sign(across) * across**4) / np.sum(across**4))
-
-
-def _driving_point(record: Record, machine: MachineLike, where: str) -> list[str]:
-    if machine.input_quantity != "force":  # relative motion under base excitation has no driving point
-        return []
-    drivers = [name for name in record.channels if machine.channels[name].port == machine.input_port]
-    if not drivers:
-        return []
-    frf = estimate(record) if record.frf is None else record.frf
-    return [
-        f"{where}: {name} and the force have opposite signs at the driving point (Im of accelerance is negative at its "
-        "peaks): hammer or sensor the wrong way round; turn the sign of the force if all channels are turned, else of "
-        f"{name}, in the file (in UFF: direction -1)"
-        for name in drivers
-        if sign_at_driving_point(frf, name) < -0.5
-    ]
 
 
 def _drop_dead_forces(record: Record, where: str, warnings: list[str]) -> Record:

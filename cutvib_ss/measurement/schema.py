@@ -44,6 +44,8 @@ class RecordTable(_Table):
     def _some_file(cls, value: str | list[str]) -> str | list[str]:
         if not value or (isinstance(value, list) and not all(value)):
             raise ValueError("name at least one file")
+        if isinstance(value, list) and len(set(value)) < len(value):
+            raise ValueError("a file is named twice; name each blow once")
         return value
 
     @property

@@ -11,7 +11,9 @@ import numpy as np
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.formats.raw import Contents, Layout, RawHistory, Signal, sampling_frequency
 
-_LEAD_IN = struct.Struct("<4sIIQQ")  # tag, table of contents, version, next segment, raw data
+_LEAD_IN = 28  # bytes: tag, table of contents, version, next segment, raw data
+_BIG_ENDIAN = 1 << 6  # in the table of contents
+_OPEN = 2**64 - 1  # next segment of a file that its recorder did not close
 
 
 def read(path: Path, frf: bool, layout: Layout) -> Contents:
@@ -120,13 +122,16 @@ def _check_complete(path: Path) -> None:
     with path.open("rb") as file:
         while position < size:
             file.seek(position)
-            head = file.read(_LEAD_IN.size)
-            if len(head) < _LEAD_IN.size:
-                raise DataFormatError(f"{path}: truncated TDMS file; copy it again from the recorder")
-            tag, _, _, following, _ = _LEAD_IN.unpack(head)
-            if tag != b"TDSm":
-                what = "not a TDMS file" if position == 0 else "damaged TDMS file"
+            head = file.read(_LEAD_IN)
+            if head[:4] != b"TDSm":
+                what = "not a TDMS file" if position == 0 else "truncated or damaged TDMS file"
                 raise DataFormatError(f"{path}: {what} (no segment at byte {position}); copy it again")
-            position += _LEAD_IN.size + following
-    if position != size:  # also where the recorder stopped before it closed the last segment
+            if len(head) < _LEAD_IN:
+                raise DataFormatError(f"{path}: truncated TDMS file; copy it again from the recorder")
+            (contents,) = struct.unpack_from("<I", head, 4)
+            (following,) = struct.unpack_from(">Q" if contents & _BIG_ENDIAN else "<Q", head, 12)
+            if following == _OPEN:
+                raise DataFormatError(f"{path}: the recorder stopped before it closed this TDMS file; record again")
+            position += _LEAD_IN + following
+    if position != size:
         raise DataFormatError(f"{path}: truncated TDMS file ({size} bytes of {position}); copy it again")
