@@ -38,8 +38,8 @@ def read(path: Path, frf: bool, layout: Layout) -> Contents:
     if frf:
         raise DataFormatError(f"{path}: LVM holds time records; give FRFs as UFF, CSV or MAT, or set kind = 'impact'")
     try:
-        # with its defaults the library would write and load a pickle beside the data: a hole
-        content = lvm_read.read(str(path), read_from_pickle=False, dump_file=False)
+        # from text: given a path, the library loads a pickle that lies beside the file, even where told not to (1.26)
+        content = lvm_read.read_str(path.read_text(encoding="utf-8", errors="ignore"))
         segments = [content[k] for k in range(content["Segments"])]
     except Exception as error:  # the library raises whatever the damaged text leads it to
         raise DataFormatError(f"{path}: not a readable LVM file ({error}); export it again as text") from error

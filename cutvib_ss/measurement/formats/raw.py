@@ -165,10 +165,11 @@ def sampling_frequency(step: float, tolerance: float = 1e-9) -> float:
     4096.0
     """
     for digits in range(1, 16):
-        candidates = (_rounded(1 / step, digits), 1 / _rounded(step, digits))
-        best = min(candidates, key=lambda fs: abs(fs * step - 1))
-        if abs(best * step - 1) <= tolerance:
-            return best
+        # a step that was cut to six digits is no evidence of a step of six digits
+        if abs(_rounded(step, digits) / step - 1) <= 1e-9 and (digits <= 5 or tolerance < 1e-8):
+            return 1 / _rounded(step, digits)
+        if abs(_rounded(1 / step, digits) * step - 1) <= tolerance:
+            return _rounded(1 / step, digits)
     return 1 / step
 
 
@@ -210,7 +211,8 @@ def even_sampling(time: FloatArray, where: str) -> float:
     step, start = np.polyfit(index - index.mean(), time, 1)
     error = float(np.max(np.abs(time - start - step * (index - index.mean()))))
     quantum = _printed_quantum(time)
-    if error > max(1e-3 * step, quantum):
+    # printed coarsely, times hide some jitter, but never a sample that was dropped
+    if error > max(1e-3 * step, min(quantum, 0.3 * step)):
         raise DataFormatError(
             f"{where}: time steps are uneven (up to {error:.2g} s off a step of {step:.4g} s); "
             "resample the record evenly"
