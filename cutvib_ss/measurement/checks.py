@@ -8,7 +8,6 @@ import numpy as np
 from scipy import signal
 
 from cutvib_ss.errors import DataFormatError
-from cutvib_ss.measurement.estimation import blow_start
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
 from cutvib_ss.measurement.signs import turned_signs
 from cutvib_ss.results import FloatArray
@@ -101,8 +100,8 @@ def second_hit(force: FloatArray, fraction: float = DOUBLE_HIT) -> tuple[int, fl
     largest = int(np.argmax(np.abs(centred)))
     upright = centred * np.sign(centred[largest])
     peak = float(upright[largest])
-    noise = 8 * float(np.std(centred[: blow_start(force)] if blow_start(force) else [0.0]))
-    height = max(fraction * peak, noise)
+    noise = 1.48 * float(np.median(np.abs(centred)))  # a force is noise but for its hits
+    height = max(fraction * peak, 8 * noise)
     # between two hits the hammer lifts off: the force falls by most of the smaller one
     peaks, properties = signal.find_peaks(upright, height=height, prominence=0.8 * height)
     others = [

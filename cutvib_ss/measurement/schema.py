@@ -97,7 +97,8 @@ def read_campaign_file(path: Path) -> CampaignFile:
     try:
         return CampaignFile.model_validate(content)
     except ValidationError as error:
-        first = error.errors()[0]
+        # an unknown key first: misspelt, it is what makes another one missing
+        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
         raise DataFormatError(f"{path}: {_say(first)}{more}") from None
 

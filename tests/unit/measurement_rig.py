@@ -85,3 +85,37 @@ def small_campaign(folder=".", kind="impact", blows=2, samples=400, seed=0, chan
         averages=blows if kind == "impact" else 1, excitation="impact" if kind == "impact" else "multisine",
     )  # fmt: skip
     return Campaign('Königs Maschine "1"', Path(folder), published_machine(), (record,))
+
+
+_LVM_HEAD = """LabVIEW Measurement\t
+Writer_Version\t2
+Reader_Version\t2
+Separator\tTab
+Decimal_Separator\t{decimal}
+Multi_Headings\tYes
+X_Columns\t{columns}
+Time_Pref\tAbsolute
+***End_of_Header***\t
+\t
+"""
+_LVM_SEGMENT = """Channels\t2\t\t
+Samples\t20\t20\t
+Y_Unit_Label\tN\tg\t
+X_Dimension\tTime\tTime\t
+X0\t0.0\t0.0\t
+Delta_X\t{step}\t{step}\t
+***End_of_Header***\t\t\t
+X_Value\tforce\ttool_x\tComment
+"""
+
+
+def lvm_text(blows=2, columns="One", decimal="."):
+    """A LabVIEW measurement file with a segment per blow."""
+    text = _LVM_HEAD.format(decimal=decimal, columns=columns)
+    for blow in range(blows):
+        text += _LVM_SEGMENT.format(step=f"0{decimal}001000")
+        for k in range(20):
+            x = "" if columns == "No" else f"{k * 0.001:.6f}"
+            text += f"{x}\t{100 * blow + k:.6f}\t{-k:.6f}\n".replace(".", decimal)
+        text += "\t\n" if blow < blows - 1 else ""
+    return text

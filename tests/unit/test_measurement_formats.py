@@ -28,7 +28,7 @@ from cutvib_ss.measurement.formats.raw import (
 from cutvib_ss.measurement.layout import layout_of
 from cutvib_ss.mechanical import Channel
 from cutvib_ss.results import MeasuredFrequencyResponse
-from tests.unit.measurement_rig import small_campaign
+from tests.unit.measurement_rig import lvm_text, small_campaign
 
 LAYOUT = layout_of(published_machine())
 HISTORY_FORMATS = [".tdms", ".uff", ".unv", ".csv", ".mat"]
@@ -424,40 +424,6 @@ def test_mat_of_version_7_3(tmp_path):
         file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
     (history,) = read_file(tmp_path / "r.mat", False, LAYOUT).histories
     np.testing.assert_allclose(history.signals[0].values, np.arange(30.0))
-
-
-LVM_HEAD = """LabVIEW Measurement\t
-Writer_Version\t2
-Reader_Version\t2
-Separator\tTab
-Decimal_Separator\t{decimal}
-Multi_Headings\tYes
-X_Columns\t{columns}
-Time_Pref\tAbsolute
-***End_of_Header***\t
-\t
-"""
-LVM_SEGMENT = """Channels\t2\t\t
-Samples\t20\t20\t
-Y_Unit_Label\tN\tg\t
-X_Dimension\tTime\tTime\t
-X0\t0.0\t0.0\t
-Delta_X\t{step}\t{step}\t
-***End_of_Header***\t\t\t
-X_Value\tforce\ttool_x\tComment
-"""
-
-
-def lvm_text(blows=2, columns="One", decimal="."):
-    """A LabVIEW measurement file with a segment per blow."""
-    text = LVM_HEAD.format(decimal=decimal, columns=columns)
-    for blow in range(blows):
-        text += LVM_SEGMENT.format(step=f"0{decimal}001000")
-        for k in range(20):
-            x = "" if columns == "No" else f"{k * 0.001:.6f}"
-            text += f"{x}\t{100 * blow + k:.6f}\t{-k:.6f}\n".replace(".", decimal)
-        text += "\t\n" if blow < blows - 1 else ""
-    return text
 
 
 @pytest.mark.parametrize("columns", ["One", "No"])

@@ -30,7 +30,7 @@ _TYPE_OF_QUANTITY = {"displacement": 8, "velocity": 11, "acceleration": 12, "for
 _LENGTH_POWER = {"displacement": 1, "velocity": 1, "acceleration": 1, "force": 0}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _DataSet:
     header: dict[str, Any]
     abscissa: FloatArray
