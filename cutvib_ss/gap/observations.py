@@ -1,0 +1,292 @@
+"""
+A campaign as the diagnosis sees it: frequency responses with their noise, a band, and what the estimator did to them.
+
+Nothing else of the campaign is looked at: no file name, title or order. Records at one position are merged by their precision for
+fitting linear causes; each stays apart for judging, so that a response that changes with the level shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import DiagnosisError
+from cutvib_ss.measurement.estimation import estimate
+from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.response.modes import modes
+from cutvib_ss.results import ComplexArray, FloatArray, Quantity
+from cutvib_ss.units import STANDARD_GRAVITY
+
+NOISY = 5.0
+"""The band ends where the noise rises above this many times its level in the quiet part of the spectrum."""
+BELOW_FIRST_MODE = 0.6
+"""The band begins at this fraction of the nominal model's lowest natural frequency, below which accelerance drowns in drift."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """
+    One record: its responses within the band, and the estimator's block.
+
+    Parameters
+    ----------
+    record : int
+        Index of the record in the campaign.
+    position : float
+        y_b / L; NaN for a structure.
+    level : float
+        Peak force [N]; NaN where not stated.
+    data, variance : ndarray, shape (channel, frequency)
+        Responses and E|ΔH|².
+    freq : ndarray, shape (frequency,)
+        Frequency [Hz].
+    channels : tuple of str
+        Response channels.
+    quantities : tuple of str
+        Their quantities.
+    block : float
+        Length of the estimator's block [s]; infinite where it leaves nothing out.
+    blow_at : float
+        Instant of the blow in the block [s]; NaN where unknown.
+    decay_rate : float
+        Rate of an exponential window on the response alone [1/s].
+    check : bool
+        Whether the record is only for judging.
+    """
+
+    record: int
+    position: float
+    level: float
+    data: ComplexArray
+    variance: FloatArray
+    freq: FloatArray
+    channels: tuple[str, ...]
+    quantities: tuple[Quantity, ...]
+    block: float
+    blow_at: float
+    decay_rate: float
+    check: bool
+
+
+@dataclass(frozen=True)
+class Group:
+    """
+    Entries on one frequency grid with one set of channels, merged by position.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (position,)
+        y_b / L; one NaN for a structure.
+    freq : ndarray, shape (frequency,)
+        Frequency [Hz].
+    channels : tuple of str
+        Response channels.
+    quantities : tuple of str
+        Their quantities.
+    data, variance : ndarray, shape (position, channel, frequency)
+        Responses and E|ΔH|².
+    block, blow_at, decay_rate : ndarray, shape (position,)
+        The estimator's block, as in `Entry`.
+    """
+
+    positions: FloatArray
+    freq: FloatArray
+    channels: tuple[str, ...]
+    quantities: tuple[Quantity, ...]
+    data: ComplexArray
+    variance: FloatArray
+    block: FloatArray
+    blow_at: FloatArray
+    decay_rate: FloatArray
+
+
+@dataclass(frozen=True)
+class Observations:
+    """
+    All records of a campaign, in one band.
+
+    Parameters
+    ----------
+    entries : tuple of Entry
+        One a record.
+    band : tuple of float
+        The band [Hz].
+    channels : tuple of str
+        All response channels.
+    unit : str
+        Unit in which errors are reported.
+    per_unit : float
+        SI value of that unit.
+    """
+
+    entries: tuple[Entry, ...]
+    band: tuple[float, float]
+    channels: tuple[str, ...]
+    unit: str
+    per_unit: float
+
+
+def observe(campaign: Campaign, machine: Model) -> Observations:
+    """
+    Frequency responses of a campaign, cut to the band that the excitation and the model cover.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    machine : Machine or Structure
+        The nominal model.
+
+    Returns
+    -------
+    Observations
+        What the diagnosis works on.
+
+    Raises
+    ------
+    DiagnosisError
+        If no band is usable.
+    """
+    entries = [_entry(i, record) for i, record in enumerate(campaign.records)]
+    low = _lowest_frequency(machine, [e.position for e in entries]) * BELOW_FIRST_MODE
+    high = min(_highest_quiet(e, low) for e in entries)
+    cut = []
+    for e in entries:
+        keep = (e.freq >= low) & (e.freq <= high)
+        if np.count_nonzero(keep) < 8:
+            raise DiagnosisError(
+                f"record {campaign.records[e.record].name}: only {np.count_nonzero(keep)} lines lie in the usable band of "
+                f"{low:.3g} to {high:.3g} Hz; measure longer, with a harder tip, or with more blows"
+            )
+        cut.append(_replaced(e, keep))
+    names = tuple(n for n in machine.channels if any(n in e.channels for e in cut))
+    acceleration = all(q == "acceleration" for e in cut for q in e.quantities)
+    per_newton = acceleration and machine.input_quantity == "force"
+    unit = "g/N" if per_newton else campaign_unit(cut, machine)
+    freq = cut[0].freq
+    return Observations(
+        tuple(cut), (float(freq[0]), float(freq[-1])), names, unit, STANDARD_GRAVITY if per_newton else 1.0
+    )
+
+
+def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
+    """
+    SI unit of a campaign's responses, where they are not accelerance.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        The records.
+    machine : Machine or Structure
+        The nominal model.
+
+    Returns
+    -------
+    str
+        For instance ``"m/N"``; several are joined by commas.
+    """
+    from_quantity = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+    below = "N" if machine.input_quantity == "force" else "m/s^2"
+    return ", ".join(dict.fromkeys(f"{from_quantity[q]}/{below}" for e in entries for q in e.quantities))
+
+
+def merged(entries: Sequence[Entry]) -> tuple[Group, ...]:
+    """
+    Records merged by position, weighted by their precision.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        Records.
+
+    Returns
+    -------
+    tuple of Group
+        One for each frequency grid and set of channels.
+    """
+    kinds: dict[tuple[object, ...], list[Entry]] = {}
+    for e in entries:
+        key = (e.channels, e.quantities, e.freq.size, float(e.freq[0]), float(e.freq[-1]))
+        kinds.setdefault(key, []).append(e)
+    return tuple(_group(members) for members in kinds.values())
+
+
+def _group(members: list[Entry]) -> Group:
+    places: dict[tuple[float, ...], list[Entry]] = {}
+    for e in members:
+        # Records of different blocks lose different tails: they are not averaged.
+        key = (float(np.nan_to_num(e.position, nan=-1.0)), round(e.block, 9), round(e.decay_rate, 9))
+        places.setdefault(key, []).append(e)
+    data, variance = [], []
+    for same in places.values():
+        precision = np.array([1.0 / e.variance for e in same])
+        total = precision.sum(axis=0)
+        data.append(sum(w * e.data for w, e in zip(precision, same, strict=True)) / total)
+        variance.append(1.0 / total)
+    first = [same[0] for same in places.values()]
+    return Group(
+        positions=np.array([e.position for e in first]),
+        freq=first[0].freq,
+        channels=first[0].channels,
+        quantities=first[0].quantities,
+        data=np.array(data),
+        variance=np.array(variance),
+        block=np.array([e.block for e in first]),
+        blow_at=np.array([np.mean([e.blow_at for e in same]) for same in places.values()]),
+        decay_rate=np.array([e.decay_rate for e in first]),
+    )
+
+
+def _entry(index: int, record: Record) -> Entry:
+    block, blow_at = np.inf, np.nan
+    if record.kind == "frf":
+        assert record.frf is not None
+        frf = record.frf
+        if record.excitation == "impact":
+            spacing = float(np.median(np.diff(frf.freq)))
+            block = record.block if record.block is not None else 1.0 / spacing
+            blow_at = np.nan if record.blow_at is None else record.blow_at
+    else:
+        frf = estimate(record)
+        if record.kind == "impact":
+            block = min(h.duration for h in record.histories)
+            blow_at = float(np.mean([h.time[np.argmax(np.abs(h.force))] for h in record.histories]))
+    return Entry(
+        record=index,
+        position=float(frf.positions[0]),
+        level=np.nan if record.peak_force is None else record.peak_force,
+        data=np.array(frf.data[0, :, 0]),
+        variance=np.array(frf.variance[0, :, 0]),
+        freq=np.array(frf.freq),
+        channels=frf.outputs,
+        quantities=frf.quantities,
+        block=block,
+        blow_at=blow_at,
+        decay_rate=record.exponential_decay,
+        check=record.use == "check",
+    )
+
+
+def _replaced(e: Entry, keep: np.ndarray) -> Entry:
+    return Entry(**{**vars(e), "data": e.data[:, keep], "variance": e.variance[:, keep], "freq": e.freq[keep]})
+
+
+def _lowest_frequency(machine: Model, positions: Sequence[float]) -> float:
+    places = sorted({p for p in positions if not np.isnan(p)})
+    lowest = [float(modes(machine, p).natural_freq[0]) for p in places] or [float(modes(machine).natural_freq[0])]
+    return max(min(lowest), 0.0)
+
+
+def _highest_quiet(e: Entry, low: float) -> float:
+    """Frequency up to which the excitation carries: above it the estimates drown in noise."""
+    noise = np.sqrt(np.mean(e.variance, axis=0))
+    width = max(3, e.freq.size // 200)
+    smooth = np.convolve(np.pad(noise, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), mode="valid")
+    above = e.freq >= low
+    quiet = np.quantile(smooth[above], 0.2) if above.any() else 0.0
+    loud = above & (smooth > NOISY * quiet)
+    top = float(e.freq[np.argmax(loud)]) if loud.any() else float(e.freq[-1])
+    return min(top, 0.9 * float(e.freq[-1]))
