@@ -319,7 +319,7 @@ def write_machine(model: Model, path: str | os.PathLike[str]) -> None:
 
 
 def _lines(model: Model) -> Iterator[str]:
-    bare = getattr(model, "bare", None) or model
+    bare = model if model.bare is None else model.bare
     if isinstance(bare, Machine):
         yield from ["[model]", 'kind = "cutting_machine"', "", "[head]"]
         for name in HEAD_PARAMETERS:

@@ -1,0 +1,26 @@
+"""Identification of the cutting head: first guess (Eqs. 14-20), bounded fit (Eqs. 21-22), what the data determine."""
+
+from cutvib_ss.identification.bounded_fit import FitWeights, HeadFit, bounded_fit, bounds_around, fit_data
+from cutvib_ss.identification.first_guess import first_guess, peaks_and_dip
+from cutvib_ss.identification.identify import IdentificationResult, identify
+from cutvib_ss.identification.rail_mass import RailMass, recover_rail_mass
+from cutvib_ss.identification.tool_side import tool_side
+from cutvib_ss.identification.uncertainty import Determination, Estimate, determination
+
+__all__ = [
+    "identify",
+    "IdentificationResult",
+    "first_guess",
+    "peaks_and_dip",
+    "fit_data",
+    "FitWeights",
+    "bounded_fit",
+    "bounds_around",
+    "HeadFit",
+    "determination",
+    "Determination",
+    "Estimate",
+    "tool_side",
+    "recover_rail_mass",
+    "RailMass",
+]

@@ -1,0 +1,99 @@
+"""The head with its base held: the paper's two-degree-of-freedom model (Section 5), with analytic derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutvib_ss.parameters import HeadParameters
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.subsystems.head import head, head_row_derivatives
+
+_ROTATIONS = slice(0, 2)
+_MASS_OF_PORT = {"head_x": "m1", "head_z": "m1", "tool_x": "m2", "tool_z": "m2"}
+
+
+class HeldHead:
+    """
+    Receptances of the tool with the base held.
+
+    Parameters
+    ----------
+    parameters : HeadParameters
+        The head.
+    s : ndarray of complex, shape (frequency,)
+        Laplace variable [rad/s].
+
+    Notes
+    -----
+    Eqs. 1-3 without the base's motion: H_q = t_qᵀ E⁻¹ t_x with E = K + sC + s²M over (θ1, θ2), and by symmetry
+    dH_q = dt_qᵀ v_x + v_qᵀ dt_x - v_qᵀ dE v_x with v = E⁻¹ t.
+
+    Examples
+    --------
+    >>> from cutvib_ss.parameters import table_3
+    >>> HeldHead(table_3(), np.array([0j])).receptance("tool_x").real
+    array([1.12e-07])
+    """
+
+    def __init__(self, parameters: HeadParameters, s: ComplexArray) -> None:
+        self.parameters, self.s = parameters, s
+        system = head(parameters)
+        self._rows = {name: row[_ROTATIONS] for name, row in system.ports.items()}
+        self._inverse = np.linalg.inv(system.dynamic_stiffness(s)[:, _ROTATIONS, _ROTATIONS])
+        self._answers = {name: self._inverse @ self._rows[name] for name in ("tool_x", "tool_z")}
+
+    def receptance(self, output: str) -> ComplexArray:
+        """
+        Displacement of the tool per unit cutting force.
+
+        Parameters
+        ----------
+        output : {"tool_x", "tool_z"}
+            Direction of the displacement.
+
+        Returns
+        -------
+        ndarray of complex, shape (frequency,)
+            Receptance [m/N].
+        """
+        value: ComplexArray = self._answers["tool_x"] @ self._rows[output]
+        return value
+
+    def derivative(self, name: str, output: str) -> ComplexArray:
+        """
+        Derivative of a receptance to one of the head's parameters.
+
+        Parameters
+        ----------
+        name : str
+            Name of the parameter.
+        output : {"tool_x", "tool_z"}
+            Direction of the displacement.
+
+        Returns
+        -------
+        ndarray of complex, shape (frequency,)
+            The derivative.
+        """
+        moved = {p: row[_ROTATIONS] for p, row in head_row_derivatives(self.parameters, name).items()}
+        still = np.zeros(2)
+        v_x, v_q = self._answers["tool_x"], self._answers[output]
+        change = v_x @ moved.get(output, still) + v_q @ moved.get("tool_x", still)
+        total: ComplexArray = change - np.einsum("fi,fij,fj->f", v_q, self._stiffness_change(name, moved), v_x)
+        return total
+
+    def _stiffness_change(self, name: str, moved: dict[str, FloatArray]) -> ComplexArray:
+        s = self.s[:, None, None]
+        change = np.zeros((2, 2))
+        if name[0] in "kc":
+            joint = int(name[1]) - 1
+            change[joint, joint] = 1.0
+            return change * (s if name[0] == "c" else s**0)
+        for port, mass in _MASS_OF_PORT.items():
+            row = self._rows[port]
+            if mass == name:
+                change += np.outer(row, row)
+            if port in moved:
+                half = getattr(self.parameters, mass) * np.outer(moved[port], row)
+                change += half + half.T
+        return s**2 * change
