@@ -132,7 +132,8 @@ def modal_damping(mass: np.ndarray, stiffness: np.ndarray, ratio: float) -> np.n
     """Damping matrix that gives every mode of (mass, stiffness) the same ratio."""
     squared, shapes = linalg.eigh(stiffness, mass)
     weighted = mass @ shapes
-    return weighted @ np.diag(2.0 * ratio * np.sqrt(squared)) @ weighted.T
+    damping: np.ndarray = weighted @ np.diag(2.0 * ratio * np.sqrt(squared)) @ weighted.T
+    return damping
 
 
 def mass_positions(joints: np.ndarray, built: dict[str, float]) -> np.ndarray:

@@ -1,0 +1,6 @@
+"""Out to other programs, and back: frequency responses as CSV, UFF, MAT and NPZ."""
+
+from cutvib_ss.interchange.files import staged
+from cutvib_ss.interchange.frf_files import frf_csv, read_frf, write_frf
+
+__all__ = ["frf_csv", "read_frf", "staged", "write_frf"]

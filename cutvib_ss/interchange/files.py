@@ -1,0 +1,79 @@
+"""Files that are either there complete or not there at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cutvib_ss.errors import DataFormatError
+
+
+@contextmanager
+def staged(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """
+    A temporary file beside a target, which replaces it once the block ends without an error.
+
+    Parameters
+    ----------
+    path : path-like
+        The target; an old file of that name stays until the new one is complete.
+
+    Yields
+    ------
+    Path
+        Where to write; it has the target's suffix.
+
+    Raises
+    ------
+    DataFormatError
+        If the target cannot be written; the message says why.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> with staged(folder / "figures.json") as draft:
+    ...     _ = draft.write_text("{}")
+    >>> [file.name for file in folder.iterdir()]
+    ['figures.json']
+    """
+    target = check_target(path)
+    draft = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
+    try:
+        yield draft
+        draft.replace(target)
+    except OSError as error:
+        raise DataFormatError(f"{target}: cannot be written ({error.strerror}); choose another path") from error
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def check_target(path: str | os.PathLike[str]) -> Path:
+    """
+    A path that a file can be written to, before the work that fills it begins.
+
+    Parameters
+    ----------
+    path : path-like
+        The file to be.
+
+    Returns
+    -------
+    Path
+        The same path.
+
+    Raises
+    ------
+    DataFormatError
+        If its folder is missing or closed, or it is a folder itself.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise DataFormatError(f"{target}: is a folder; give the name of a file")
+    if not target.parent.is_dir():
+        raise DataFormatError(f"{target}: there is no folder {target.parent}; make it first")
+    if not os.access(target.parent, os.W_OK):
+        raise DataFormatError(f"{target}: the folder {target.parent} cannot be written to; choose another path")
+    return target

@@ -1,0 +1,22 @@
+"""
+Pictures of results: each function takes a result and returns a `matplotlib.figure.Figure`, and computes nothing else.
+
+No window is opened and pyplot is never imported; `save` and `png` turn a figure into a file or into bytes.
+"""
+
+from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map
+from cutvib_ss.plot.response import absorber_effect, bode
+from cutvib_ss.plot.schedule import pole_map, schedule
+from cutvib_ss.plot.style import png, save
+
+__all__ = [
+    "absorber_effect",
+    "bode",
+    "cause_bars",
+    "comparison_grid",
+    "error_map",
+    "pole_map",
+    "png",
+    "save",
+    "schedule",
+]

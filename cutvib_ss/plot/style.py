@@ -1,0 +1,298 @@
+"""One look for all pictures, and figures without pyplot."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from PIL import Image
+
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.interchange.files import staged
+
+INK, GREY, GRID = "#1d2733", "#6b7683", "#dfe4e9"
+MEASURED, NOMINAL, TUNED, CORRECTED = "#b0b9c2", "#c8553d", "#d9a441", "#1f6f8f"
+"""Colours of a measurement and of the three models beside it; told apart in grey and by the colour-blind."""
+
+POSITIONS = LinearSegmentedColormap.from_list("positions", ["#27426b", "#2a7f9e", "#5fae8b", "#d9a441", "#c8553d"])
+"""Colours along the rail, from y = 0 to y = L."""
+
+FORMATS = (".png", ".svg", ".pdf")
+"""Suffixes of pictures."""
+
+_STYLE: Any = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9.0,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": GREY,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "xtick.color": GREY,
+    "ytick.color": GREY,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "text.color": INK,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "svg.fonttype": "none",
+    "svg.hashsalt": "cutvib",
+}
+
+
+@contextmanager
+def drawing(width: float, height: float, title: str = "") -> Iterator[Figure]:
+    """
+    A figure in the house style; artists made inside the block take its settings.
+
+    Parameters
+    ----------
+    width, height : float
+        Size [inch].
+    title : str
+        Title of the whole figure.
+
+    Yields
+    ------
+    Figure
+        An empty figure with an Agg canvas, known to no window manager.
+    """
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        if title:
+            figure.suptitle(title, x=0.01, ha="left", fontsize=11.0, fontweight="bold")
+        yield figure
+
+
+def save(figure: Figure, path: str | os.PathLike[str], dpi: float = 150.0) -> None:
+    """
+    Write a figure to a file; the suffix tells the format.
+
+    Parameters
+    ----------
+    figure : Figure
+        The picture.
+    path : path-like
+        File that ends in ``.png``, ``.svg`` or ``.pdf``.
+    dpi : float
+        Resolution of a PNG [dots per inch].
+
+    Raises
+    ------
+    ParameterError
+        If the suffix is not one of these.
+    DataFormatError
+        If the file cannot be written.
+    """
+    suffix = check_picture(path).suffix.lower()
+    # no date inside: the same result makes the same file
+    metadata = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[suffix]
+    with staged(path) as draft, mpl.rc_context(_STYLE):
+        figure.savefig(draft, dpi=dpi, format=suffix[1:], metadata=metadata)
+
+
+def check_picture(path: str | os.PathLike[str]) -> Path:
+    """
+    The name of a picture, refused where its suffix is not one that can be drawn.
+
+    Parameters
+    ----------
+    path : path-like
+        File to be.
+
+    Returns
+    -------
+    Path
+        The same path.
+
+    Raises
+    ------
+    ParameterError
+        If the suffix is not known; the message lists those that are.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in FORMATS:
+        raise ParameterError(f"{file}: suffix {file.suffix!r} is no picture; give one of {', '.join(FORMATS)}")
+    return file
+
+
+def png(figure: Figure, dpi: float = 150.0, colours: int = 256) -> bytes:
+    """
+    A figure as a small PNG for a page, its colours reduced to a palette.
+
+    Parameters
+    ----------
+    figure : Figure
+        The picture.
+    dpi : float
+        Resolution [dots per inch].
+    colours : int
+        Size of the palette, 2 to 256.
+
+    Returns
+    -------
+    bytes
+        The PNG file.
+    """
+    raw, small = io.BytesIO(), io.BytesIO()
+    with mpl.rc_context(_STYLE):
+        figure.savefig(raw, dpi=dpi, format="png", metadata={"Software": None})
+    raw.seek(0)
+    with Image.open(raw) as image:
+        image.convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(small, format="PNG", optimize=True)
+    return small.getvalue()
+
+
+def position_colours(positions: Sequence[float]) -> list[Any]:
+    """
+    A colour for each position along the rail, spread over those that there are; one for all where there is none.
+
+    Parameters
+    ----------
+    positions : sequence of float
+        y_b / L, NaN where the model has none.
+
+    Returns
+    -------
+    list
+        Colours that matplotlib knows.
+    """
+    places = sorted(set(positions))
+    last = max(len(places) - 1, 1)
+    return [CORRECTED if np.isnan(p) else POSITIONS(places.index(p) / last) for p in positions]
+
+
+def unit_text(unit: str) -> str:
+    """
+    A unit as it is printed on an axis.
+
+    Parameters
+    ----------
+    unit : str
+        Unit in plain text.
+
+    Returns
+    -------
+    str
+        With raised powers.
+
+    Examples
+    --------
+    >>> unit_text("m/s^2/N")
+    '(m/s²)/N'
+    """
+    raised = unit.replace("^2", "²").replace("^3", "³")
+    return raised.replace("m/s²/", "(m/s²)/").replace("m/s/", "(m/s)/")
+
+
+def legend_outside(figure: Figure, axes: Axes, **options: Any) -> None:
+    """
+    A legend to the right of the data.
+
+    Parameters
+    ----------
+    figure : Figure
+        The picture.
+    axes : Axes
+        Axes whose artists have labels.
+    **options : object
+        For `Figure.legend`.
+    """
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside right upper", **options)
+
+
+def colour_bar(figure: Figure, axes: Any, colours: Colormap | str, norm: Normalize, label: str) -> Any:
+    """
+    A slim colour bar.
+
+    Parameters
+    ----------
+    figure : Figure
+        The picture.
+    axes : Axes or sequence of Axes
+        Beside which it stands.
+    colours : Colormap or str
+        The map.
+    norm : Normalize
+        Its range.
+    label : str
+        What the colours mean, with unit.
+
+    Returns
+    -------
+    Colorbar
+        The bar.
+    """
+    bar = figure.colorbar(ScalarMappable(norm, colours), ax=axes, aspect=30, pad=0.015, fraction=0.05)
+    bar.set_label(label)
+    bar.outline.set_linewidth(0.5)
+    return bar
+
+
+def position_name(position: float, label: str = "") -> str:
+    """
+    How a picture calls a position.
+
+    Parameters
+    ----------
+    position : float
+        y_b / L; NaN where the model has none.
+    label : str
+        What to say instead where there is none.
+
+    Returns
+    -------
+    str
+        For instance ``"y/L = 0.5"``.
+    """
+    return label if np.isnan(position) else f"y/L = {position:.3g}"
+
+
+def modulus_limits(values: np.ndarray, decades: float = 4.0) -> tuple[float, float]:
+    """
+    Limits of a logarithmic axis that leave deep notches out.
+
+    Parameters
+    ----------
+    values : ndarray
+        Moduli.
+    decades : float
+        How far below the largest value the axis may reach.
+
+    Returns
+    -------
+    low, high : float
+        The limits.
+    """
+    there = values[np.isfinite(values) & (values > 0)]
+    if there.size == 0:
+        return 1e-3, 1.0
+    high = float(there.max()) * 1.6
+    return max(float(there.min()) * 0.8, high * 10.0**-decades), high

@@ -1,0 +1,171 @@
+"""The report as one HTML page: pictures inside it, nothing loaded from anywhere."""
+
+from __future__ import annotations
+
+import base64
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib.figure import Figure
+
+from cutvib_ss.gap.result import Comparison, Diagnosis, GapFigures
+from cutvib_ss.interchange.files import staged
+from cutvib_ss.machine import Machine
+from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map, probability_text
+from cutvib_ss.plot.style import png
+from cutvib_ss.report import wording
+
+_SHOWN_RECORDS = 8
+"""Rows of the picture of responses; a campaign of more positions and levels shows one record a position."""
+
+_VALUES = ("m1", "m2", "l1", "l2", "k1", "k2", "c1", "c2")
+_RAIL_VALUES = ("mass", "first_frequency", "damping_ratio")
+_UNITS = {
+    "m1": "kg", "m2": "kg", "l1": "m", "l2": "m", "k1": "N m/rad", "k2": "N m/rad", "c1": "N m s/rad",
+    "c2": "N m s/rad", "mass": "kg", "first_frequency": "Hz", "damping_ratio": "",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Change:
+    name: str
+    unit: str
+    nominal: str
+    corrected: str
+    percent: str
+    deviations: str
+
+
+def write_report(diagnosis: Diagnosis, path: str | os.PathLike[str]) -> None:
+    """
+    Write the report of a diagnosis.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        The diagnosis.
+    path : path-like
+        HTML file; replaced only once the new one is complete.
+
+    Raises
+    ------
+    DataFormatError
+        If the file cannot be written.
+    """
+    page = report_html(diagnosis)
+    with staged(path) as draft:
+        draft.write_text(page, encoding="utf-8")
+
+
+def report_html(diagnosis: Diagnosis) -> str:
+    """
+    The report of a diagnosis as HTML.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        The diagnosis.
+
+    Returns
+    -------
+    str
+        One page with its pictures inside; the same diagnosis gives the same page.
+    """
+    environment = Environment(
+        loader=PackageLoader("cutvib_ss.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= {
+        "figure": wording.figure,
+        "probability": probability_text,
+        "place": wording.place_name,
+    }
+    return environment.get_template("report.html.j2").render(**_content(diagnosis))
+
+
+def _content(d: Diagnosis) -> dict[str, Any]:
+    names = [wording.cause_name(c.effect, c.place) for c in d.causes]
+    pictures = {"causes": _picture(cause_bars(d.causes, [_short(c.effect, c.place) for c in d.causes]))}
+    if d.comparisons:
+        pictures["map"] = _picture(error_map(d.comparisons))
+        pictures["responses"] = _picture(comparison_grid(_chosen(d.comparisons)))
+    return {
+        "d": d,
+        "verdict": wording.VERDICTS[d.verdict],
+        "sentence": wording.verdict_sentence(d),
+        "shrinkage": wording.shrinkage_text(d.gap),
+        "bands": wording.bands_text(d.where.bands_hz),
+        "next_test": "" if d.next_test is None else wording.next_test_sentence(d.next_test),
+        "bars": _bars(d.gap),
+        "causes": [
+            {"cause": c, "name": name, "parameters": wording.parameters_text(c), "likely": i in d.ambiguity_set}
+            for i, (c, name) in enumerate(zip(d.causes, names, strict=True))
+        ],
+        "pictures": pictures,
+        "changes": _changes(d),
+        "shown": len(_chosen(d.comparisons)),
+    }
+
+
+def _picture(figure: Figure) -> str:
+    return "data:image/png;base64," + base64.b64encode(png(figure)).decode("ascii")
+
+
+def _short(effect: str, place: str) -> str:
+    return effect if effect == "none" else f"{effect} ({place})"
+
+
+def _bars(gap: GapFigures) -> list[tuple[str, float, float]]:
+    """Label, figure, and length in percent of the longest."""
+    rows = [
+        ("before: the model as given", gap.before),
+        ("tuned: within its tolerances, no effect", gap.tuned),
+        ("after: with the cause added", gap.after),
+        ("noise: of the measurement alone", gap.noise_floor),
+    ]
+    longest = max((v for _, v in rows if np.isfinite(v)), default=1.0) or 1.0
+    return [(label, value, 100 * value / longest if np.isfinite(value) else 0.0) for label, value in rows]
+
+
+def _chosen(comparisons: Sequence[Comparison]) -> list[Comparison]:
+    """All comparisons where they are few; else the one of least noise at each position."""
+    if len(comparisons) <= _SHOWN_RECORDS:
+        return list(comparisons)
+    best: dict[float | str, Comparison] = {}
+    for c in comparisons:
+        position = float(c.measured.positions[0])
+        key = c.label if np.isnan(position) else position
+        if key not in best or np.mean(c.measured.variance) < np.mean(best[key].measured.variance):
+            best[key] = c
+    return list(best.values())[:_SHOWN_RECORDS]
+
+
+def _changes(d: Diagnosis) -> list[_Change]:
+    """How far the corrected model's own values have moved from the nominal ones."""
+    nominal, corrected = d.nominal, d.corrected_machine
+    if not isinstance(nominal, Machine) or not isinstance(corrected, Machine):
+        return []
+    rows = []
+    for names, before, after in (
+        (_VALUES, nominal.head, corrected.head),
+        (_RAIL_VALUES, nominal.rail.parameters, corrected.rail.parameters),
+    ):
+        for name in names:
+            old, new = float(getattr(before, name)), float(getattr(after, name))
+            fraction = new / old - 1.0 if old else 0.0
+            tolerance = float(getattr(nominal.tolerance, name))
+            rows.append(
+                _Change(
+                    name=name,
+                    unit=_UNITS[name],
+                    nominal=f"{old:.6g}",
+                    corrected=f"{new:.6g}",
+                    percent=f"{100 * fraction:+.2f} %",
+                    deviations=f"{fraction / tolerance:+.1f}" if tolerance else "-",
+                )
+            )
+    return rows

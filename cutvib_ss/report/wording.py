@@ -1,0 +1,282 @@
+"""What a diagnosis says, in plain sentences."""
+
+from __future__ import annotations
+
+import math
+
+from cutvib_ss.gap.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
+
+EFFECTS = {
+    "none": "nothing: the model is right within its tolerances",
+    "unknown": "a cause outside the catalogue",
+    "rail_torsion": "the rail twists, its shear centre being away from the head",
+    "support_compliance": "the supports under the rail's ends give",
+    "end_fixity": "the rail's ends resist turning",
+    "rail_added_mass": "a mass rides on the rail",
+    "rail_shear": "the rail gives in shear",
+    "modal_truncation": "the model has too few rail modes",
+    "guide_compliance": "the guide between rail and head gives",
+    "local_resonator": "something resonates on its own",
+    "added_mass": "a mass is missing in the model",
+    "tool_contact": "something touches: spring and damper to ground",
+    "parameter_shift": "a parameter is off by more than its tolerance",
+    "structural_damping": "damping is hysteretic, not viscous",
+    "cubic_stiffness": "stiffness changes with amplitude",
+    "freeplay": "there is play",
+    "dry_friction": "there is dry friction",
+    "joint_slip": "a joint slips a little",
+    "bilinear_stiffness": "stiffness differs with direction",
+    "quadratic_damping": "damping grows with speed",
+    "channel_delay": "a channel is late against the force",
+    "calibration_error": "a channel's sensitivity is wrong",
+    "cross_axis": "X leaks into Z",
+    "window_damping": "an exponential window's damping was never taken out",
+}
+"""What each effect of the catalogue means; an effect that is not here goes by its id."""
+
+PLACES = {
+    "none": "nowhere",
+    "rail": "the rail",
+    "rail_ends": "the ends of the rail",
+    "head_base": "the guide between rail and head",
+    "joint1": "joint 1 (head on its bearings)",
+    "joint2": "joint 2 (tool in its slot)",
+    "head": "the head",
+    "tool": "the tool",
+    "measurement": "the measuring chain",
+}
+"""What each place of the catalogue means; a place that is not here goes by its id."""
+
+VERDICTS = {
+    "no_gap": "No gap",
+    "explained": "Explained",
+    "ambiguous": "Ambiguous",
+    "unknown": "Unknown cause",
+}
+"""Titles of the verdicts."""
+
+
+def place_name(place: str) -> str:
+    """
+    A place in words; joined ones by "and".
+
+    Parameters
+    ----------
+    place : str
+        Place of the catalogue, or several joined by ``+``.
+
+    Returns
+    -------
+    str
+        Words.
+
+    Examples
+    --------
+    >>> place_name("rail_ends+joint2")
+    'the ends of the rail and joint 2 (tool in its slot)'
+    """
+    return " and ".join(PLACES.get(p, p) for p in place.split("+"))
+
+
+def cause_name(effect: str, place: str) -> str:
+    """
+    A cause in words, with its place.
+
+    Parameters
+    ----------
+    effect, place : str
+        Ids of the catalogue, or several joined by ``+``.
+
+    Returns
+    -------
+    str
+        Words.
+
+    Examples
+    --------
+    >>> cause_name("guide_compliance", "head_base")
+    'the guide between rail and head gives'
+    >>> cause_name("local_resonator", "head")
+    'something resonates on its own (the head)'
+    """
+    if effect in ("none", "unknown"):
+        return EFFECTS[effect] if place == "none" else f"{EFFECTS[effect]}, at {place_name(place)}"
+    parts = []
+    for e, p in zip(effect.split("+"), place.split("+")):
+        words = EFFECTS.get(e, e.replace("_", " "))
+        told = e in ("support_compliance", "guide_compliance", "end_fixity") or e.startswith("rail_")
+        parts.append(words if told else f"{words} ({PLACES.get(p, p)})")
+    return "; together with: ".join(parts)
+
+
+def verdict_sentence(diagnosis: Diagnosis) -> str:
+    """
+    The whole answer in one plain sentence.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        The diagnosis.
+
+    Returns
+    -------
+    str
+        What may be concluded, with the figures it rests on.
+    """
+    gap = diagnosis.gap
+    best = diagnosis.causes[0]
+    if diagnosis.verdict == "no_gap":
+        return (
+            "Model and machine agree: once the model's values are tuned within their tolerances, what is left on "
+            f"held-out records is noise ({figure(gap.tuned)} against {figure(gap.noise_floor)} {gap.unit})."
+        )
+    if diagnosis.verdict == "explained":
+        return (
+            f"The model lacks one thing: {cause_name(best.effect, best.place)}. With it, the mean error on held-out "
+            f"records falls from {figure(gap.before)} to {figure(gap.after)} {gap.unit}; noise alone leaves "
+            f"{figure(gap.noise_floor)}."
+        )
+    if diagnosis.verdict == "ambiguous":
+        few = [diagnosis.causes[i] for i in diagnosis.ambiguity_set]
+        listed = "; or ".join(cause_name(c.effect, c.place) for c in few)
+        return f"There is a gap, and this campaign cannot tell these causes apart: {listed}."
+    known = next((c for c in diagnosis.causes if c.effect not in ("none", "unknown")), best)
+    return (
+        f"There is a gap, most probably at {place_name(diagnosis.where.place)}, that no cause of the catalogue "
+        f"explains: the best of them ({cause_name(known.effect, known.place)}) leaves {figure(known.after)} "
+        f"{gap.unit}, noise alone {figure(gap.noise_floor)}."
+    )
+
+
+def next_test_sentence(test: NextTest) -> str:
+    """
+    What to measure next, in one sentence.
+
+    Parameters
+    ----------
+    test : NextTest
+        The record that would tell most.
+
+    Returns
+    -------
+    str
+        Where to put the head, how hard to hit, what to look at, and why.
+    """
+    steps = [] if test.position is None else [f"put the head at y/L = {test.position:.3g}"]
+    steps += [] if test.peak_force is None else [f"give blows of about {figure(test.peak_force)} N"]
+    steps.append(f"look at {test.channel}")
+    told = steps[0] if len(steps) == 1 else f"{', '.join(steps[:-1])} and {steps[-1]}"
+    return f"{told[0].upper()}{told[1:]}: {test.why.rstrip('.')}."
+
+
+def shrinkage_text(gap: GapFigures) -> tuple[str, str]:
+    """
+    How much of the error is closed, and its interval.
+
+    Parameters
+    ----------
+    gap : GapFigures
+        The figures.
+
+    Returns
+    -------
+    share, interval : str
+        For instance ``"92.5 %"`` and ``"95 % interval 91.0 to 94.0 %"``; the interval is empty where it is not known.
+    """
+    if not math.isfinite(gap.shrinkage):
+        return "not known", ""
+    low, high = gap.shrinkage_interval
+    interval = f"95 % interval {100 * low:.1f} to {100 * high:.1f} %" if math.isfinite(low + high) else ""
+    return f"{100 * gap.shrinkage:.1f} %", interval
+
+
+def bands_text(bands: tuple[tuple[float, float], ...]) -> str:
+    """
+    Bands of frequency for reading.
+
+    Parameters
+    ----------
+    bands : tuple of (float, float)
+        Limits [Hz].
+
+    Returns
+    -------
+    str
+        For instance ``"18-41.5 Hz, 190-300 Hz"``; ``"none"`` without any.
+    """
+    return ", ".join(f"{low:.4g}-{high:.4g} Hz" for low, high in bands) or "none"
+
+
+def figure(value: float) -> str:
+    """
+    A figure with three significant digits.
+
+    Parameters
+    ----------
+    value : float
+        Any number.
+
+    Returns
+    -------
+    str
+        Text; "-" where it is not finite.
+    """
+    return f"{value:.3g}" if math.isfinite(value) else "-"
+
+
+def parameter_text(parameter: FittedParameter) -> str:
+    """
+    A fitted value with its standard deviation, rounded to it, and its unit.
+
+    Parameters
+    ----------
+    parameter : FittedParameter
+        The parameter.
+
+    Returns
+    -------
+    str
+        For instance ``"(1.310 ± 0.024)·10⁷ N/m"``.
+
+    Examples
+    --------
+    >>> parameter_text(FittedParameter(1.31e7, 2.4e5, "N/m"))
+    '(1.310 ± 0.024)·10⁷ N/m'
+    >>> parameter_text(FittedParameter(0.97, 0.012, "1"))
+    '0.970 ± 0.012'
+    """
+    value, std = parameter.value, parameter.std
+    unit = "" if parameter.unit in ("", "1", "-") else f" {parameter.unit.replace('^2', '²').replace('^3', '³')}"
+    if not math.isfinite(value):
+        return "not determined"
+    largest = max(abs(value), std if math.isfinite(std) else 0.0)
+    power = math.floor(math.log10(largest)) if largest > 0 else 0
+    shift = power if power >= 5 or power <= -4 else 0
+    mantissa = value / 10.0**shift
+    if not math.isfinite(std) or std <= 0:
+        text = f"{mantissa:.4g}"
+    else:
+        error = std / 10.0**shift
+        digits = min(max(0, 1 - math.floor(math.log10(error))), 8)
+        text = f"{mantissa:.{digits}f} ± {error:.{digits}f}"
+    if shift:
+        raised = str(shift).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        text = f"({text})·10{raised}" if "±" in text else f"{text}·10{raised}"
+    return text + unit
+
+
+def parameters_text(cause: Cause) -> list[tuple[str, str]]:
+    """
+    All parameters of a cause for reading.
+
+    Parameters
+    ----------
+    cause : Cause
+        The cause.
+
+    Returns
+    -------
+    list of (str, str)
+        Name and value.
+    """
+    return [(name, parameter_text(parameter)) for name, parameter in cause.parameters.items()]

@@ -1,0 +1,135 @@
+"""Pictures: they show the numbers they are given, with units, and open no window."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image
+
+from cutvib_ss import plot
+from cutvib_ss.absorber import check_absorber
+from cutvib_ss.errors import DataFormatError, ParameterError
+from cutvib_ss.machine import published_machine
+from cutvib_ss.parameters import table_7
+from cutvib_ss.plot.diagnosis import error_over_noise
+from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.response.modes import track_modes
+from tests.unit.diagnosis_example import example_diagnosis, example_structure
+
+FREQ = np.arange(20.0, 400.0, 1.0)
+
+
+def _labels(figure: Figure) -> set[str]:
+    return {text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel())} - {""}
+
+
+def test_bode_draws_modulus_and_phase_of_every_output_and_position() -> None:
+    frf = frequency_response(published_machine(), [0.02, 0.5], FREQ)
+    figure = plot.bode(frf)
+    assert len(figure.axes) == 6
+    upper, lower = figure.axes[1], figure.axes[4]
+    assert np.array_equal(upper.lines[1].get_ydata(), np.abs(frf.data[1, 1, 0]))
+    phase = np.asarray(lower.lines[1].get_ydata())
+    there = np.isfinite(phase)
+    assert np.allclose(phase[there], np.degrees(np.angle(frf.data[1, 1, 0]))[there])
+    assert upper.get_yscale() == "log"
+    assert _labels(figure) == {"accelerance [(m/s²)/N]", "phase [°]", "frequency [Hz]"}
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["y/L = 0.02", "y/L = 0.5"]
+
+
+def test_bode_of_a_structure_has_its_own_units_and_no_legend_of_positions() -> None:
+    figure = plot.bode(frequency_response(example_structure(), None, FREQ))
+    assert {"receptance [m/N]", "accelerance [(m/s²)/N]"} <= _labels(figure)
+    assert not figure.legends
+
+
+def test_pole_map_and_schedule_show_the_tracked_modes() -> None:
+    machine = published_machine()
+    tracked = track_modes(machine, np.linspace(0.1, 0.9, 17))
+    poles = plot.pole_map(tracked, 300.0)
+    drawn = [np.asarray(line.get_xdata()) for line in poles.axes[0].lines]
+    assert len(drawn) == int(np.sum(tracked.natural_freq.min(axis=0) <= 300.0))
+    assert np.array_equal(drawn[0], tracked.natural_freq[:, 0])
+    frf = frequency_response(machine, tracked.positions, FREQ, outputs=("tool_x",))
+    both = plot.schedule(tracked, frf)
+    mesh = both.axes[1].collections[0]
+    assert np.allclose(np.asarray(mesh.get_array()).ravel(), np.abs(frf.data[:, 0, 0]).T.ravel())
+    assert {"position y/L [-]", "natural frequency [Hz]", "damping ratio [%]", "modulus [(m/s²)/N]"} <= _labels(both)
+    assert len(plot.schedule(tracked).axes) == 2  # the frequencies and their colour bar
+
+
+def test_absorber_effect_shows_both_responses_at_each_position() -> None:
+    check = check_absorber(published_machine(), table_7())
+    figure = plot.absorber_effect(check)
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["y/L = 0.333", "y/L = 0.5"]
+    assert np.array_equal(figure.axes[1].lines[1].get_ydata(), np.abs(check.frf_after.data[1, 0, 0]))
+
+
+def test_comparison_grid_is_in_g_per_newton() -> None:
+    comparisons = example_diagnosis(lines=200, records=2).comparisons
+    figure = plot.comparison_grid(comparisons)
+    assert len(figure.axes) == 6
+    assert figure.axes[0].get_ylabel() == "y/L = 0.06\n[g/N]"
+    lines = {line.get_label(): np.asarray(line.get_ydata()) for line in figure.axes[4].lines}
+    assert np.allclose(lines["corrected model"] * 9.80665, np.abs(comparisons[1].corrected.data[0, 1, 0]))
+    assert np.allclose(lines["noise of the measurement"] * 9.80665, np.sqrt(comparisons[1].measured.variance[0, 1, 0]))
+
+
+def test_error_over_noise_is_one_for_the_right_model_and_grows_with_the_error() -> None:
+    comparison = example_diagnosis(records=1).comparisons[0]
+    edges = np.array([15.0, 200.0, 240.0, 450.0])
+    right = error_over_noise([comparison], "corrected", "tool_x", edges)
+    wrong = error_over_noise([comparison], "nominal", "tool_x", edges)
+    assert np.all(np.abs(right - 1.0) < 0.2)
+    assert wrong[1] > 20.0
+    assert np.isnan(error_over_noise([comparison], "nominal", "absent", edges)).all()
+
+
+def test_error_map_has_a_panel_a_channel_and_a_row_a_position() -> None:
+    figure = plot.error_map(example_diagnosis(lines=200).comparisons)
+    panels = figure.axes[:3]
+    assert [axes.get_title(loc="left") for axes in panels] == ["tool_x", "tool_z", "base_x"]
+    assert [text.get_text() for text in panels[0].get_yticklabels()] == ["0.06", "0.27", "0.46", "0.68", "0.9"]
+
+
+def test_cause_bars_sum_up_those_that_are_not_shown() -> None:
+    causes = example_diagnosis(lines=20, records=1).causes
+    figure = plot.cause_bars(causes, [c.effect for c in causes], highest=3)
+    widths = [bar.get_width() for bar in figure.axes[0].patches]
+    assert widths[:3] == [c.probability for c in causes[:3]]
+    assert sum(widths) == pytest.approx(1.0)
+    assert figure.axes[0].get_yticklabels()[3].get_text() == "4 more"
+
+
+@pytest.mark.parametrize(("suffix", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
+def test_save_writes_each_format_alike_every_time(tmp_path: Path, suffix: str, start: bytes) -> None:
+    figures = [plot.bode(frequency_response(published_machine(), [0.5], FREQ, outputs=("tool_x",))) for _ in range(2)]
+    for k, figure in enumerate(figures):
+        plot.save(figure, tmp_path / f"{k}{suffix}")
+    first, second = ((tmp_path / f"{k}{suffix}").read_bytes() for k in range(2))
+    assert first.startswith(start)
+    assert first == second
+
+
+def test_save_refuses_what_is_no_picture_or_has_no_folder(tmp_path: Path) -> None:
+    figure = plot.cause_bars([], [])
+    with pytest.raises(ParameterError, match="no picture"):
+        plot.save(figure, tmp_path / "a.docx")
+    with pytest.raises(DataFormatError, match="no folder"):
+        plot.save(figure, tmp_path / "absent" / "a.png")
+
+
+def test_png_is_a_picture_with_a_palette(tmp_path: Path) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(plot.png(plot.error_map(example_diagnosis(lines=50, records=1).comparisons), dpi=50))
+    with Image.open(path) as image:
+        assert image.mode == "P"
+        assert image.size[0] == 480
+
+
+def test_drawing_leaves_no_figure_with_pyplot() -> None:
+    plot.error_map(example_diagnosis(lines=50, records=1).comparisons)
+    pyplot = sys.modules.get("matplotlib.pyplot")  # python-control imports it
+    assert pyplot is None or pyplot.get_fignums() == []

@@ -1,0 +1,181 @@
+"""The report: says the verdict first, carries its figures, and needs nothing from outside."""
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutvib_ss.gap.result import Comparison, Diagnosis, FittedParameter, NextTest
+from cutvib_ss.report import report_html, write_report
+from cutvib_ss.report.wording import (
+    EFFECTS,
+    cause_name,
+    next_test_sentence,
+    parameter_text,
+    shrinkage_text,
+    verdict_sentence,
+)
+from cutvib_ss.response.frequency import frequency_response
+from tests.unit.diagnosis_example import example_diagnosis, example_structure, measured
+
+
+class _Reader(HTMLParser):
+    """Text of a page, and what its tags load."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.text: list[str] = []
+        self.loads: list[str] = []
+        self.headings: list[str] = []
+        self._open: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._open.append(tag)
+        self.loads += [value or "" for name, value in attrs if name in ("src", "href")]
+
+    def handle_endtag(self, tag: str) -> None:
+        while self._open and self._open.pop() != tag:
+            pass
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self._open:
+            self.text.append(data)
+            if self._open and self._open[-1] in ("h1", "h2"):
+                self.headings.append(data)
+
+
+def _read(page: str) -> _Reader:
+    reader = _Reader()
+    reader.feed(page)
+    reader.text = [" ".join(" ".join(reader.text).split())]
+    return reader
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return report_html(example_diagnosis(records=2))
+
+
+def test_the_verdict_comes_first_in_one_sentence(page: str) -> None:
+    reader = _read(page)
+    sentence = verdict_sentence(example_diagnosis(lines=20, records=1))
+    assert sentence == (
+        "The model lacks one thing: the supports under the rail's ends give. With it, the mean error on held-out "
+        "records falls from 0.0286 to 0.00214 g/N; noise alone leaves 0.0019."
+    )
+    text = reader.text[0]
+    assert text.index(sentence) < text.index("Where The re-tuned")
+    assert reader.headings[0] == "Example <campaign> & more"
+    assert reader.headings[1:] == [
+        "Where", "Which cause", "How far", "Measured and computed responses", "The corrected model",
+        "What was found in the measurement", "How far to trust this",
+    ]  # fmt: skip
+
+
+def test_it_carries_parameters_figures_warnings_and_the_caveat(page: str) -> None:
+    text = _read(page).text[0]
+    for said in (
+        "k_left (1.310 ± 0.024)·10⁷ N/m",
+        "damping 310 N s/m",
+        "18-41.5 Hz, 80-130 Hz, 190-300 Hz",
+        "92.5 % is closed (95 % interval 91.0 to 94.0 %)",
+        "blow 2: double hit",
+        "probabilities are not yet calibrated",
+    ):
+        assert said in text
+    assert "nan" not in text.lower()
+
+
+def test_it_is_small_loads_nothing_and_is_the_same_every_time(page: str) -> None:
+    assert len(page) < 1_000_000
+    reader = _read(page)
+    assert len(reader.loads) == 3
+    assert all(value.startswith("data:image/png;base64,") for value in reader.loads)
+    assert not re.search(r"https?://|@import|url\(", page)
+    assert page == report_html(example_diagnosis(records=2))
+
+
+def test_an_ambiguous_diagnosis_marks_its_set_and_says_what_to_measure() -> None:
+    page = report_html(example_diagnosis("ambiguous", lines=60, records=1))
+    text = _read(page).text[0]
+    assert "cannot tell these causes apart: the supports under the rail's ends give; or the guide between" in text
+    assert "Put the head at y/L = 0.02, give blows of about 60 N and look at base_x: tells" in text
+    assert page.count('<tr class="likely">') == 2
+
+
+def test_no_gap_and_unknown_are_said_plainly() -> None:
+    none = _read(report_html(example_diagnosis("no_gap", lines=60, records=1))).text[0]
+    assert "Model and machine agree" in none
+    assert "Nowhere does the re-tuned nominal model's error stand out of the noise." in none
+    unknown = verdict_sentence(example_diagnosis("unknown", lines=20, records=1))
+    assert "no cause of the catalogue explains" in unknown
+    assert "the supports under the rail's ends give" in unknown
+
+
+def test_a_structure_without_positions_has_a_report(tmp_path: Path) -> None:
+    structure = example_structure()
+    freq = np.linspace(10.0, 120.0, 200)
+    model = frequency_response(structure, None, freq)
+    comparison = Comparison("records/a.csv", measured(structure, None, freq), model, model, model)
+    base = example_diagnosis(lines=20, records=1)
+    where = replace(base.where, by_position=(replace(base.where.by_position[0], label=None),))
+    d = replace(base, nominal=structure, corrected_machine=structure, comparisons=(comparison,), where=where)
+    write_report(d, tmp_path / "report.html")
+    reader = _read((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "The corrected model" not in reader.headings
+    assert "all 0.031" in reader.text[0]
+
+
+def test_a_diagnosis_without_pictures_to_compare_has_a_report() -> None:
+    reader = _read(report_html(replace(example_diagnosis(lines=20, records=1), comparisons=())))
+    assert "Measured and computed responses" not in reader.headings
+    assert len(reader.loads) == 1
+
+
+def test_many_records_show_one_a_position_the_least_noisy() -> None:
+    base = example_diagnosis(lines=30)
+    louder = [replace(c.measured, variance=4 * c.measured.variance) for c in base.comparisons]
+    noisy = [replace(c, measured=m) for c, m in zip(base.comparisons, louder, strict=True)]
+    d: Diagnosis = replace(base, comparisons=(*noisy, *base.comparisons))
+    assert "One record a position; the campaign has 10." in _read(report_html(d)).text[0]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "text"),
+    [
+        (FittedParameter(1.31e7, 2.4e5, "N/m"), "(1.310 ± 0.024)·10⁷ N/m"),
+        (FittedParameter(8.1e9, 2e8, "N m/rad^3"), "(8.10 ± 0.20)·10⁹ N m/rad³"),
+        (FittedParameter(2.117e-4, 3e-7, "s"), "(2.1170 ± 0.0030)·10⁻⁴ s"),
+        (FittedParameter(0.0, 0.02, "m"), "0.000 ± 0.020 m"),
+        (FittedParameter(247.5, 1.2, "Hz"), "247.5 ± 1.2 Hz"),
+        (FittedParameter(131.0, 4000.0, "N s/m"), "131 ± 4000 N s/m"),
+        (FittedParameter(310.0, float("nan"), "N s/m"), "310 N s/m"),
+        (FittedParameter(float("nan"), 1.0, "kg"), "not determined"),
+    ],
+)
+def test_parameters_are_rounded_to_their_deviation(parameter: FittedParameter, text: str) -> None:
+    assert parameter_text(parameter) == text
+
+
+def test_pairs_and_strangers_have_names() -> None:
+    assert cause_name("support_compliance+cubic_stiffness", "rail_ends+joint2") == (
+        "the supports under the rail's ends give; together with: stiffness changes with amplitude "
+        "(joint 2 (tool in its slot))"
+    )
+    assert cause_name("brand_new_effect", "drive") == "brand new effect (drive)"
+
+
+def test_every_effect_of_the_catalogue_has_words() -> None:
+    from cutvib_ss.effects.catalogue import EFFECTS as CATALOGUE
+
+    assert set(CATALOGUE) <= set(EFFECTS)
+
+
+def test_what_is_not_known_is_left_out() -> None:
+    assert next_test_sentence(NextTest("why", None, None, "y")) == "Look at y: why."
+    gap = example_diagnosis(lines=20, records=1).gap
+    assert shrinkage_text(replace(gap, shrinkage_interval=(float("nan"), 1.0))) == ("92.5 %", "")
+    assert shrinkage_text(replace(gap, shrinkage=float("nan"))) == ("not known", "")
