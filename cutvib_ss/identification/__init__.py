@@ -2,6 +2,7 @@
 
 from cutvib_ss.identification.bounded_fit import FitWeights, HeadFit, bounded_fit, bounds_around, fit_data
 from cutvib_ss.identification.first_guess import first_guess, peaks_and_dip
+from cutvib_ss.identification.held_head import held_natural_frequencies, held_response
 from cutvib_ss.identification.identify import IdentificationResult, identify
 from cutvib_ss.identification.rail_mass import RailMass, recover_rail_mass
 from cutvib_ss.identification.tool_side import tool_side
@@ -12,6 +13,8 @@ __all__ = [
     "IdentificationResult",
     "first_guess",
     "peaks_and_dip",
+    "held_response",
+    "held_natural_frequencies",
     "fit_data",
     "FitWeights",
     "bounded_fit",

@@ -21,7 +21,7 @@ import numpy as np
 from scipy import optimize
 
 from cutvib_ss.errors import IdentificationError
-from cutvib_ss.identification.held_head import HeldHead
+from cutvib_ss.identification.held_head import TOOL, HeldHead
 from cutvib_ss.machine import Machine
 from cutvib_ss.parameters import HeadParameters, check_number
 from cutvib_ss.response.frequency import ChainedResponse
@@ -30,7 +30,6 @@ from cutvib_ss.results import (
     FloatArray,
     FrequencyResponse,
     MeasuredFrequencyResponse,
-    Quantity,
     read_only,
 )
 from cutvib_ss.subsystems.head import HEAD_PARAMETERS
@@ -39,8 +38,6 @@ from cutvib_ss.units import DERIVATIVE_ORDER
 Bounds: TypeAlias = tuple[HeadParameters, HeadParameters]
 Weighting: TypeAlias = Literal["paper", "variance"]
 
-FITTED = ("tool_x", "tool_z")
-"""Responses that are fitted: XX and ZX."""
 _ON_BOUND = 1e-4
 """A parameter this close to a bound, as a part of the range between its bounds, lies on it."""
 
@@ -146,7 +143,7 @@ def fit_data(
         If there is no ``tool_x``, too few lines lie in the band, a value is not finite, or variances are asked for that
         are not known.
     """
-    outputs = [name for name in FITTED if name in frf.outputs]
+    outputs = [name for name in TOOL if name in frf.outputs]
     if "tool_x" not in outputs:
         raise IdentificationError(f"the fit needs the response tool_x; there are {', '.join(frf.outputs)}")
     inside = np.flatnonzero((frf.freq >= band[0]) & (frf.freq <= band[1]))
@@ -216,14 +213,10 @@ class HeadModel:
             slopes = [response.derivative(("head", name))[0, :, 0] for name in HEAD_PARAMETERS]
             return response.data()[0, :, 0], np.stack(slopes, axis=-1)
         held = HeldHead(head, self._s)
-        factor = np.array([self._s ** _order(q) for q in frf.quantities])
+        factor = np.array([self._s ** DERIVATIVE_ORDER[q] for q in frf.quantities])
         values = np.array([held.receptance(o) for o in frf.outputs])
         rows = [[held.derivative(name, o) for name in HEAD_PARAMETERS] for o in frf.outputs]
         return factor * values, factor[..., None] * np.array(rows).transpose(0, 2, 1)
-
-
-def _order(quantity: Quantity) -> int:
-    return DERIVATIVE_ORDER[quantity]
 
 
 def vector(head: HeadParameters) -> FloatArray:

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy import linalg
 
 from cutvib_ss.parameters import HeadParameters
-from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse
 from cutvib_ss.subsystems.head import head, head_row_derivatives
+
+TOOL = ("tool_x", "tool_z")
+"""The responses of the tool: XX and ZX."""
 
 _ROTATIONS = slice(0, 2)
 _MASS_OF_PORT = {"head_x": "m1", "head_z": "m1", "tool_x": "m2", "tool_z": "m2"}
@@ -40,7 +45,7 @@ class HeldHead:
         system = head(parameters)
         self._rows = {name: row[_ROTATIONS] for name, row in system.ports.items()}
         self._inverse = np.linalg.inv(system.dynamic_stiffness(s)[:, _ROTATIONS, _ROTATIONS])
-        self._answers = {name: self._inverse @ self._rows[name] for name in ("tool_x", "tool_z")}
+        self._answers = {name: self._inverse @ self._rows[name] for name in TOOL}
 
     def receptance(self, output: str) -> ComplexArray:
         """
@@ -97,3 +102,55 @@ class HeldHead:
                 half = getattr(self.parameters, mass) * np.outer(moved[port], row)
                 change += half + half.T
         return s**2 * change
+
+
+def held_response(parameters: HeadParameters, freq: ArrayLike) -> FrequencyResponse:
+    """
+    Accelerances XX and ZX of the head with its base held.
+
+    Parameters
+    ----------
+    parameters : HeadParameters
+        The head.
+    freq : array_like, shape (frequency,)
+        Frequencies [Hz].
+
+    Returns
+    -------
+    FrequencyResponse
+        Outputs ``tool_x`` and ``tool_z``; without a position.
+    """
+    lines = np.atleast_1d(np.asarray(freq, dtype=float))
+    s = 2j * np.pi * lines
+    model = HeldHead(parameters, s)
+    data = np.array([s**2 * model.receptance(output) for output in TOOL])
+    nowhere = np.array([np.nan])
+    return FrequencyResponse(data[None, :, None, :], lines, nowhere, TOOL, ("force",), ("acceleration", "acceleration"))
+
+
+def held_natural_frequencies(parameters: HeadParameters) -> FloatArray:
+    """
+    Undamped natural frequencies of the head with its base held.
+
+    Parameters
+    ----------
+    parameters : HeadParameters
+        The head.
+
+    Returns
+    -------
+    ndarray, shape (2,)
+        Natural frequencies [Hz], ascending.
+
+    Examples
+    --------
+    >>> from cutvib_ss.parameters import table_3
+    >>> held_natural_frequencies(table_3()).round(1)
+    array([213.6, 240.9])
+    """
+    system = head(parameters)
+    squares = linalg.eigh(
+        system.stiffness[_ROTATIONS, _ROTATIONS], system.mass[_ROTATIONS, _ROTATIONS], eigvals_only=True
+    )
+    frequencies: FloatArray = np.sqrt(squares) / (2 * np.pi)
+    return frequencies

@@ -6,7 +6,8 @@ inverse variances of the noise, so its covariance is A⁻¹ (Jᵀ Σ J) A⁻¹ w
 residuals: what the measurement knows of its noise or the scatter about the fit, whichever is larger, and what is not
 known of each channel's sensitivity, which moves all its values together. Where the data say nothing A is singular;
 there the bounds are what is known, an even distribution of variance 1/12 in u, which joins as further residuals. A
-combination counts as determined where the data leave less than a third of what the bounds leave.
+parameter or combination counts as determined where less than a third of what the bounds leave is left, and that not
+because of the bounds on others.
 
 Bounds push the fit aside where the noise would carry it beyond. The estimate of a combination is therefore that of the
 data alone, one Gauss-Newton step from the fit; a parameter on a bound is reported as such.
@@ -31,6 +32,8 @@ PARAMETER_UNITS = ("kg", "kg", "m", "m", "rad", "rad", "N m/rad", "N m/rad", "N 
 """SI units of the ten parameters, in the tables' order."""
 _BOUNDS_VARIANCE = 1.0 / 12.0
 _DETERMINED = 1.0 / 3.0
+_BORROWED = 1.0 / 3.0  # largest variance that comes from the bounds, over that which comes from the data
+_ROUNDING = 1e-10
 _SMOOTH_NORM = (1.0 + 1.0 / 3.0 + 1.0 / 5.0) ** 0.5  # root of the summed mean squares of P_0, P_1 and P_2
 _SAME_AS_PARAMETER = {"tool_mass": "m2"}
 
@@ -122,13 +125,17 @@ def determination(fit: HeadFit, data: FitData, level: float = 0.99, calibration:
     scale = float(np.mean(noise))
     j, n = fit.jacobian, len(HEAD_PARAMETERS)
     known = scale / _BOUNDS_VARIANCE
-    inverse = np.linalg.inv(j.T @ j + known * np.eye(n))
-    systematic = j.T @ (calibration * _gains(data))
-    spread_of_data = j.T @ (noise[:, None] * j) + systematic @ systematic.T
-    covariance = inverse @ (spread_of_data + known * scale * np.eye(n)) @ inverse
-    step = -inverse @ (j.T @ fit.residual)
-    _, singular, right = np.linalg.svd(j / np.sqrt(scale), full_matrices=False)
-    spread = np.sqrt(np.einsum("ki,ij,kj->k", right, covariance, right))
+    left, singular, right = np.linalg.svd(j, full_matrices=False)
+    # What rounding alone leaves of a direction is nothing: the bounds must then speak for it.
+    singular = np.where(singular > _ROUNDING * singular[0], singular, 0.0)
+    answer = singular / (singular**2 + known)
+    heard = answer[:, None] * left.T
+    systematic = heard @ (calibration * _gains(data))
+    by_data = (heard * noise) @ heard.T + systematic @ systematic.T
+    by_bounds = np.diag(known * scale / (singular**2 + known) ** 2)
+    covariances = (right.T @ by_data @ right, right.T @ by_bounds @ right)
+    step = -right.T @ (heard @ fit.residual)
+    told = [_told(e, (by_data, by_bounds)) for e in np.eye(n)]
     width = vector(fit.bounds[1]) - vector(fit.bounds[0])
     at_fit, gradients = tool_side(fit.head), tool_side_gradient(fit.head)
     combinations = []
@@ -136,26 +143,31 @@ def determination(fit: HeadFit, data: FitData, level: float = 0.99, calibration:
         g = gradients[name] * width
         bound = fit.on_bound.get(_SAME_AS_PARAMETER.get(name, ""))
         value = at_fit[name] if bound else at_fit[name] + float(g @ step)
-        combinations.append(_estimate(name, unit, value, bound, g, covariance, len(TOOL_SIDE_UNITS), level))
+        combinations.append(_estimate(name, unit, value, bound, g, covariances, len(TOOL_SIDE_UNITS), level))
     parameters = [
-        _estimate(name, unit, value, fit.on_bound.get(name), w * e, covariance, n, level)
+        _estimate(name, unit, value, fit.on_bound.get(name), w * e, covariances, n, level)
         for name, unit, value, w, e in zip(HEAD_PARAMETERS, PARAMETER_UNITS, vector(fit.head), width, np.eye(n))
     ]
-    return Determination(
-        singular, right.T, int(np.sum(spread < _DETERMINED * np.sqrt(_BOUNDS_VARIANCE))), tuple(parameters),
-        tuple(combinations), level,
-    )  # fmt: skip
+    return Determination(singular / np.sqrt(scale), right.T, sum(told), tuple(parameters), tuple(combinations), level)
+
+
+def _told(gradient: FloatArray, covariances: tuple[FloatArray, FloatArray]) -> bool:
+    """Whether the data tell what moves along a gradient: closely, and not through the bounds on other parameters."""
+    by_data, by_bounds = (float(gradient @ c @ gradient) for c in covariances)
+    alone = float(gradient @ gradient) * _BOUNDS_VARIANCE
+    borrowed = by_bounds > _BORROWED * by_data and by_bounds > _BORROWED**4 * alone
+    return by_data + by_bounds <= _DETERMINED**2 * alone and not borrowed
 
 
 def _estimate(
-    name: str, unit: str, value: float, bound: str | None, gradient: FloatArray, covariance: FloatArray, count: int,
-    level: float,
+    name: str, unit: str, value: float, bound: str | None, gradient: FloatArray,
+    covariances: tuple[FloatArray, FloatArray], count: int, level: float,
 ) -> Estimate:  # fmt: skip
     if bound is not None:
         return Estimate(name, unit, float(value), "on lower bound" if bound == "lower" else "on upper bound")
-    std = float(np.sqrt(gradient @ covariance @ gradient))
-    if std > _DETERMINED * float(np.linalg.norm(gradient)) * np.sqrt(_BOUNDS_VARIANCE):
+    if not _told(gradient, covariances):
         return Estimate(name, unit, float(value), "not determined")
+    std = float(np.sqrt(sum(gradient @ c @ gradient for c in covariances)))
     half = float(stats.norm.ppf(1.0 - (1.0 - level) / (2 * count))) * std
     return Estimate(name, unit, float(value), "determined", std, (float(value - half), float(value + half)))
 
