@@ -196,7 +196,7 @@ def _measured(raw: RawFrf, table: RecordTable, machine: MachineLike) -> Measured
     data = np.stack([response.values for response in raw.responses])
     unknown = np.full(raw.freq.size, np.nan)
     coherence = np.stack([unknown if r.coherence is None else r.coherence for r in raw.responses])
-    variance = frf_variance(raw.freq, data, coherence, table.averages)
+    variance = frf_variance(data, coherence, table.averages)
     channels = tuple(response.name for response in raw.responses)
     quantities: tuple[Quantity, ...] = tuple(machine.channels[name].quantity for name in channels)
     return MeasuredFrequencyResponse(

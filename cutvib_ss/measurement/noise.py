@@ -56,16 +56,16 @@ def smooth_noise(power: FloatArray, gain: FloatArray, half_width: int) -> FloatA
     for _ in range(4):
         w = weight / expected**2
         s0, s1, s2, t0, t1 = (_running(w * x, half_width) for x in (np.ones_like(g), g, g * g, p, g * p))
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             constant = t0 / s0
             proportional = t1 / s2
             determinant = s0 * s2 - s1 * s1
             a = (t0 * s2 - t1 * s1) / determinant
             b = (s0 * t1 - s1 * t0) / determinant
-        told_apart = determinant > 1e-3 * s0 * s2
-        only_a = ~told_apart | (b < 0) | ~np.isfinite(a + b)
-        only_b = ~only_a & (a < 0)
-        fit = np.where(only_a, constant, np.where(only_b, proportional * g, a + b * g))
+            told_apart = determinant > 1e-3 * s0 * s2
+            only_a = ~told_apart | (b < 0) | ~np.isfinite(a + b)
+            only_b = ~only_a & (a < 0)
+            fit = np.where(only_a, constant, np.where(only_b, proportional * g, a + b * g))
         expected = np.where(np.isfinite(fit), np.maximum(fit, 1e-12), expected)
     return expected * scale
 
@@ -139,16 +139,12 @@ def widened(half_width: int, correlation: FloatArray) -> int:
     return round(half_width * float(np.sqrt(1 + 2 * np.sum(correlation[1:]))))
 
 
-def frf_variance(
-    freq: FloatArray, data: ComplexArray, coherence: FloatArray, averages: int, noise_bins: int = NOISE_BINS
-) -> FloatArray:
+def frf_variance(data: ComplexArray, coherence: FloatArray, averages: int, noise_bins: int = NOISE_BINS) -> FloatArray:
     """
     Variance of frequency responses that were estimated elsewhere.
 
     Parameters
     ----------
-    freq : ndarray, shape (frequency,)
-        Frequency [Hz].
     data : ndarray of complex, shape (channel, frequency)
         H1 estimates.
     coherence : ndarray, shape (channel, frequency)
@@ -170,14 +166,12 @@ def frf_variance(
     is one throughout, coherence says nothing: then the noise is what a fourth difference along frequency leaves, by its
     running median, which a few lines of a sharp peak do not move.
     """
-    del freq  # lines are taken as they come: their spacing does not enter
     variance = np.empty(data.shape)
     alone = np.zeros(1)
     for k, (h, c) in enumerate(zip(data, coherence, strict=True)):
         gain = np.abs(h)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = gain**2 * (1 - c) / c
-        told = np.isfinite(ratio)
+        told = np.isfinite(c) & (c > 1e-12)
+        ratio = gain**2 * (1 - c) / np.where(told, c, 1.0)
         if averages > 1 and np.count_nonzero(told) >= min(4, h.size) and np.any(ratio[told] > 0):
             correction = scatter_correction(2.0 * (averages - 1), noise_bins, alone, h.size)
             smooth = smooth_noise(np.where(told, ratio, np.nan), gain, noise_bins) / (averages - 1) * correction
@@ -238,9 +232,21 @@ def floored(variance: FloatArray, gain: FloatArray) -> FloatArray:
 
 
 def _running(values: FloatArray, half_width: int) -> FloatArray:
-    """Running sum over a window that is cut at the ends."""
-    total = np.concatenate(([0.0], np.cumsum(values)))
-    index = np.arange(values.size)
-    high = np.minimum(index + half_width + 1, values.size)
-    low = np.maximum(index - half_width, 0)
-    return np.asarray(total[high] - total[low], dtype=np.float64)
+    """
+    Running sum over a window that is cut at the ends.
+
+    Sums of 1, 2, 4, ... neighbours are put together to the window's length: as exact as adding them up, where
+    differences of one long sum lose what is small beside the rest of it.
+    """
+    width = 2 * half_width + 1
+    part = np.pad(values, half_width)
+    total = np.zeros(values.size)
+    done, length = 0, 1
+    while True:
+        if width & length:
+            total += part[done : done + values.size]
+            done += length
+        if done == width:
+            return total
+        part = part[:-length] + part[length:]
+        length *= 2

@@ -19,14 +19,48 @@ class _Table(BaseModel):
 
 
 class CampaignTable(_Table):
-    """The ``[campaign]`` table: title, and the nominal model's file."""
+    """
+    The ``[campaign]`` table.
+
+    Parameters
+    ----------
+    title : str
+        Title.
+    machine : str, optional
+        File of the nominal model, relative to campaign.toml.
+    """
 
     title: str = ""
     machine: str | None = None
 
 
 class RecordTable(_Table):
-    """A ``[[record]]`` table: one position and level, its files, and how they were measured."""
+    """
+    A ``[[record]]`` table: one position and level, its files, and how they were measured.
+
+    Parameters
+    ----------
+    file : str or list of str
+        File, or files of one blow each.
+    kind : {"impact", "frf", "timeseries"}
+        What the files hold.
+    use : {"fit", "check"}, optional
+        What the record may be used for.
+    position : float, optional
+        Position y_b / L of the head, strictly inside (0, 1).
+    peak_force : float, optional
+        Excitation level [N].
+    averages : int
+        Blows or blocks behind each FRF.
+    excitation : {"impact", "random", "multisine", "sine"}, optional
+        How the structure was excited.
+    block : float, optional
+        Length of an FRF's block [s].
+    blow_at : float, optional
+        Instant of the blow within the block [s].
+    exponential_decay : float
+        Decay rate [1/s] of an exponential window on the response alone.
+    """
 
     file: str | list[str]
     kind: Literal["impact", "frf", "timeseries"]
@@ -55,7 +89,18 @@ class RecordTable(_Table):
 
 
 class CampaignFile(_Table):
-    """The whole of campaign.toml."""
+    """
+    The whole of campaign.toml.
+
+    Parameters
+    ----------
+    campaign : CampaignTable
+        Title and nominal model.
+    record : list of RecordTable
+        Records, at least one.
+    dofs : dict of str to int
+        Node number of each place.
+    """
 
     campaign: CampaignTable = CampaignTable()
     record: Annotated[list[RecordTable], Field(min_length=1)]

@@ -135,11 +135,38 @@ class Format(Protocol):
     """What each module of a format offers."""
 
     def read(self, path: Path, frf: bool, layout: Layout) -> Contents:
-        """Contents of a file: frequency responses where ``frf``, else time records."""
+        """
+        Contents of a file.
+
+        Parameters
+        ----------
+        path : Path
+            File.
+        frf : bool
+            Whether frequency responses are wanted, else time records.
+        layout : Layout
+            Quantities and nodes of the channels.
+
+        Returns
+        -------
+        Contents
+            Named columns in the file's own units.
+        """
         ...
 
     def write(self, path: Path, contents: Contents, layout: Layout) -> None:
-        """Write contents to a new file."""
+        """
+        Write contents to a new file.
+
+        Parameters
+        ----------
+        path : Path
+            File to write.
+        contents : Contents
+            Histories or frequency responses.
+        layout : Layout
+            Quantities and nodes of the channels.
+        """
         ...
 
 
