@@ -1,0 +1,120 @@
+"""The application and its exit status: 0 done, 2 the input cannot be used, 1 a fault of the program."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+import warnings
+from collections.abc import Sequence
+
+import typer
+
+from cutvib_ss.cli.absorbers import absorber_check_command, absorber_design_command
+from cutvib_ss.cli.campaigns import diagnose_command, identify_command
+from cutvib_ss.cli.demo import demo_command
+from cutvib_ss.cli.models import bode_command, frf_command, modes_command, paper_command, schedule_command
+from cutvib_ss.errors import CutvibError
+
+# Older and newer typer keep their parser's exceptions in different modules; BadParameter is public in both.
+_ParserError: type[Exception] = typer.BadParameter.__mro__[2]
+
+app = typer.Typer(
+    name="cutvib",
+    add_completion=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["--help", "-h"]},
+    pretty_exceptions_enable=False,
+)
+absorber = typer.Typer(help="The tuned vibration absorber over the workspace.", rich_markup_mode="rich")
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from cutvib_ss import __version__
+
+        typer.echo(f"cutvib {__version__}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True, epilog="Example: cutvib demo")
+def root(
+    context: typer.Context,
+    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
+) -> None:
+    """Vibration of a Cartesian cutting machine, and a diagnosis of the gap between model and measurement."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@absorber.callback(invoke_without_command=True)
+def absorber_root(context: typer.Context) -> None:
+    """The tuned vibration absorber over the workspace."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+app.command("demo", epilog="Example: cutvib demo --out my-demo")(demo_command)
+app.command("diagnose", epilog="Example: cutvib diagnose my-campaign --json out.json --report out.html")(
+    diagnose_command
+)
+app.command("identify", epilog="Example: cutvib identify my-campaign --save-machine fitted.toml")(identify_command)
+app.command("paper", epilog="Example: cutvib paper --json tables.json")(paper_command)
+app.command("modes", epilog="Example: cutvib modes --position 0.5")(modes_command)
+app.command("frf", epilog="Example: cutvib frf --position 0.5 --position 0.3333 --freq 100:300:0.5 --out frf.csv")(
+    frf_command
+)
+app.command("bode", epilog="Example: cutvib bode --position 0.02 --position 0.5 --out bode.png")(bode_command)
+app.command("schedule", epilog="Example: cutvib schedule --out schedule.png --poles poles.png")(schedule_command)
+app.add_typer(absorber, name="absorber")
+absorber.command("check", epilog="Example: cutvib absorber check --frequency 215 --damping-ratio 0.03 --mass 0.08")(
+    absorber_check_command
+)
+absorber.command("design", epilog="Example: cutvib absorber design --mass 0.1 --position 0.25 --position 0.5")(
+    absorber_design_command
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Arguments after the program's name; by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit status.
+    """
+    if not sys.warnoptions:
+        # Notes of third-party code between the lines help no one who did not ask for them with -W.
+        warnings.simplefilter("ignore")
+    try:
+        command = typer.main.get_command(app)
+        status = command.main(None if arguments is None else list(arguments), prog_name="cutvib", standalone_mode=False)
+        sys.stdout.flush()
+        return status if isinstance(status, int) else 0
+    except _ParserError as error:
+        context = getattr(error, "ctx", None)
+        asked = context.command_path if context is not None else "cutvib"
+        return _refuse(f"{error.format_message()}; see `{asked} --help`")  # type: ignore[attr-defined]
+    except CutvibError as error:
+        return _refuse(str(error))
+    except (KeyboardInterrupt, typer.Abort):
+        sys.stderr.write("cutvib: stopped\n")
+        return 130
+    except BrokenPipeError:
+        # Whoever read the output has seen enough; keep the interpreter from complaining at its end.
+        sys.stderr.close()
+        return 1
+    except Exception:
+        traceback.print_exc()
+        sys.stderr.write("cutvib: a fault of the program, not of the input; please report it with the lines above\n")
+        return 1
+
+
+def _refuse(message: str) -> int:
+    sys.stderr.write(f"cutvib: {' '.join(message.split())}\n")
+    return 2

@@ -1,0 +1,257 @@
+"""Commands that need a model and no measurement."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cutvib_ss.cli.options import (
+    FormName,
+    FreqOption,
+    JsonOption,
+    MachineOption,
+    PositionsOption,
+    check_places,
+    frequencies,
+    load_machine,
+    load_model,
+)
+from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
+from cutvib_ss.errors import ParameterError
+
+if TYPE_CHECKING:
+    from cutvib_ss.results import FrequencyResponse
+
+_OutputsOption = Annotated[
+    list[str] | None,
+    typer.Option("--output", metavar="NAME", help="Channel or port to read; by default all channels."),
+]
+_FormOption = Annotated[
+    FormName | None,
+    typer.Option("--form", help="By default accelerance; each channel's own for another structure."),
+]
+
+_TITLES = {
+    "first_guess": "First guess (Eqs. 14-20)",
+    "rail": "The rail behind Table 6",
+    "fig20": "The absorber's effect (Fig. 20)",
+}
+
+
+def modes_command(
+    position: Annotated[
+        float | None,
+        typer.Option("--position", metavar="Y", help="y_b / L of the head, strictly between 0 and 1."),
+    ] = None,
+    machine: MachineOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Natural frequencies, damping ratios, poles and mode shapes at a position."""
+    check_outputs(json)
+    import numpy as np
+
+    from cutvib_ss.response.modes import modes
+
+    model = load_model(machine)
+    places = check_places(model, None if position is None else [position])
+    found = modes(model, None if places is None else places[0])
+    data = {
+        "schema": "cutvib-modes/1",
+        "position": found.position,
+        "natural_freq_hz": found.natural_freq,
+        "damping_ratio": found.damping_ratio,
+        "poles": found.poles,
+        "dofs": list(found.dofs),
+        "mode_shapes": found.mode_shapes,
+    }
+    if give_json(data, json):
+        return
+    rows = []
+    for k, (freq, ratio, pole) in enumerate(zip(found.natural_freq, found.damping_ratio, found.poles, strict=True)):
+        shape = found.mode_shapes[:, k]
+        strongest = [i for i in np.argsort(-np.abs(shape))[:3] if abs(shape[i]) > 1e-6 * np.abs(shape).max()]
+        moves = ", ".join(f"{found.dofs[i]} {shape[i]:+.3g}" for i in strongest)
+        rows.append([f"{k + 1}", f"{freq:.2f}", f"{100 * ratio:.3f}", f"{pole.real:.2f} {pole.imag:+.2f}j", moves])
+    title = "Modes" if places is None else f"Modes with the head at y/L = {found.position:g}"
+    columns = ["mode", "frequency [Hz]", "damping [%]", "pole [rad/s]", "shape, largest parts (mass-normalised)"]
+    show(results(), title, columns, rows, "rrrrl")
+
+
+def frf_command(
+    position: PositionsOption = None,
+    freq: FreqOption = "10:500:0.5",
+    form: _FormOption = None,
+    output: _OutputsOption = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Write .csv, .uff, .mat or .npz."),
+    ] = None,
+    machine: MachineOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Frequency responses to the force; as CSV on standard output unless a file is asked for."""
+    from cutvib_ss.interchange.frf_files import frf_csv, frf_writer, write_frf
+
+    check_outputs(out, json)
+    if out is not None:
+        frf_writer(out)
+    frf = _response(machine, position, freq, form, output)
+    if out is not None:
+        write_frf(frf, out)
+    if give_json(_frf_data("cutvib-frf/1", frf), json):
+        return
+    if out is None and json is None:
+        sys.stdout.write(frf_csv(frf))
+    else:
+        _show_peaks(frf)
+
+
+def bode_command(
+    position: PositionsOption = None,
+    freq: FreqOption = "10:500:0.5",
+    form: _FormOption = None,
+    output: _OutputsOption = None,
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.")] = Path("bode.png"),
+    machine: MachineOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Bode plots at given positions."""
+    check_outputs(out, json)
+    frf = _response(machine, position, freq, form, output)
+    from cutvib_ss.plot.response import bode
+    from cutvib_ss.plot.style import check_picture, save
+
+    check_picture(out)
+    with working("drawing"):
+        save(bode(frf), out)
+    if not give_json(_frf_data("cutvib-bode/1", frf), json):
+        _show_peaks(frf)
+        say(results(), f"picture: {out}")
+
+
+def schedule_command(
+    positions: Annotated[
+        int, typer.Option("--positions", min=5, max=2001, help="Number of positions over the rail.")
+    ] = 99,
+    freq: FreqOption = "5:600:1",
+    output: Annotated[str, typer.Option("--output", metavar="NAME", help="Channel or port to map.")] = "tool_x",
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.")] = Path(
+        "schedule.png"
+    ),
+    poles: Annotated[
+        Path | None,
+        typer.Option("--poles", metavar="FILE", help="Also draw the poles over positions."),
+    ] = None,
+    machine: MachineOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Natural frequencies, damping and accelerance over the whole rail."""
+    check_outputs(out, poles, json)
+    import numpy as np
+
+    from cutvib_ss.plot.schedule import pole_map, schedule
+    from cutvib_ss.plot.style import check_picture, save
+    from cutvib_ss.response.frequency import frequency_response
+    from cutvib_ss.response.modes import track_modes
+
+    check_picture(out)
+    if poles is not None:
+        check_picture(poles)
+    model = load_machine(machine, "cutvib schedule")
+    lines = frequencies(freq)
+    places = np.arange(1, positions + 1) / (positions + 1)
+    with working("following the modes along the rail"):
+        tracked = track_modes(model, places)
+        frf = frequency_response(model, places, lines, outputs=(output,))
+        save(schedule(tracked, frf), out)
+        if poles is not None:
+            save(pole_map(tracked, float(lines[-1])), poles)
+    data = {
+        "schema": "cutvib-schedule/1",
+        "positions": tracked.positions,
+        "natural_freq_hz": tracked.natural_freq,
+        "damping_ratio": tracked.damping_ratio,
+        "poles": tracked.poles,
+        "mac": tracked.mac,
+    }
+    if give_json(data, json):
+        return
+    rows = [
+        [
+            f"{k + 1}",
+            *(f"{100 * v:.2f}" if percent else f"{v:.2f}" for values, percent in (
+                (tracked.natural_freq[:, k], False), (tracked.damping_ratio[:, k], True)
+            ) for v in (values.min(), values.max())),
+        ]
+        for k in range(tracked.natural_freq.shape[1])
+    ]  # fmt: skip
+    columns = ["mode", "lowest [Hz]", "highest [Hz]", "least damped [%]", "most damped [%]"]
+    show(results(), f"Modes over {positions} positions", columns, rows)
+    say(results(), f"picture: {out}" + ("" if poles is None else f", {poles}"))
+
+
+def paper_command(json: JsonOption = None) -> None:
+    """Every table of the paper beside what this package computes."""
+    check_outputs(json)
+    from cutvib_ss.paper import paper_tables
+
+    with working("computing the paper's tables"):
+        tables = paper_tables()
+    if give_json({"schema": "cutvib-paper/1", "tables": tables}, json):
+        return
+    for name, rows in tables.items():
+        title = f"Table {name}" if name.isdigit() else _TITLES.get(name, name)
+        shown = [[str(r["name"]), _cell(r["printed"]), _cell(r["computed"]), str(r["note"] or "")] for r in rows]
+        show(results(), title, ["name", "printed", "computed", "note"], shown, "lrrl")
+        say(results(), "")
+
+
+def _response(
+    machine: Path | None, position: list[float] | None, freq: str, form: FormName | None, output: list[str] | None
+) -> FrequencyResponse:
+    from cutvib_ss.response.frequency import frequency_response
+
+    model = load_model(machine)
+    places = check_places(model, position)
+    if places is not None and len(set(places)) < len(places):
+        raise ParameterError("--position: one position is given twice; leave one of them out")
+    lines = frequencies(freq)
+    return frequency_response(model, places, lines, None if form is None else form.value, outputs=output or None)
+
+
+def _frf_data(schema: str, frf: FrequencyResponse) -> dict[str, Any]:
+    import numpy as np
+
+    data: dict[str, Any] = {
+        "schema": schema,
+        "positions": frf.positions,
+        "freq_hz": frf.freq,
+        "outputs": list(frf.outputs),
+        "inputs": list(frf.inputs),
+        "units": list(frf.units),
+    }
+    if schema.startswith("cutvib-bode"):
+        return data | {"magnitude": np.abs(frf.data), "phase_deg": np.degrees(np.angle(frf.data))}
+    return data | {"re": frf.data.real, "im": frf.data.imag}
+
+
+def _show_peaks(frf: FrequencyResponse) -> None:
+    """Where each response is largest."""
+    import numpy as np
+
+    rows = []
+    for position, block in zip(frf.positions, frf.data[:, :, 0], strict=True):
+        for output, unit, values in zip(frf.outputs, frf.units, block, strict=True):
+            k = int(np.nanargmax(np.abs(values)))
+            place = "-" if np.isnan(position) else f"{position:.4g}"
+            rows.append([output, place, f"{frf.freq[k]:.2f}", f"{abs(values[k]):.4g}", unit])
+    show(results(), "Largest response", ["output", "y/L", "at [Hz]", "modulus", "unit"], rows, "lrrrl")
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,96 @@
+"""Options that several commands share, and what becomes of them."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cutvib_ss.errors import ParameterError
+
+if TYPE_CHECKING:
+    from cutvib_ss.machine import Machine
+    from cutvib_ss.results import FloatArray
+    from cutvib_ss.structure import Structure
+
+MachineOption = Annotated[
+    Path | None,
+    typer.Option("--machine", metavar="FILE.toml", help="The model; by default the published machine."),
+]
+JsonOption = Annotated[
+    str | None,
+    typer.Option("--json", metavar="FILE", help="Write the figures as JSON; - is standard output."),
+]
+PositionsOption = Annotated[
+    list[float] | None,
+    typer.Option("--position", metavar="Y", help="y_b / L of the head, between 0 and 1; may be given several times."),
+]
+FreqOption = Annotated[
+    str, typer.Option("--freq", metavar="LO:HI:STEP", help="Frequencies from LO to HI in steps of STEP [Hz].")
+]
+SaveMachineOption = Annotated[
+    Path | None,
+    typer.Option("--save-machine", metavar="FILE.toml", help="Write the corrected model as a machine.toml."),
+]
+
+_MOST_LINES = 1_000_000
+
+
+class FormName(StrEnum):
+    """Forms of a frequency response."""
+
+    RECEPTANCE = "receptance"
+    MOBILITY = "mobility"
+    ACCELERANCE = "accelerance"
+
+
+def load_model(path: Path | None) -> Machine | Structure:
+    """The model of a file, or the published machine."""
+    if path is None:
+        from cutvib_ss.machine import published_machine
+
+        return published_machine()
+    from cutvib_ss.model_files import read_machine
+
+    return read_machine(path)
+
+
+def load_machine(path: Path | None, command: str) -> Machine:
+    """A cutting machine; another structure is refused, for it has no rail to move along."""
+    from cutvib_ss.machine import Machine
+
+    model = load_model(path)
+    if not isinstance(model, Machine):
+        raise ParameterError(f'{path}: kind = "second_order" has no position; `{command}` needs a cutting machine')
+    return model
+
+
+def check_places(model: Machine | Structure, positions: list[float] | None) -> list[float] | None:
+    """Positions for a machine, at least one; None for a structure."""
+    if not model.has_position:
+        if positions:
+            raise ParameterError(f"--position {positions[0]:g}: this model has no position; leave the option out")
+        return None
+    if not positions:
+        raise ParameterError("--position is missing; give y_b / L of the head, strictly between 0 and 1")
+    return positions
+
+
+def frequencies(text: str) -> FloatArray:
+    """Frequencies from LO:HI:STEP, both ends included where the step meets them."""
+    import numpy as np
+
+    parts = text.split(":")
+    try:
+        low, high, step = (float(part) for part in parts)
+    except ValueError:
+        raise ParameterError(f"--freq {text}: give LO:HI:STEP in Hz, for instance 10:500:0.5") from None
+    if not (0.0 <= low <= high < float("inf")) or not 0.0 < step < float("inf"):
+        raise ParameterError(f"--freq {text}: needs 0 <= LO <= HI and STEP > 0, all finite")
+    count = int((high - low) / step + 1e-9) + 1
+    if count > _MOST_LINES:
+        raise ParameterError(f"--freq {text}: {count} frequencies are too many; take a larger step")
+    lines: FloatArray = low + step * np.arange(count, dtype=np.float64)
+    return lines
