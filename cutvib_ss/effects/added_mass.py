@@ -37,7 +37,7 @@ class AddedMass(Effect):
 
     effect: ClassVar[str] = "added_mass"
 
-    mass: float = parameter("kg", -0.3, 0.6, "linear", minimum=None)
+    mass: float = parameter("kg", -0.5, 8.0, "linear", minimum=None)
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from cutvib_ss.effects.cross_axis import CrossAxis
 from cutvib_ss.effects.end_fixity import EndFixity
 from cutvib_ss.effects.guide_compliance import GuideCompliance
 from cutvib_ss.effects.local_resonator import LocalResonator
+from cutvib_ss.effects.modal_truncation import ModalTruncation
 from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
 from cutvib_ss.effects.rail_torsion import RailTorsion
@@ -30,6 +31,7 @@ EFFECTS: Mapping[str, type[Effect]] = MappingProxyType(
             EndFixity,
             GuideCompliance,
             LocalResonator,
+            ModalTruncation,
             ParameterShift,
             RailAddedMass,
             RailTorsion,

@@ -11,18 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from cutvib_ss.effects.base import Carried, Effect, Model, Range, parameter_fields
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.observations import Group
-from cutvib_ss.gap.prediction import Prediction
-from cutvib_ss.machine import Machine
+from cutvib_ss.gap.prediction import Circles, Prediction
 from cutvib_ss.parameters import Tolerances
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.slots import Path, value_at, with_value
+
+IndexArray: TypeAlias = NDArray[np.intp]
 
 BLOW_AT_PRIOR = (0.05, 0.05)
 """Mean and standard deviation of the instant of a blow that no record states [s]."""
@@ -201,6 +204,7 @@ class Problem:
         low = min(g.freq[0] for g in groups)
         high = max(g.freq[-1] for g in groups)
         self.shapes = [calibration_shapes((g.freq - low) / (high - low), shapes) for g in groups]
+        self._circles: list[Circles | None] = [None] * len(self.groups)
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
 
     def start(self, warm: FloatArray | None = None) -> FloatArray:
@@ -326,7 +330,13 @@ class Problem:
             One a group.
         """
         model, at = self.applied(x), self.blow_at(x)
-        return [Prediction(model, g, at) for g in self.groups]
+        out = [Prediction(model, g, at, c) for g, c in zip(self.groups, self._circles, strict=True)]
+        self._circles = [p.circles for p in out]
+        return out
+
+    def forget_circles(self) -> None:
+        """Draw the circles around slow poles anew at the next prediction."""
+        self._circles = [None] * len(self.groups)
 
     def errors(self, x: FloatArray) -> list[FloatArray]:
         """
@@ -402,40 +412,49 @@ class Problem:
         for g, p, e, shapes, r in zip(
             self.groups, predictions, self.errors(x), self.shapes, residuals, strict=True
         ):
-            weight = np.sqrt(2.0 / g.variance)
-            jacobian = self._jacobian(x, p, e * weight, shapes)
-            flat = np.concatenate([jacobian.real, jacobian.imag], axis=1)
-            matrix += flat @ flat.T
-            gradient += flat @ np.concatenate([r.real.ravel(), r.imag.ravel()])
+            shared, own = self._jacobian(x, p, e * np.sqrt(2.0 / g.variance), shapes)
+            # Calibration moves its own channel alone: the sums run channel by channel over the rows that it has.
+            for c, name in enumerate(g.channels):
+                index = np.concatenate([self._shared, self._own(name, shapes.shape[0])])
+                rows = np.concatenate([shared[:, :, c].reshape(len(shared), -1), own[c]])
+                flat = np.concatenate([rows.real, rows.imag], axis=1)
+                matrix[np.ix_(index, index)] += flat @ flat.T
+                gradient[index] += flat @ np.concatenate([r[:, c].real.ravel(), r[:, c].imag.ravel()])
         return matrix, gradient
 
-    def _jacobian(self, x: FloatArray, p: Prediction, weight: ComplexArray, shapes: FloatArray) -> ComplexArray:
-        """Rows: unknowns. Columns: position, channel and frequency."""
+    def _own(self, channel: str, count: int) -> IndexArray:
+        """Unknowns of a channel's calibration."""
+        return self.n_tuning + 2 * count * self.channels.index(channel) + np.arange(2 * count)
+
+    @property
+    def _shared(self) -> IndexArray:
+        """Unknowns that move every channel."""
+        return np.concatenate([np.arange(self.n_tuning), np.arange(self.n_tuning + self.n_calibration, self.size)])
+
+    def _jacobian(
+        self, x: FloatArray, p: Prediction, weight: ComplexArray, shapes: FloatArray
+    ) -> tuple[ComplexArray, list[ComplexArray]]:
+        """Rows of the shared unknowns (unknown, position, channel, frequency), and of each channel's calibration."""
         g = p.group
-        rows = np.zeros((self.size, *g.data.shape), dtype=np.complex128)
         effects = self.effects(x)
         stages = _stages(self.tuned(x), effects)
-        for i, (path, tolerance) in enumerate(self.tuning):
+        rows = []
+        for path, tolerance in self.tuning:
             scale = tolerance * value_at(stages[0], path)
-            rows[i] = scale * weight * p.derivative(_carried(((path, 1.0),), effects, stages, 0))
-        k = shapes.shape[0]
-        noise = weight / np.where(weight == 0, 1, np.abs(weight)) * np.sqrt(2.0 / g.variance)
-        data = p.data
-        # d(measured)/dε is the prediction itself: the weight without the calibration factor.
-        plain = data * np.sqrt(2.0 / g.variance) * self.calibration
-        del noise
-        for c, name in enumerate(g.channels):
-            at = self.n_tuning + 2 * k * self.channels.index(name)
-            for j in range(k):
-                rows[at + j, :, c] = plain[:, c] * shapes[j]
-                rows[at + k + j, :, c] = 1j * plain[:, c] * shapes[j]
+            rows.append(scale * weight * p.derivative(_carried(((path, 1.0),), effects, stages, 0)))
         if self.n_blow:
-            rows[self.first_effect - 1] = BLOW_AT_PRIOR[1] * weight * p.by_blow_at()
+            rows.append(BLOW_AT_PRIOR[1] * weight * p.by_blow_at())
         for i, (index, name, r) in enumerate(self.parameters):
             moved = effects[index].moves(stages[index + 1])[name]
             slope = from_unknown(float(x[self.first_effect + i]), r)[1]
-            rows[self.first_effect + i] = slope * weight * p.derivative(_carried(moved, effects, stages, index + 1))
-        return rows.reshape(self.size, -1)
+            rows.append(slope * weight * p.derivative(_carried(moved, effects, stages, index + 1)))
+        # A calibration error multiplies the prediction itself.
+        plain = p.data * np.sqrt(2.0 / g.variance) * self.calibration
+        own = []
+        for c in range(len(g.channels)):
+            real = (shapes[:, None, :] * plain[None, :, c]).reshape(shapes.shape[0], -1)
+            own.append(np.concatenate([real, 1j * real]))
+        return np.array(rows).reshape(len(rows), *g.data.shape), own
 
 
 def calibration_shapes(u: FloatArray, count: int) -> FloatArray:
@@ -548,6 +567,9 @@ def fit(
             damping *= 10
         if not accepted or gain < 1e-2 + 1e-7 * objective:
             break
+    problem.forget_circles()
+    predictions, residuals, chi2 = problem.residuals(x)
+    objective = chi2 + float(precision @ x**2)
     matrix, _ = problem.normal(x, predictions, residuals)
     matrix = matrix + np.diag(precision)
     return _finished(problem, x, matrix, chi2, objective)
@@ -592,19 +614,3 @@ def _finished(problem: Problem, x: FloatArray, matrix: FloatArray, chi2: float, 
         at_bound=bool(np.any((edges <= 0.0) | (edges >= 1.0))),
     )
 
-
-def is_machine(model: Model) -> bool:
-    """
-    Whether a model is the cutting machine.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-
-    Returns
-    -------
-    bool
-        False for another structure.
-    """
-    return isinstance(model, Machine)

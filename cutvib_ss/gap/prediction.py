@@ -9,7 +9,6 @@ dH(z) gives the derivative: no residue has to be differentiated. Fast modes have
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,9 +59,11 @@ class Prediction:
         The records; all under one window.
     blow_at : float
         Instant of the blow [s] where the records do not say.
+    circles : Circles, optional
+        Circles of a model close by; drawn anew where a pole has left its own.
     """
 
-    def __init__(self, model: Model, group: Group, blow_at: float = 0.0) -> None:
+    def __init__(self, model: Model, group: Group, blow_at: float = 0.0, circles: Circles | None = None) -> None:
         self.model, self.group = model, group
         sigma = float(group.decay_rate[0])
         self.s = sigma + 2j * np.pi * group.freq
@@ -70,9 +71,27 @@ class Prediction:
         start = np.where(np.isnan(group.blow_at), blow_at, group.blow_at)
         self.rest = group.block - start
         self.window = np.exp(-sigma * start)[:, None, None]
-        self.circles = slow_circles(model, group.positions, self.rest, sigma)
-        self.around = self._responses(self.circles.points) if self.circles.points.size else None
-        self.data = self._estimate(self.response.data(), None if self.around is None else self.around.data())
+        self.around: ChainedResponse | None = None
+        around = self._around(circles) if circles is not None else None
+        if circles is None or (around is not None and not still_inside(circles, around)):
+            around = self._around(slow_circles(model, group.positions, self.rest, sigma))
+        self._kernels: dict[int, list[ComplexArray]] = {}
+        self.data = self._estimate(self.response.data(), around)
+
+    def _around(self, circles: Circles) -> ComplexArray | None:
+        """Responses on the circles, which become this prediction's."""
+        self.circles = circles
+        self.around = self._responses(circles.points) if circles.points.size else None
+        return None if self.around is None else self.around.data()
+
+    def _kernel(self, order: int) -> list[ComplexArray]:
+        """e^((z-s)T) / (s-z)^order between the circles of each position and the line, poles and mirrored poles."""
+        out = []
+        for i, rest in enumerate(self.rest):
+            z = self.circles.points[self.circles.position == i]
+            both = np.concatenate([z, z.conj()])[:, None]
+            out.append(np.exp((both - self.s) * rest) / (self.s - both) ** order if z.size else np.zeros((0, 0)))
+        return out
 
     def _responses(self, s: ComplexArray) -> ChainedResponse:
         g = self.group
@@ -86,17 +105,15 @@ class Prediction:
 
     def _rest(self, on_circles: ComplexArray, order: int) -> ComplexArray:
         """Transform of what the blocks cut off (order 1), or minus its derivative to their length (order 0)."""
+        if order not in self._kernels:
+            self._kernels[order] = self._kernel(order)
         out = np.zeros(self.group.data.shape, dtype=np.complex128)
-        for i, rest in enumerate(self.rest):
+        for i, kernel in enumerate(self._kernels[order]):
             own = self.circles.position == i
-            if not own.any():
-                continue
-            z, w = self.circles.points[own], self.circles.weights[own]
-            values = on_circles[i, :, 0][:, own]
-            # A real system mirrors each pole in the real axis.
-            for points, samples in ((z, values * w), (z.conj(), (values * w).conj())):
-                kernel = np.exp((points[:, None] - self.s) * rest) / (self.s - points[:, None]) ** order
-                out[i] += samples @ kernel
+            if own.any():
+                # A real system mirrors each pole in the real axis.
+                values = on_circles[i, :, 0][:, own] * self.circles.weights[own]
+                out[i] = np.concatenate([values, values.conj()], axis=1) @ kernel
         return out
 
     def derivative(self, carried: Carried) -> ComplexArray:
@@ -133,6 +150,36 @@ class Prediction:
         if self.around is not None:
             change = change - self._rest(self.around.data(), 0) * self.window
         return np.where(unknown, change, 0.0)
+
+
+def still_inside(circles: Circles, values: ComplexArray) -> bool:
+    """
+    Whether every circle still holds its pole well inside.
+
+    Parameters
+    ----------
+    circles : Circles
+        The circles.
+    values : ndarray, shape (position, channel, 1, point)
+        Responses on them.
+
+    Returns
+    -------
+    bool
+        False where a pole, located by the first moment of the response around its circle, nears the rim.
+    """
+    count = circles.points.size // POINTS
+    points, weights = circles.points.reshape(count, POINTS), circles.weights.reshape(count, POINTS)
+    owner = circles.position.reshape(count, POINTS)[:, 0]
+    centre = points.mean(axis=1)
+    radius = np.abs(points[:, 0] - centre)
+    for k in range(count):
+        samples = values[owner[k], :, 0, k * POINTS : (k + 1) * POINTS]
+        best = samples[np.argmax(np.abs(samples).sum(axis=1))] * weights[k]
+        total = best.sum()
+        if total == 0 or abs((best @ points[k]) / total - centre[k]) > 0.5 * radius[k]:
+            return False
+    return True
 
 
 def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, sigma: float) -> Circles:
@@ -196,21 +243,3 @@ def light_poles(model: Model, position: float) -> ComplexArray:
     poles: ComplexArray = -decay[alive] + 1j * np.sqrt(squares[alive] - decay[alive] ** 2)
     return poles
 
-
-def ports_of_channels(model: Model, channels: Sequence[str]) -> tuple[str, ...]:
-    """
-    Ports that channels read.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    channels : sequence of str
-        Channels.
-
-    Returns
-    -------
-    tuple of str
-        Names of the ports.
-    """
-    return tuple(model.channels[c].port for c in channels)

@@ -74,6 +74,8 @@ class CondensedModel:
         self._head_cache: dict[str, _HeadPart] = {}
         self._rail_cache: dict[str, _RailPart] = {}
         self._motion_cache: dict[str, tuple[list[ComplexArray], list[ComplexArray]]] = {}
+        self._change_cache: dict[Path, tuple[Rows, ComplexArray | None, ComplexArray | None]] = {}
+        self._rail_change_cache: dict[Path, ComplexArray] = {}
         if isinstance(model, Machine):
             torsion = model.rail.torsion
             system = head(model.head, torsion is not None, torsion.eccentricity if torsion else 0.0)
@@ -296,27 +298,47 @@ class CondensedModel:
         ParameterError
             If the response has no derivative to that value.
         """
-        d_rows = self._row_changes(path)
-        d_e = self._stiffness_change(path, d_rows)
+        d_rows, d_e, dz = self._changes(path)
         q_part, p_part = self._head_part(output), self._head_part(input)
         dq, dp = self._row_change(path, output, d_rows), self._row_change(path, input, d_rows)
         held = np.einsum("...i,fi->f", dq, p_part.blocked) + np.einsum("...i,fi->f", dp, q_part.blocked)
         if d_e is not None:
-            held = held - np.einsum("fi,fij,fj->f", q_part.blocked, d_e, p_part.blocked)
+            pushed = (d_e @ p_part.blocked[:, :, None])[..., 0]
+            held = held - np.sum(q_part.blocked * pushed, axis=1)
         if not self.interface:
             return held[None, :]
         (force_q, motion_q), (force_p, motion_p) = self._motion(output), self._motion(input)
         out = held + _dot(self._base_change(q_part, dq, d_e), motion_p)
         out = out + _dot(motion_q, self._base_change(p_part, dp, d_e))
-        if d_e is not None:
-            dz = np.einsum("fia,fij,fjb->abf", self._phi, d_e, self._phi)
+        if dz is not None:
             out = out - sum(dz[i, j] * motion_q[i] * motion_p[j] for i in range(len(dz)) for j in range(len(dz)))
         return out + self._rail_change(path, output, input, force_q, force_p)
+
+    def _changes(self, path: Path) -> tuple[Rows, ComplexArray | None, ComplexArray | None]:
+        """How the head's rows, dynamic stiffness and stiffness at the base move with a value."""
+        if path not in self._change_cache:
+            d_rows = self._row_changes(path)
+            d_e = self._stiffness_change(path, d_rows)
+            dz = None
+            if d_e is not None and self.interface:
+                dz = np.swapaxes(self._phi, 1, 2) @ (d_e @ self._phi)
+                dz = dz.transpose(1, 2, 0)
+            self._change_cache[path] = (d_rows, d_e, dz)
+        return self._change_cache[path]
+
+    def _base_to_base(self, name: Path) -> ComplexArray:
+        """Derivative of the rail's receptance under the head."""
+        if name not in self._rail_change_cache:
+            plain = self.rail.pinned_derivative(name, self._at, self._at)
+            if plain is None:
+                plain = self.rail.derivative(name, self.base_field, self.base_field)
+            self._rail_change_cache[name] = plain
+        return self._rail_change_cache[name]
 
     def _base_change(self, part: _HeadPart, d_row: FloatArray, d_e: ComplexArray | None) -> ComplexArray:
         change = np.einsum("...i,fij->jf", d_row, self._phi)
         if d_e is not None:
-            change = change - np.einsum("fi,fij,fja->af", part.blocked, d_e, self._phi)
+            change = change - ((part.blocked[:, None, :] @ d_e) @ self._phi)[:, 0].T
         return change[:, None, :]
 
     def _row_changes(self, path: Path) -> Rows:
@@ -418,14 +440,13 @@ class CondensedModel:
             out = out + self._torsion_change(path, output, input, force_q, force_p)
         if path[0] == "rail" and path[1] != "torsion" or path == ("s",):
             name = path if path == ("s",) else _rail_name(path)
-            base = self.base_field
             # One field carries each port: what reaches it through the head's base, plus its own.
             q, p = self._rail_part(output), self._rail_part(input)
-            out = out + self.rail.derivative(name, base, base) * force_q[0] * force_p[0]
+            out = out + self._base_to_base(name) * force_q[0] * force_p[0]
             if q.field is not None:
-                out = out + self.rail.derivative(name, q.field, base) * force_p[0]
+                out = out + self.rail.derivative(name, q.field, self.base_field) * force_p[0]
             if p.field is not None:
-                out = out + self.rail.derivative(name, base, p.field) * force_q[0]
+                out = out + self.rail.derivative(name, self.base_field, p.field) * force_q[0]
             if q.field is not None and p.field is not None:
                 out = out + self.rail.derivative(name, q.field, p.field)
         return out

@@ -226,17 +226,7 @@ class RailReceptance:
         ndarray, shape (position, frequency)
             The derivative of the receptance.
         """
-        p, s, w = self.model.parameters, self.s, self._w
-        head = name[0]
-        modal: ComplexArray | None = None
-        if head == "mass":
-            modal = self._diagonal / p.mass
-        elif head == "first_frequency":
-            modal = self._half * (2 * w + 2 * p.damping_ratio * s) * w / p.first_frequency
-        elif head == "damping_ratio":
-            modal = self._half * 2 * w * s
-        elif head == "s":
-            modal = self._half * (2 * p.damping_ratio * w + 2 * s)
+        s, modal = self.s, self._modal_change(name)
         out: ComplexArray = np.zeros((max(left.elastic.shape[1], right.elastic.shape[1]), s.size), dtype=np.complex128)
         if modal is not None:
             out = out - np.einsum("mpf,mf,mpf->pf", *_same(left.elastic, modal, right.elastic))
@@ -245,6 +235,44 @@ class RailReceptance:
         for k, at in enumerate(self._attached):
             out = out - self._attachment_derivative(name, k, at, left, right)
         return out
+
+    def pinned_derivative(self, name: tuple[str | int, ...], left: RailPort, right: RailPort) -> ComplexArray | None:
+        """
+        The same on a bare pinned rail, where it is one product of matrices; None on any other.
+
+        Parameters
+        ----------
+        name : tuple
+            As in `derivative`.
+        left, right : RailPort
+            The two ports.
+
+        Returns
+        -------
+        ndarray or None, shape (position, frequency)
+            The derivative of the receptance.
+        """
+        if self.model.supports is not None or self._attached:
+            return None
+        shapes, modal = left.elastic * right.elastic, self._modal_change(name)
+        if modal is None:
+            return np.zeros((shapes.shape[0], self.s.size), dtype=np.complex128)
+        change = modal * self._flexibility**2
+        out: ComplexArray = -(shapes @ change.real + 1j * (shapes @ change.imag))
+        return out
+
+    def _modal_change(self, name: tuple[str | int, ...]) -> ComplexArray | None:
+        """Derivative of the diagonal of D, shape (mode, frequency); None where it does not move."""
+        p, s, w = self.model.parameters, self.s, self._w
+        if name[0] == "mass":
+            return self._diagonal / p.mass
+        if name[0] == "first_frequency":
+            return np.asarray(self._half * (2 * w + 2 * p.damping_ratio * s) * w / p.first_frequency)
+        if name[0] == "damping_ratio":
+            return self._half * 2 * w * s
+        if name[0] == "s":
+            return self._half * (2 * p.damping_ratio * w + 2 * s)
+        return None
 
     def _supports_derivative(self, name: tuple[str | int, ...], left: RailField, right: RailField) -> ComplexArray:
         supports, p, s = self.model.supports, self.model.parameters, self.s
