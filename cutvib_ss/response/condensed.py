@@ -29,7 +29,7 @@ from cutvib_ss.machine import CUTTING_SIGNALS, Machine
 from cutvib_ss.parameters import check_number, check_position
 from cutvib_ss.response.rail_receptance import RailField, RailPort, RailReceptance, torsion_receptance
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.slots import Path
+from cutvib_ss.slots import Path, value_at
 from cutvib_ss.structure import Structure
 from cutvib_ss.subsystems.elements import Attachment, SprungMass
 from cutvib_ss.subsystems.head import head, head_row_derivatives
@@ -51,7 +51,6 @@ class _RailPart:
 
     port: RailPort | None  # None for a port of the head
     field: RailField | None
-    twist_at: FloatArray | None  # y / L where the port also twists
     at_head: ComplexArray  # (ni, position or 1, frequency)
 
 
@@ -205,14 +204,10 @@ class CondensedModel:
     def _make_rail_part(self, name: str) -> _RailPart:
         ni = len(self.interface)
         if not self._is_rail(name):
-            return _RailPart(None, None, None, np.zeros((ni, 1, self.s.size), dtype=np.complex128))
+            return _RailPart(None, None, np.zeros((ni, 1, self.s.size), dtype=np.complex128))
         assert isinstance(self.model, Machine)
-        torsion = self.model.rail.torsion
         if CUTTING_SIGNALS.get(name, name) == "base":
-            at_head = self.own[:, 0].copy()
-            if torsion:
-                at_head[1] = torsion.eccentricity * self.own[1, 1]
-            return _RailPart(self._at, self.base_field, self.positions if torsion else None, at_head)
+            return _RailPart(self._at, self.base_field, self.own[:, 0])
         if name.startswith("eta"):
             r = int(name[3:])
             if not 1 <= r <= self.model.rail.parameters.n_modes:
@@ -228,7 +223,7 @@ class CondensedModel:
             port = self.rail.point([check_position(y)])
         at_head = np.zeros((ni, self.positions.size, self.s.size), dtype=np.complex128)
         at_head[0] = self.rail.product(port, self.base_field)
-        return _RailPart(port, self.rail.field(port), None, at_head)
+        return _RailPart(port, self.rail.field(port), at_head)
 
     def _motion(self, name: str) -> tuple[list[ComplexArray], list[ComplexArray]]:
         """Force on the rail and motion where head and rail meet, per unit force at a port."""
@@ -265,17 +260,9 @@ class CondensedModel:
         total = held + _dot(self._head_part(output).to_base, motion)
         if q.port is not None:
             total = total + _dot(q.at_head, force)
-            if p.port is not None:
-                total = total + self._rail_direct(q, p)
+            if p.field is not None:
+                total = total + self.rail.product(q.port, p.field)
         return total
-
-    def _rail_direct(self, q: _RailPart, p: _RailPart) -> ComplexArray:
-        assert q.port is not None and p.field is not None
-        value = self.rail.product(q.port, p.field)
-        if q.twist_at is not None and p.twist_at is not None:
-            assert isinstance(self.model, Machine) and self.model.rail.torsion
-            value = value + self.model.rail.torsion.eccentricity**2 * self.own[1, 1]
-        return value
 
     def derivative(self, path: Path, output: str, input: str) -> ComplexArray:
         """
@@ -312,7 +299,12 @@ class CondensedModel:
         out = out + _dot(motion_q, self._base_change(p_part, dp, d_e))
         if dz is not None:
             out = out - sum(dz[i, j] * motion_q[i] * motion_p[j] for i in range(len(dz)) for j in range(len(dz)))
-        return out + self._rail_change(path, output, input, force_q, force_p)
+        out = out + self._rail_change(path, output, input, force_q, force_p)
+        if path == ("rail", "parameters", "mass"):
+            # A modal coordinate is normalised by the mass, so its own row moves too.
+            normalised = sum(_is_modal(name) for name in (output, input))
+            out = out + normalised / (2 * value_at(self.model, path)) * self.receptance(output, input)
+        return out
 
     def _changes(self, path: Path) -> tuple[Rows, ComplexArray | None, ComplexArray | None]:
         """How the head's rows, dynamic stiffness and stiffness at the base move with a value."""
@@ -354,7 +346,7 @@ class CondensedModel:
             return {
                 name: np.array([0.0, 0.0, 0.0, row[2]])
                 for name, row in self.rows.items()
-                if row[2] and name not in ("shear_centre", "twist")
+                if row[2] and name != "base"
             }
         return {}
 
@@ -437,7 +429,7 @@ class CondensedModel:
             assert model.guide is not None
             out = out + model.guide.derivative(str(path[-1]), self.s) * force_q[0] * force_p[0]
         if path[0] == "rail" and path[1] == "torsion" or (path == ("s",) and model.rail.torsion):
-            out = out + self._torsion_change(path, output, input, force_q, force_p)
+            out = out + self._torsion_change(path, force_q, force_p)
         if path[0] == "rail" and path[1] != "torsion" or path == ("s",):
             name = path if path == ("s",) else _rail_name(path)
             # One field carries each port: what reaches it through the head's base, plus its own.
@@ -452,26 +444,15 @@ class CondensedModel:
         return out
 
     def _torsion_change(
-        self, path: Path, output: str, input: str, force_q: list[ComplexArray], force_p: list[ComplexArray]
+        self, path: Path, force_q: list[ComplexArray], force_p: list[ComplexArray]
     ) -> ComplexArray | float:
-        """Twist of the rail under the torques of both ports; a port under the head has an arm of e."""
+        """Twist of the rail under the torques of both ports."""
         model = self.model
-        assert isinstance(model, Machine) and model.rail.torsion
-        e = model.rail.torsion.eccentricity
-        arm_q = e if self._rail_part(output).twist_at is not None else 0.0
-        arm_p = e if self._rail_part(input).twist_at is not None else 0.0
-        torque_q, torque_p = force_q[1] + arm_q, force_p[1] + arm_p
-        if path == ("rail", "torsion", "eccentricity"):
-            # The arm of a port on the rail under the head is the eccentricity itself.
-            twist = self.own[1, 1]
-            out: ComplexArray | float = 0.0
-            if arm_q:
-                out = out + twist * torque_p
-            if arm_p:
-                out = out + twist * torque_q
-            return out
+        assert isinstance(model, Machine)
+        if path[-1] == "eccentricity":
+            return 0.0
         change = torsion_receptance(model.rail, self.positions, self.positions, self.s, str(path[-1]))
-        return change * torque_q * torque_p
+        return change * force_q[1] * force_p[1]
 
 
 def _rail_name(path: Path) -> Path:
