@@ -1,0 +1,17 @@
+"""Table 5: natural frequencies of the rail without the head."""
+
+import numpy as np
+import pytest
+
+from cutvib_ss.parameters import recovered_rail, table_5
+from cutvib_ss.subsystems.rail import natural_frequencies, rail_state_space
+
+
+def test_every_frequency_within_two_per_mille() -> None:
+    assert natural_frequencies(recovered_rail()) == pytest.approx(table_5(), rel=2e-3)
+
+
+def test_the_state_space_rail_has_them_too() -> None:
+    poles = np.linalg.eigvals(rail_state_space(recovered_rail(), 0.3).A)
+    natural = np.sort(np.abs(poles[poles.imag > 0])) / (2 * np.pi)
+    assert natural == pytest.approx(table_5(), rel=2e-3)
