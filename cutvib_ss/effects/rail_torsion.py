@@ -21,17 +21,18 @@ class RailTorsion(Effect):
     place : str
         ``"rail"``.
     eccentricity : float
-        Distance in Z from the rail's shear centre to the head's base [m].
+        Distance in Z from the rail's shear centre to the head's first joint [m].
     inertia : float
         Polar moment of inertia of the whole rail [kg m²].
     torsion_frequency : float
         First natural frequency of torsion, without the head [Hz].
     damping_ratio : float
-        Damping ratio of the torsion modes.
+        Damping ratio of the first torsion mode; of the others in proportion to their frequencies.
 
     Notes
     -----
-    The head's base moves with w + e ψ and turns with ψ, so that both links turn too (`cutvib_ss.subsystems.head`).
+    The head's first joint moves with w + e ψ, and both links turn with ψ (`cutvib_ss.subsystems.head`). The
+    accelerometer ``base_x`` lies on the shear centre and shows w alone.
     """
 
     effect: ClassVar[str] = "rail_torsion"

@@ -27,7 +27,9 @@ class SupportCompliance(Effect):
 
     Notes
     -----
-    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.subsystems.rail`).
+    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.subsystems.rail`),
+    whose damping acts on the whole motion. ``c_left`` and ``c_right`` also hold what the modes above n_modes would
+    damp at the ends.
     """
 
     effect: ClassVar[str] = "support_compliance"

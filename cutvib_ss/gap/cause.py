@@ -16,7 +16,6 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.fit import Fit, Hypothesis, fit
 from cutvib_ss.gap.hypotheses import Candidate
 from cutvib_ss.gap.observations import Group
-from cutvib_ss.results import FloatArray
 
 COARSE_LINES = 160
 """Lines of a group on which starts are fitted."""
@@ -26,6 +25,10 @@ REFINED = 5
 """Causes that are fitted again on all lines, at least."""
 CLOSE = 60.0
 """… and all whose objective on few lines lies within this of the best."""
+
+
+FIRST_STEPS, LATER_STEPS = 4, 12
+"""Steps from each start, and from the best of them."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +96,13 @@ def search(nominal: Model, groups: Sequence[Group], found: Sequence[Candidate]) 
     none_few = fit(nominal, few, Hypothesis())
     best: list[tuple[Candidate, Fit]] = []
     for candidate in found:
-        tries = [fit(nominal, few, Hypothesis((e,)), none_few.x if i else None, 12) for i, e in enumerate(candidate.starts)]
-        best.append((candidate, min(tries, key=lambda f: f.objective)))
+        # A few steps tell the starts apart; the best goes on. All start from the untuned model: the tuning of a model that
+        # lacks the cause leads away.
+        tries = [fit(nominal, few, Hypothesis((e,)), None, FIRST_STEPS) for e in candidate.starts]
+        first = min(tries, key=lambda f: f.objective)
+        best.append((candidate, fit(nominal, few, first.hypothesis, first.x, LATER_STEPS)))
     best.sort(key=lambda pair: pair[1].objective)
-    none = _refined(nominal, groups, Hypothesis(), none_few.x)
+    none = fit(nominal, groups, Hypothesis(), none_few.x)
     ranked = []
     for i, (candidate, rough) in enumerate(best):
         close = rough.objective < best[0][1].objective + CLOSE
@@ -110,6 +116,3 @@ def search(nominal: Model, groups: Sequence[Group], found: Sequence[Candidate]) 
     ranked.sort(key=lambda r: -r.fit.log_evidence)
     return (Ranked("none", none, True), *ranked)
 
-
-def _refined(nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis, warm: FloatArray) -> Fit:
-    return fit(nominal, groups, hypothesis, warm)

@@ -201,9 +201,9 @@ class Problem:
         self.n_blow = int(self.free_blow)
         self.first_effect = self.n_tuning + self.n_calibration + self.n_blow
         self.size = self.first_effect + len(self.parameters)
-        low = min(g.freq[0] for g in groups)
-        high = max(g.freq[-1] for g in groups)
-        self.shapes = [calibration_shapes((g.freq - low) / (high - low), shapes) for g in groups]
+        self._n_shapes = shapes
+        self._band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
+        self.shapes = [self._shapes_at(g.freq) for g in groups]
         self._circles: list[Circles | None] = [None] * len(self.groups)
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
 
@@ -338,29 +338,36 @@ class Problem:
         """Draw the circles around slow poles anew at the next prediction."""
         self._circles = [None] * len(self.groups)
 
-    def errors(self, x: FloatArray) -> list[FloatArray]:
+    def _shapes_at(self, freq: FloatArray) -> FloatArray:
+        low, high = self._band
+        return calibration_shapes((freq - low) / (high - low), self._n_shapes)
+
+    def calibration_of(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
         """
-        Calibration error of each channel of each group.
+        Calibration error of channels.
 
         Parameters
         ----------
+        channels : sequence of str
+            Channels; one that was not fitted is taken as exact.
+        freq : ndarray, shape (frequency,)
+            Frequency [Hz].
         x : ndarray
             Unknowns.
 
         Returns
         -------
-        list of ndarray, shape (channel, frequency)
+        ndarray, shape (channel, frequency)
             1 + ε.
         """
-        out = []
-        for g, shapes in zip(self.groups, self.shapes, strict=True):
-            k = shapes.shape[0]
-            rows = []
-            for c in g.channels:
-                at = self.n_tuning + 2 * k * self.channels.index(c)
-                rows.append(1.0 + self.calibration * ((x[at : at + k] + 1j * x[at + k : at + 2 * k]) @ shapes))
-            out.append(np.array(rows))
-        return out
+        shapes = self._shapes_at(freq)
+        k = shapes.shape[0]
+        rows = np.ones((len(channels), freq.size), dtype=np.complex128)
+        for row, c in zip(rows, channels, strict=True):
+            if c in self.channels:
+                own = x[self._own(c, k)]
+                row += self.calibration * ((own[:k] + 1j * own[k:]) @ shapes)
+        return rows
 
     def residuals(self, x: FloatArray) -> tuple[list[Prediction], list[ComplexArray], float]:
         """
@@ -382,8 +389,8 @@ class Problem:
         """
         predictions = self.predictions(x)
         out, total = [], 0.0
-        for g, p, e in zip(self.groups, predictions, self.errors(x), strict=True):
-            r = (g.data - p.data * e) * np.sqrt(2.0 / g.variance)
+        for g, p in zip(self.groups, predictions, strict=True):
+            r = (g.data - p.data * self.calibration_of(g.channels, g.freq, x)) * np.sqrt(2.0 / g.variance)
             out.append(r)
             total += float(np.sum(r.real**2 + r.imag**2))
         return predictions, out, total
@@ -409,9 +416,8 @@ class Problem:
             Jᵀ W r.
         """
         matrix, gradient = np.zeros((self.size, self.size)), np.zeros(self.size)
-        for g, p, e, shapes, r in zip(
-            self.groups, predictions, self.errors(x), self.shapes, residuals, strict=True
-        ):
+        for g, p, shapes, r in zip(self.groups, predictions, self.shapes, residuals, strict=True):
+            e = self.calibration_of(g.channels, g.freq, x)
             shared, own = self._jacobian(x, p, e * np.sqrt(2.0 / g.variance), shapes)
             # Calibration moves its own channel alone: the sums run channel by channel over the rows that it has.
             for c, name in enumerate(g.channels):

@@ -25,6 +25,9 @@ from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.machine import Machine
 
+FAR = 10.0
+"""A rail mode this many times above the band is no cause."""
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -63,7 +66,7 @@ def candidates(model: Model, band: tuple[float, float], channels: Sequence[str])
     """
     found = [*_everywhere(model, band), *_measurement(model, channels)]
     if isinstance(model, Machine):
-        found += _on_the_rail(model)
+        found += _on_the_rail(model, band)
     return tuple(found)
 
 
@@ -106,7 +109,7 @@ def _measurement(model: Model, channels: Sequence[str]) -> list[Candidate]:
     return out
 
 
-def _on_the_rail(model: Machine) -> list[Candidate]:
+def _on_the_rail(model: Machine, band: tuple[float, float]) -> list[Candidate]:
     p = model.rail.parameters
     # Stiffness of the rail's first mode, on which all rail effects are scaled.
     k = p.mass / 2 * (2 * np.pi * p.first_frequency) ** 2
@@ -115,7 +118,9 @@ def _on_the_rail(model: Machine) -> list[Candidate]:
     ends = [(a * k, b * k) for a, b in ((20, 20), (5, 5), (5, 40), (40, 5))]
     spots = (0.15, 0.38, 0.62, 0.85)
     twists = [(e, f) for f in (4.0, 7.0, 11.0) for e in (0.03, -0.03)]
-    more = sorted({p.n_modes + 1, p.n_modes + 2, 2 * p.n_modes, 5 * p.n_modes})
+    # Modes far above the band add a stiffness that nothing could tell from the tuning.
+    omitted = p.first_frequency * (p.n_modes + 1) ** 2
+    more = sorted({p.n_modes + 1, p.n_modes + 2, 2 * p.n_modes, 5 * p.n_modes}) if omitted < FAR * band[1] else []
     return [
         _candidate("support_compliance", "", *(SupportCompliance("rail_ends", a, b, 500.0, 500.0) for a, b in ends)),
         _candidate("end_fixity", "", *(EndFixity("rail_ends", f * turn, f * turn) for f in (0.3, 3.0))),

@@ -1,0 +1,295 @@
+"""The diagnosis: a campaign and a nominal model in; where, which and how far out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from cutvib_ss.effects.base import Model, parameter_fields
+from cutvib_ss.errors import DiagnosisError, ParameterError
+from cutvib_ss.gap import shrinkage, where
+from cutvib_ss.gap.cause import Ranked, search
+from cutvib_ss.gap.fit import Fit, Hypothesis, Problem
+from cutvib_ss.gap.hypotheses import candidates
+from cutvib_ss.gap.next_test import next_test
+from cutvib_ss.gap.observations import Entry, Observations, merged, observe
+from cutvib_ss.gap.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
+from cutvib_ss.gap.verdict import SURE, ambiguity_set, probabilities, probability_unknown, verdict
+from cutvib_ss.measurement.records import Campaign
+from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
+
+JUDGED = 3
+"""Causes that are judged on held-out records, at least while they carry any probability."""
+BAND_WIDTH = 5.0
+"""Width over which the error is averaged to find the bands that stand out [Hz]."""
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A hypothesis and what it leaves on held-out records."""
+
+    ranked: Ranked
+    records: tuple[shrinkage.Judged, ...]
+
+    @property
+    def reduced(self) -> float:
+        return shrinkage.reduced_chi2(self.records)
+
+
+def diagnose(
+    campaign: Campaign,
+    machine: Model | None = None,
+    hold_out: float | None = None,
+    seed: int = 0,
+    jobs: int = 1,
+) -> Diagnosis:
+    """
+    Where the sim-to-real gap lies, which unmodelled effect causes it, and how far it shrinks once that is added.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The measurement.
+    machine : Machine or Structure, optional
+        The nominal model; by default the campaign's own.
+    hold_out : float, optional
+        Part of the positions left out at a turn, between 0 and 1; a third by default.
+    seed : int
+        Of the order in which positions are left out, and of the bootstrap.
+    jobs : int
+        Processes; one does all today, more are accepted.
+
+    Returns
+    -------
+    Diagnosis
+        The diagnosis, whatever it is.
+
+    Raises
+    ------
+    DiagnosisError
+        If the campaign cannot carry one.
+    ParameterError
+        If an argument is impossible.
+
+    Notes
+    -----
+    Only linear causes are fitted. A response that changes with the level is found and said, but no cause is named for it.
+    """
+    if hold_out is not None and not 0.0 < hold_out < 1.0:
+        raise ParameterError(f"hold_out = {hold_out} is a fraction: it must lie between 0 and 1")
+    if jobs < 1:
+        raise ParameterError(f"jobs = {jobs} must be at least 1")
+    nominal: Model = campaign.machine if machine is None else machine
+    if not campaign.records:
+        raise DiagnosisError("the campaign holds no records")
+    # Small matrices in many threads wait for each other.
+    with threadpool_limits(1):
+        return _diagnosed(campaign, nominal, hold_out, seed)
+
+
+def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int) -> Diagnosis:
+    observed = observe(campaign, nominal)
+    fitted = [e for e in observed.entries if not e.check] or list(observed.entries)
+    ranked = search(nominal, merged(fitted), candidates(nominal, observed.band, observed.channels))
+    none, causes = ranked[0], ranked[1:]
+    turns = shrinkage.folds(observed, hold_out, seed)
+    problem = Problem(nominal, merged(fitted), Hypothesis())
+    best_reduced = min(r.fit.chi2 for r in ranked) / problem.count
+    odds = probabilities({r.name: r.fit.log_evidence for r in ranked}, best_reduced)
+    shown = sorted(causes, key=lambda r: -odds[r.name])
+    before = shrinkage.judge_as_given(nominal, observed, none.fit)
+    tuned = _Held(none, shrinkage.judge(nominal, turns, none.fit))
+    held = {"none": tuned}
+    for r in shown[:JUDGED]:
+        if odds[r.name] > 1e-3 or r is shown[0]:
+            held[r.name] = _Held(r, shrinkage.judge(nominal, turns, r.fit))
+    first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
+    after = held[first.name]
+    levels = where.level_dependence(fitted)
+    unknown = probability_unknown(after.reduced)
+    place_odds, unknown_place = _place_odds(nominal, none.fit, fitted, problem)
+    rows = _causes(none, shown, odds, unknown, unknown_place, held, before, observed)
+    result = verdict(rows)
+    chosen = none.fit if result == "no_gap" else after.ranked.fit
+    figures = _figures(observed, before, tuned, held[none.name] if result == "no_gap" else after, seed)
+    remaining = [r for r in ranked if odds[r.name] > 0.02][:4]
+    test = None
+    if result == "ambiguous" and len(remaining) > 1:
+        test = next_test([r.fit.model for r in remaining], [r.name for r in remaining], fitted)
+    places = _places(rows, unknown, place_odds)
+    return Diagnosis(
+        verdict=result,
+        gap=figures,
+        where=Where(
+            place="none" if result == "no_gap" else places[0][0] if places[0][0] != "none" else places[1][0],
+            places=places,
+            bands_hz=_bands(problem, none.fit),
+            by_position=where.by_position(tuned.records, observed.per_unit),
+            by_channel=where.by_channel(tuned.records, observed.channels, observed.per_unit),
+            level_dependent=bool(levels > where.LEVEL_EXCESS),
+        ),
+        causes=rows,
+        ambiguity_set=ambiguity_set(rows),
+        next_test=test,
+        title=campaign.title,
+        warnings=campaign.warnings,
+        nominal=nominal,
+        corrected_machine=chosen.model,
+        comparisons=_comparisons(nominal, none.fit, chosen, fitted),
+    )
+
+
+def _causes(
+    none: Ranked,
+    shown: Sequence[Ranked],
+    odds: dict[str, float],
+    unknown: float,
+    unknown_place: str,
+    held: dict[str, _Held],
+    before: Sequence[shrinkage.Judged],
+    observed: Observations,
+) -> tuple[Cause, ...]:
+    """All hypotheses as rows; a cause counts by its best variant, and "unknown" takes its share of everything."""
+    start = shrinkage.mean_error(before)
+    rows: dict[tuple[str, str], Cause] = {}
+    for r in (none, *shown):
+        key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
+        probability = odds[r.name] * (1.0 - unknown)
+        after = shrinkage.mean_error(held[r.name].records) if r.name in held else float("nan")
+        row = Cause(
+            effect=key[0],
+            place=key[1],
+            probability=probability,
+            parameters=_parameters(r.fit),
+            after=after / observed.per_unit,
+            shrinkage=1.0 - after / start,
+            reduced_chi2=held[r.name].reduced if r.name in held else float("nan"),
+        )
+        # Variants of one effect at one place (which channel, which parameter) are apart in `candidates`, one cause here
+        # only if the parameters agree in what is discrete about them.
+        discrete = (*key, *_discrete(r.fit))
+        rows[discrete] = row  # type: ignore[index]
+    out = [*rows.values(), Cause("unknown", unknown_place, unknown)]
+    return tuple(sorted(out, key=lambda c: -c.probability))
+
+
+def _discrete(fit: Fit) -> tuple[str, ...]:
+    """What is discrete about a fitted cause: the parameter that is shifted, the channel that is late."""
+    out = []
+    for e in fit.hypothesis.effects:
+        continuous = {f.name for f in parameter_fields(type(e))}
+        out += [str(getattr(e, f.name)) for f in fields(e) if f.name not in continuous | {"place"}]
+    return tuple(out)
+
+
+def _parameters(fit: Fit) -> dict[str, FittedParameter]:
+    out: dict[str, FittedParameter] = {}
+    for k, e in enumerate(fit.hypothesis.effects):
+        for f in parameter_fields(type(e)):
+            name = f.name if len(fit.hypothesis.effects) == 1 else f"{e.effect}.{f.name}"
+            out[name] = FittedParameter(
+                float(getattr(e, f.name)), float(fit.stds[f"{k}.{f.name}"]), f.metadata["range"].unit
+            )
+        continuous = {f.name for f in parameter_fields(type(e))}
+        for f in fields(e):
+            if f.name not in continuous | {"place"}:
+                out[f.name] = FittedParameter(getattr(e, f.name), 0.0, "")
+    return out
+
+
+def _figures(
+    observed: Observations,
+    before: Sequence[shrinkage.Judged],
+    tuned: _Held,
+    after: _Held,
+    seed: int,
+) -> GapFigures:
+    unit = observed.per_unit
+    start, end = shrinkage.mean_error(before), shrinkage.mean_error(after.records)
+    return GapFigures(
+        unit=observed.unit,
+        before=start / unit,
+        tuned=shrinkage.mean_error(tuned.records) / unit,
+        after=end / unit,
+        noise_floor=float(np.mean([j.noise.mean() for j in before])) / unit,
+        band_hz=observed.band,
+        shrinkage=1.0 - end / start,
+        shrinkage_interval=shrinkage.shrinkage_interval(before, after.records, seed),
+    )
+
+
+def _place_odds(nominal: Model, none: Fit, entries: Sequence[Entry], problem: Problem) -> tuple[dict[str, float], str]:
+    """Places by what one free z(ω) leaves there, on the model as given and as re-tuned."""
+    groups = merged(entries)
+    best: dict[str, tuple[float, int]] = {}
+    for model, x in ((none.tuned, none.x), (nominal, np.zeros(none.x.size))):
+        calibration = [problem.calibration_of(g.channels, g.freq, x) for g in groups]
+        for score in where.locate(model, entries, calibration, problem.blow_at(none.x)):
+            if score.place not in best or score.chi2 / score.freedom < best[score.place][0] / best[score.place][1]:
+                best[score.place] = (score.chi2, score.freedom)
+    names = sorted(best, key=lambda n: best[n][0] / best[n][1])
+    left = np.array([best[n][0] / best[n][1] for n in names])
+    # Ratios of what is left, not differences of χ²: a free z(ω) rarely closes the gap to noise.
+    weight = (left[0] / left) ** 4
+    return dict(zip(names, (weight / weight.sum()).tolist(), strict=True)), names[0]
+
+
+def _places(
+    rows: Sequence[Cause], unknown: float, place_odds: dict[str, float]
+) -> tuple[tuple[str, float], ...]:
+    total: dict[str, float] = {}
+    for row in rows:
+        if row.effect != "unknown":
+            total[row.place] = total.get(row.place, 0.0) + row.probability
+    for place, share in place_odds.items():
+        total[place] = total.get(place, 0.0) + unknown * share
+    return tuple(sorted(total.items(), key=lambda item: -item[1]))
+
+
+def _bands(problem: Problem, none: Fit) -> tuple[tuple[float, float], ...]:
+    _, residuals, _ = problem.residuals(none.x)
+    return where.bands(list(zip(problem.groups, residuals, strict=True)), BAND_WIDTH)
+
+
+def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry]) -> tuple[Comparison, ...]:
+    groups = merged(entries)
+    out = []
+    start = Problem(nominal, groups, Hypothesis())
+    end = Problem(nominal, groups, chosen.hypothesis)
+    sides = [
+        (nominal, start.blow_at(none.x), None, None),
+        (none.model, start.blow_at(none.x), start, none.x),
+        (chosen.model, end.blow_at(chosen.x), end, chosen.x),
+    ]
+    seen: set[float] = set()
+    for e in entries:
+        place = float(np.nan_to_num(e.position, nan=-1.0))
+        if place in seen:
+            continue
+        seen.add(place)
+        same = [x for x in entries if float(np.nan_to_num(x.position, nan=-1.0)) == place and x.channels == e.channels]
+        (group, *_) = merged(same)
+        base = {
+            "freq": group.freq,
+            "positions": np.array([e.position]),
+            "outputs": group.channels,
+            "inputs": ("force",),
+            "quantities": group.quantities,
+            "input_unit": "N" if nominal.input_quantity == "force" else "m/s^2",
+        }
+        measured = MeasuredFrequencyResponse(
+            data=group.data[:1, :, None], variance=group.variance[:1, :, None], averages=len(same), **base
+        )
+        computed = []
+        for model, blow_at, problem, x in sides:
+            value = shrinkage.predicted(same[0], model, blow_at, problem, x)
+            computed.append(FrequencyResponse(data=value[None, :, None], **base))
+        label = "" if place < 0 else f"position {place:.3g}"
+        out.append(Comparison(label, measured, *computed))
+    return tuple(out)
+
+
+__all__ = ["SURE", "diagnose"]

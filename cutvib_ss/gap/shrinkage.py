@@ -1,0 +1,269 @@
+"""
+How far: what a fit on some records leaves on others.
+
+Positions are left out by turns (where there are none, levels, then records); records marked ``use = "check"`` are only judged.
+Tuning, calibration and the cause are fitted on the rest, and every record is judged at its own level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutvib_ss.effects.base import Model
+from cutvib_ss.gap.fit import Fit, Hypothesis, Problem, fit
+from cutvib_ss.gap.observations import Entry, Observations, merged
+from cutvib_ss.gap.prediction import Prediction
+from cutvib_ss.results import ComplexArray, FloatArray
+
+BOOTSTRAPS = 2000
+"""Resamplings of the records behind an interval."""
+
+
+@dataclass(frozen=True)
+class Fold:
+    """
+    One turn of leaving out.
+
+    Parameters
+    ----------
+    fitted, judged : tuple of Entry
+        Records to fit on, and records to judge on.
+    """
+
+    fitted: tuple[Entry, ...]
+    judged: tuple[Entry, ...]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """
+    One held-out record.
+
+    Parameters
+    ----------
+    entry : Entry
+        The record.
+    error : ndarray, shape (channel,)
+        Mean modulus of the error over the band, SI.
+    noise : ndarray, shape (channel,)
+        What noise alone leaves.
+    chi2 : ndarray, shape (channel,)
+        χ² a degree of freedom.
+    """
+
+    entry: Entry
+    error: FloatArray
+    noise: FloatArray
+    chi2: FloatArray
+
+
+def folds(observations: Observations, fraction: float | None, seed: int) -> tuple[Fold, ...]:
+    """
+    Turns of leaving out.
+
+    Parameters
+    ----------
+    observations : Observations
+        All records.
+    fraction : float or None
+        Part of the positions left out at a turn; a third by default.
+    seed : int
+        Of the order in which positions are dealt.
+
+    Returns
+    -------
+    tuple of Fold
+        One turn where records are marked for checking; else as many as it takes to judge every record once. A single record
+        is judged on itself, for want of another.
+    """
+    entries = observations.entries
+    if any(e.check for e in entries):
+        return (Fold(tuple(e for e in entries if not e.check), tuple(e for e in entries if e.check)),)
+    keys = [_key(e, entries) for e in entries]
+    distinct = sorted(set(keys))
+    if len(distinct) == 1:
+        return (Fold(entries, entries),)
+    out_at_once = max(1, round((1 / 3 if fraction is None else fraction) * len(distinct)))
+    turns = -(-len(distinct) // min(out_at_once, len(distinct) - 1))
+    order = np.random.default_rng(seed).permutation(len(distinct))
+    # Dealt like cards, so that a turn does not lose a whole side of the rail.
+    turn_of = {distinct[k]: i % turns for i, k in enumerate(order)}
+    made = []
+    for turn in range(turns):
+        judged = tuple(e for e, k in zip(entries, keys, strict=True) if turn_of[k] == turn)
+        fitted = tuple(e for e, k in zip(entries, keys, strict=True) if turn_of[k] != turn)
+        made.append(Fold(fitted, judged))
+    return tuple(made)
+
+
+def _key(e: Entry, entries: Sequence[Entry]) -> float:
+    if len({x.position for x in entries if not np.isnan(x.position)}) > 1:
+        return e.position
+    if len({x.level for x in entries if not np.isnan(x.level)}) > 1:
+        return e.level
+    return float(e.record)
+
+
+def judge(nominal: Model, turns: Sequence[Fold], start: Fit) -> tuple[Judged, ...]:
+    """
+    Errors of a hypothesis on held-out records.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    turns : sequence of Fold
+        The turns.
+    start : Fit
+        The hypothesis fitted on all records, from which each turn starts.
+
+    Returns
+    -------
+    tuple of Judged
+        Each held-out record, in the records' order.
+    """
+    out = []
+    for turn in turns:
+        again = fit(nominal, merged(turn.fitted), start.hypothesis, start.x, 15)
+        problem = Problem(nominal, merged(turn.fitted), again.hypothesis)
+        model, blow_at = again.model, problem.blow_at(again.x)
+        out += [judged(e, predicted(e, model, blow_at, problem, again.x)) for e in turn.judged]
+    return tuple(sorted(out, key=lambda j: j.entry.record))
+
+
+def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tuple[Judged, ...]:
+    """
+    Errors of the nominal model as given, nothing tuned or calibrated.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    observations : Observations
+        All records.
+    start : Fit
+        A fit of the tuned model, for the instant of the blow where records do not state it.
+
+    Returns
+    -------
+    tuple of Judged
+        The records that are held out.
+    """
+    problem = Problem(nominal, merged(observations.entries), Hypothesis())
+    blow_at = problem.blow_at(start.x) if start.x.size == problem.size else 0.0
+    entries = [e for e in observations.entries if e.check] or list(observations.entries)
+    return tuple(judged(e, predicted(e, nominal, blow_at)) for e in entries)
+
+
+def predicted(
+    e: Entry, model: Model, blow_at: float, problem: Problem | None = None, x: FloatArray | None = None
+) -> ComplexArray:
+    """
+    What a model predicts of a record.
+
+    Parameters
+    ----------
+    e : Entry
+        The record.
+    model : Machine or Structure
+        The model.
+    blow_at : float
+        Instant of the blow [s] where the record does not state it.
+    problem : Problem, optional
+        With ``x``: whose calibration errors to apply.
+    x : ndarray, optional
+        Unknowns of a fit.
+
+    Returns
+    -------
+    ndarray, shape (channel, frequency)
+        The prediction.
+    """
+    (group,) = merged([e])
+    data = Prediction(model, group, blow_at).data[0]
+    if problem is None or x is None:
+        return data
+    return data * problem.calibration_of(e.channels, e.freq, x)
+
+
+def judged(e: Entry, prediction: ComplexArray) -> Judged:
+    """
+    A record against a prediction.
+
+    Parameters
+    ----------
+    e : Entry
+        The record.
+    prediction : ndarray, shape (channel, frequency)
+        What was predicted of it.
+
+    Returns
+    -------
+    Judged
+        Its errors.
+    """
+    error = np.abs(e.data - prediction)
+    # E|n| of complex Gaussian noise of variance v is √(πv)/2.
+    noise = np.sqrt(np.pi * e.variance) / 2
+    return Judged(e, error.mean(axis=1), noise.mean(axis=1), np.mean(error**2 / e.variance, axis=1))
+
+
+def mean_error(records: Sequence[Judged]) -> float:
+    """
+    Mean error over records and channels.
+
+    Parameters
+    ----------
+    records : sequence of Judged
+        Held-out records.
+
+    Returns
+    -------
+    float
+        Mean modulus of the error, SI.
+    """
+    return float(np.mean([j.error.mean() for j in records]))
+
+
+def reduced_chi2(records: Sequence[Judged]) -> float:
+    """
+    χ² a degree of freedom over records and channels.
+
+    Parameters
+    ----------
+    records : sequence of Judged
+        Held-out records.
+
+    Returns
+    -------
+    float
+        About 1 where only noise is left.
+    """
+    return float(np.mean([j.chi2.mean() for j in records]))
+
+
+def shrinkage_interval(before: Sequence[Judged], after: Sequence[Judged], seed: int) -> tuple[float, float]:
+    """
+    95 % interval of 1 - after/before, by bootstrap over records.
+
+    Parameters
+    ----------
+    before, after : sequence of Judged
+        The same records, judged before and after.
+    seed : int
+        Of the resampling.
+
+    Returns
+    -------
+    low, high : float
+        The interval.
+    """
+    b = np.array([j.error.mean() for j in before])
+    a = np.array([j.error.mean() for j in after])
+    pick = np.random.default_rng(seed).integers(0, b.size, (BOOTSTRAPS, b.size))
+    values = 1.0 - a[pick].mean(axis=1) / b[pick].mean(axis=1)
+    low, high = np.quantile(values, [0.025, 0.975])
+    return float(low), float(high)
