@@ -9,8 +9,9 @@ from typing import TypeAlias
 import numpy as np
 
 from cutvib_ss.absorber import WORKING_FREQUENCY, absorber_of, check_absorber, parametric_study, printed_absorber
-from cutvib_ss.identification.bounded_fit import bounded_fit, fit_data
+from cutvib_ss.identification.bounded_fit import bounded_fit
 from cutvib_ss.identification.first_guess import PAPER_DIP, PAPER_PEAKS, first_guess, resonances, stiffness_ratio
+from cutvib_ss.identification.fitted_data import fit_data
 from cutvib_ss.identification.held_head import held_natural_frequencies, held_response
 from cutvib_ss.identification.rail_mass import recover_rail_mass
 from cutvib_ss.identification.uncertainty import determination

@@ -1,7 +1,8 @@
 """Identification of the cutting head: first guess (Eqs. 14-20), bounded fit (Eqs. 21-22), what the data determine."""
 
-from cutvib_ss.identification.bounded_fit import FitWeights, HeadFit, bounded_fit, bounds_around, fit_data
+from cutvib_ss.identification.bounded_fit import HeadFit, bounded_fit, bounds_around
 from cutvib_ss.identification.first_guess import first_guess, peaks_and_dip
+from cutvib_ss.identification.fitted_data import FitData, FitWeights, fit_data
 from cutvib_ss.identification.held_head import held_natural_frequencies, held_response
 from cutvib_ss.identification.identify import IdentificationResult, identify
 from cutvib_ss.identification.rail_mass import RailMass, recover_rail_mass
@@ -16,6 +17,7 @@ __all__ = [
     "held_response",
     "held_natural_frequencies",
     "fit_data",
+    "FitData",
     "FitWeights",
     "bounded_fit",
     "bounds_around",

@@ -8,17 +8,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from cutvib_ss.errors import IdentificationError
-from cutvib_ss.identification.bounded_fit import (
-    Bounds,
-    FitWeights,
-    HeadFit,
-    HeadModel,
-    Weighting,
-    bounded_fit,
-    bounds_around,
-    fit_data,
-)
+from cutvib_ss.identification.bounded_fit import Bounds, HeadFit, HeadModel, bounded_fit, bounds_around
 from cutvib_ss.identification.first_guess import first_guess, peaks_and_dip
+from cutvib_ss.identification.fitted_data import FitWeights, Weighting, fit_data
 from cutvib_ss.identification.uncertainty import Determination, determination
 from cutvib_ss.machine import Machine
 from cutvib_ss.measurement.estimation import estimate

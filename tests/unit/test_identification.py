@@ -71,6 +71,13 @@ def test_all_starts_reach_one_objective() -> None:
     assert max(objectives) == pytest.approx(min(objectives), rel=1e-6)
 
 
+def test_a_start_beside_a_local_minimum_does_not_end_there() -> None:
+    low, high = map(vector, table_2())
+    u = np.array([0.371, 0.122, 0.181, 0.065, 0.146, 0.371, 0.272, 0.858, 0.183, 0.839])
+    fit = bounded_fit(fit_data(noisy(np.random.default_rng(193))), table_2(), head_of(low + (high - low) * u))
+    assert fit.objective < 2 * NOISE**2
+
+
 def test_intervals_hold_as_often_as_they_say_where_no_bound_is_near() -> None:
     # Bounds around the true values: estimates are then plain least squares, and their scatter is what is claimed.
     expected = tool_side(TRUE)
