@@ -125,7 +125,7 @@ class Machine:
 
     def rail_system(self, position: float, points: Mapping[str, float] | None = None) -> SecondOrder:
         """
-        The rail with ports ``base`` (under the head) and ``at_head``, ``at_head_twist`` (where the head is joined).
+        The rail with ports ``base`` and ``at_head`` (its shear centre under the head) and perhaps ``at_head_twist``.
 
         Parameters
         ----------
@@ -140,16 +140,13 @@ class Machine:
             In modal coordinates.
         """
         system = rail(self.rail, {"at_head": check_position(position), **(points or {})})
-        under = np.array(system.port("at_head"))
-        if self.rail.torsion:
-            under = under + self.rail.torsion.eccentricity * system.port("at_head_twist")
-        return replace(system, ports={**system.ports, "base": under})
+        return replace(system, ports={**system.ports, "base": system.port("at_head")})
 
     @property
     def interface(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Ports of the rail and of the head that the base constraint joins."""
         if self.rail.torsion:
-            return ("at_head", "at_head_twist"), ("shear_centre", "twist")
+            return ("at_head", "at_head_twist"), ("base", "twist")
         return ("at_head",), ("base",)
 
     def second_order(

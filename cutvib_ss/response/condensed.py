@@ -344,9 +344,7 @@ class CondensedModel:
             return head_row_derivatives(model.head, str(path[1]), twist, e)
         if path == ("rail", "torsion", "eccentricity"):
             return {
-                name: np.array([0.0, 0.0, 0.0, row[2]])
-                for name, row in self.rows.items()
-                if row[2] and name != "base"
+                name: np.array([0.0, 0.0, 0.0, row[2]]) for name, row in self.rows.items() if row[2] and name != "base"
             }
         return {}
 
@@ -453,6 +451,11 @@ class CondensedModel:
             return 0.0
         change = torsion_receptance(model.rail, self.positions, self.positions, self.s, str(path[-1]))
         return change * force_q[1] * force_p[1]
+
+
+def _is_modal(name: str) -> bool:
+    """Whether a signal is a mass-normalised modal coordinate of the rail."""
+    return re.fullmatch(r"eta\d+", name) is not None
 
 
 def _rail_name(path: Path) -> Path:

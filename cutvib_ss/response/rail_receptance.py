@@ -15,6 +15,7 @@ import numpy as np
 
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.subsystems.rail import RIGID_INERTIA, Rail, rigid_coupling, sine_shapes, slope_shapes
+from cutvib_ss.subsystems.twist import TWIST_ELEMENTS, twist_modes, twist_shapes
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,10 @@ class RailReceptance:
         self.n = p.n_modes
         self._w = (2 * np.pi * p.first_frequency * np.arange(1.0, self.n + 1) ** 2)[:, None]
         self._half = p.mass / 2
-        self._diagonal = self._half * (self._w**2 + 2 * p.damping_ratio * self._w * s + s * s)
+        self._damping = self._half * 2 * p.damping_ratio * self._w * s
+        self._diagonal = self._half * (self._w**2 + s * s) + self._damping
+        # The rigid motions' part of each mode's shape: its damping resists a_r + shared_r u.
+        self._shared = 2 * rigid_coupling(self.n)
         self._flexibility = 1.0 / self._diagonal
         self._attached = [self._attachment_port(k) for k in range(len(model.attachments))]
 
@@ -187,9 +191,10 @@ class RailReceptance:
         rows = columns.copy()
         if supports is not None:
             mass = self.model.parameters.mass
-            columns[:, :2] = mass * rigid_coupling(self.n)[:, :, None] * s**2
+            columns[:, :2] = self._shared[:, :, None] * (self._half * s**2 + self._damping)[:, None]
             rows[:, :2] = columns[:, :2]
             small[:2, :2] = mass * RIGID_INERTIA[:, :, None] * s**2
+            small[:2, :2] += np.einsum("ru,rf,rv->uvf", self._shared, self._damping, self._shared)
             small[0, 0] += supports.k_left + s * supports.c_left
             small[1, 1] += supports.k_right + s * supports.c_right
             load[:2] = port.rigid.T[:, :, None]
@@ -278,12 +283,20 @@ class RailReceptance:
         supports, p, s = self.model.supports, self.model.parameters, self.s
         assert supports is not None
         out: ComplexArray = np.zeros((1, s.size), dtype=np.complex128)
+        if name[0] in ("mass", "first_frequency", "damping_ratio", "s"):
+            change = self._half * 2 * self._w * s
+            if name[0] != "damping_ratio":
+                change = self._damping / (s if name[0] == "s" else getattr(p, str(name[0])))
+            shared_left = np.einsum("mu,upf->mpf", self._shared, left.rigid)
+            shared_right = np.einsum("mu,upf->mpf", self._shared, right.rigid)
+            out = np.einsum("mpf,mf,mpf->pf", *_same(shared_left, change, right.elastic + shared_right))
+            out = out + np.einsum("mpf,mf,mpf->pf", *_same(left.elastic, change, shared_right))
         if name[0] in ("mass", "s"):
             scale = s**2 if name[0] == "mass" else 2 * s * p.mass
             c = rigid_coupling(self.n)
             cross = np.einsum("mpf,mu,upf->pf", left.elastic, c, right.rigid)
             cross = cross + np.einsum("mpf,mu,upf->pf", right.elastic, c, left.rigid)
-            out = scale * (cross + np.einsum("upf,uv,vpf->pf", left.rigid, RIGID_INERTIA, right.rigid))
+            out = out + scale * (cross + np.einsum("upf,uv,vpf->pf", left.rigid, RIGID_INERTIA, right.rigid))
         if name[0] == "s":
             for i, c_end in enumerate((supports.c_left, supports.c_right)):
                 out = out + c_end * left.rigid[i] * right.rigid[i]
@@ -328,7 +341,9 @@ def _fit(rows: FloatArray, field: ComplexArray) -> tuple[FloatArray, ComplexArra
     )
 
 
-def _same(left: ComplexArray, modal: ComplexArray, right: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+def _same(
+    left: ComplexArray, modal: ComplexArray, right: ComplexArray
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     positions = max(left.shape[1], right.shape[1])
     shape = (left.shape[0], positions, left.shape[2])
     return np.broadcast_to(left, shape), modal, np.broadcast_to(right, shape)
@@ -354,22 +369,22 @@ def torsion_receptance(
     Returns
     -------
     ndarray, shape (position, frequency)
-        Σ sin sin / (J/2 (s² + 2ζω s + ω²)) [rad/(N m)].
+        Σ ψ_s ψ_s / (J/2 (m_s s² + g_s (2ζω_1 s + ω_1²))) [rad/(N m)], as in `cutvib_ss.subsystems.twist`.
     """
     t = model.torsion
     assert t is not None
-    n = model.parameters.n_modes
-    shapes = sine_shapes(left, n) * sine_shapes(right, n)
-    w = (2 * np.pi * t.torsion_frequency * np.arange(1.0, n + 1))[:, None]
-    below = t.inertia / 2 * (w * w + 2 * t.damping_ratio * w * s + s * s)
+    shapes = twist_shapes(left, TWIST_ELEMENTS) * twist_shapes(right, TWIST_ELEMENTS)
+    stiffness, inertia = (row[:, None] for row in twist_modes(TWIST_ELEMENTS))
+    w = 2 * np.pi * t.torsion_frequency
+    below = t.inertia / 2 * (stiffness * (w * w + 2 * t.damping_ratio * w * s) + inertia * s * s)
     if derivative is None:
         value: ComplexArray = shapes @ (1.0 / below)
         return value
     change = {
         "inertia": below / t.inertia,
-        "torsion_frequency": t.inertia / 2 * (2 * w + 2 * t.damping_ratio * s) * w / t.torsion_frequency,
-        "damping_ratio": t.inertia * w * s,
-        "s": t.inertia * (t.damping_ratio * w + s),
+        "torsion_frequency": t.inertia * stiffness * (w + t.damping_ratio * s) * w / t.torsion_frequency,
+        "damping_ratio": t.inertia * stiffness * w * s,
+        "s": t.inertia * (stiffness * t.damping_ratio * w + inertia * s),
     }[derivative]
     slope: ComplexArray = -shapes @ (change / below**2)
     return slope

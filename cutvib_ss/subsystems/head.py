@@ -7,8 +7,9 @@ Everything follows from where the two masses move. With absolute link angles, X 
     tool_x = head_x + l2 cos(θ01+θ02) · (θ1 + θ2)     tool_z = head_z - l2 sin(θ01+θ02) · (θ1 + θ2)
 
 and the mass matrix of Eq. 2 is m1 (h_x h_xᵀ + h_z h_zᵀ) + m2 (t_x t_xᵀ + t_z t_zᵀ) over those rows; the generalised force of
-Eq. 3 is the row of tool_x; Eqs. 12 and 13 are the rows of tool_x and tool_z. A rotation ψ of the base (a rail that twists)
-turns both links as θ1 does, and lifts the base by the eccentricity e between it and the rail's shear centre.
+Eq. 3 is the row of tool_x; Eqs. 12 and 13 are the rows of tool_x and tool_z. On a rail that twists the base is the
+rail's shear centre, where bending is felt alone. Its rotation ψ turns both links as θ1 does, and lifts the first joint,
+and so both masses, by the eccentricity e of that joint.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def head_rows(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0)
     twist : bool
         Whether the base also rotates with the rail.
     eccentricity : float
-        Distance e in Z from the rail's shear centre to the base [m].
+        Distance e in Z from the rail's shear centre to the first joint [m].
 
     Returns
     -------
@@ -109,14 +110,12 @@ def _with_twist(
 ) -> dict[str, FloatArray]:
     if not twist:
         return rows
+    still = ("base", "joint1", "joint2")
     turned = {
-        name: np.append(row, row[0] + eccentricity * row[2] if name not in ("joint1", "joint2") else 0.0)
-        for name, row in rows.items()
+        name: np.append(row, 0.0 if name in still else row[0] + eccentricity * row[2]) for name, row in rows.items()
     }
     if port:
         turned["twist"] = np.array([0.0, 0.0, 0.0, 1.0])
-        # What couples to the rail's bending is the motion of the shear centre, not of the base above it.
-        turned["shear_centre"] = np.array([0.0, 0.0, 1.0, 0.0])
     return turned
 
 
@@ -152,7 +151,7 @@ def head(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> S
     twist : bool
         Whether the base also rotates with the rail (fourth degree of freedom ψ).
     eccentricity : float
-        Distance e in Z from the rail's shear centre to the base [m].
+        Distance e in Z from the rail's shear centre to the first joint [m].
 
     Returns
     -------

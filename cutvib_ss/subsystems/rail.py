@@ -4,10 +4,12 @@ The moving rail as a uniform beam by mode superposition (Section 3.2, Eqs. 4-9),
 Pinned, w(y, t) = Σ sin(rπy/L) a_r(t), each mode of modal mass μL/2 and frequency r² ω_1 (Eq. 8). With the paper's
 mass-normalised shapes φ_r = √(2/μL) sin(rπy/L) and coordinates η_r = √(μL/2) a_r (Eqs. 7 and 9).
 
-Ends that give are *released*: w gains the two rigid motions (1 - y/L) u_left + (y/L) u_right, inertially coupled to the
-modes, with the end springs on u. Sines and rigid motions together are complete, and the pinned rail is the limit of rigid
-springs. Ends that resist turning are springs on the end slopes Σ (rπ/L) a_r (and the alternating sum at y = L). Twist is a
-second field ψ(y, t) = Σ sin(sπy/L) b_s(t), held at the ends, each mode of modal inertia J/2 and frequency s times the first.
+Ends that give are *released*: w gains the two rigid motions h(y)ᵀu = (1 - y/L) u_left + (y/L) u_right, inertially
+coupled to the modes, with the end springs on u. Sines and rigid motions together are complete, and the pinned rail is
+the limit of rigid springs. A mode's damping resists whatever part of the whole motion has its shape,
+a_r + 2 ∫ sin(rπy/L) h dy/L · u, not the elastic part alone. Ends that resist turning are springs on the end slopes
+Σ (rπ/L) a_r (and the alternating sum at y = L). Twist is a second field ψ(y, t), held at the ends
+(`cutvib_ss.subsystems.twist`).
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from cutvib_ss.mechanical import SecondOrder
 from cutvib_ss.parameters import RailParameters, check_number, check_position
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.subsystems.elements import SpringDamperMass
+from cutvib_ss.subsystems.twist import TWIST_ELEMENTS, twist_modes, twist_shapes
 
 
 @dataclass(frozen=True)
@@ -58,13 +61,14 @@ class Torsion:
     Parameters
     ----------
     eccentricity : float
-        Distance e in Z from the shear centre to the head's base [m].
+        Distance e in Z from the shear centre to the head's first joint [m].
     inertia : float
         Polar moment of inertia J of the whole rail [kg m²].
     torsion_frequency : float
         First natural frequency of torsion, without the head [Hz].
     damping_ratio : float
-        Modal damping ratio of every torsion mode.
+        Damping ratio of the first torsion mode; damping goes with the rate of strain, so that of mode s is s times as
+        large.
     """
 
     eccentricity: float
@@ -248,7 +252,10 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
 
     Notes
     -----
-    Eq. 9 with damping ratio ζ on the elastic coordinates alone: rigid motion does not strain the rail.
+    Eq. 9, with the damping 2ζω_r of each mode acting on the projection of the whole motion on its shape: where the ends
+    give, a mode also damps what the rigid motions share with it. With g_r = e_r + √(μL/2) 2 c_r on the ends, c_r the
+    row of `rigid_coupling`, C = Σ 2ζω_r g_r g_rᵀ. On the ends' own motion that sum grows with the number of modes, so
+    ``c_left`` and ``c_right`` also stand for what the modes above n_modes would add there.
     """
     p = model.parameters
     m = p.n_modes
@@ -256,7 +263,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     w = 2 * np.pi * natural_frequencies(p)
     dofs = [f"eta{r}" for r in range(1, m + 1)]
     ends = ["rail_left", "rail_right"] if model.supports else []
-    twists = [f"twist{r}" for r in range(1, m + 1)] if model.torsion else []
+    twists = [f"twist{r}" for r in range(1, TWIST_ELEMENTS)] if model.torsion else []
     n = m + len(ends) + len(twists)
     mass, damping, stiffness = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
     elastic = np.arange(m)
@@ -267,14 +274,17 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         mass[u, u] = p.mass * RIGID_INERTIA
         mass[:m, u] = scale * p.mass * rigid_coupling(m)
         mass[u, :m] = mass[:m, u].T
-        damping[u, u] = np.diag([model.supports.c_left, model.supports.c_right])
+        damping[:m, u] = damping[:m, :m] @ mass[:m, u]
+        damping[u, :m] = damping[:m, u].T
+        damping[u, u] = np.diag([model.supports.c_left, model.supports.c_right]) + mass[u, :m] @ damping[:m, u]
         stiffness[u, u] = np.diag([model.supports.k_left, model.supports.k_right])
     if model.torsion:
-        t = n - m + elastic
-        wt = 2 * np.pi * model.torsion.torsion_frequency * (elastic + 1.0)
-        mass[t, t] = model.torsion.inertia / 2
-        damping[t, t] = model.torsion.inertia * model.torsion.damping_ratio * wt
-        stiffness[t, t] = model.torsion.inertia / 2 * wt**2
+        t = np.arange(n - len(twists), n)
+        relative_stiffness, relative_inertia = twist_modes(TWIST_ELEMENTS)
+        wt = 2 * np.pi * model.torsion.torsion_frequency
+        mass[t, t] = model.torsion.inertia / 2 * relative_inertia
+        damping[t, t] = model.torsion.inertia * model.torsion.damping_ratio * wt * relative_stiffness
+        stiffness[t, t] = model.torsion.inertia / 2 * wt**2 * relative_stiffness
 
     def row(y: float, slope: bool = False) -> FloatArray:
         elastic_part = slope_shapes(y, p.length, m) if slope else sine_shapes(y, m)[0]
@@ -284,7 +294,8 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     ports = {name: row(y) for name, y in points.items()}
     if model.torsion:
         for name, y in points.items():
-            ports[f"{name}_twist"] = np.concatenate([np.zeros(n - m), sine_shapes(y, m)[0]])
+            shapes = twist_shapes(y, TWIST_ELEMENTS)[0]
+            ports[f"{name}_twist"] = np.concatenate([np.zeros(n - len(twists)), shapes])
     for i, dof in enumerate(dofs):
         ports[dof] = np.eye(n)[i]
     for i, end in enumerate(("rail_left", "rail_right")):
