@@ -73,7 +73,7 @@ class SecondOrder:
                 raise ParameterError(f"{name} has shape {matrix.shape}; {n} degrees of freedom need ({n}, {n})")
             if not np.isfinite(matrix).all():
                 raise ParameterError(f"{name} holds a value that is not finite")
-            if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=1e-12 * max(1e-300, float(np.abs(matrix).max()))):
+            if float(np.abs(matrix - matrix.T).max(initial=0.0)) > 1e-9 * float(np.abs(matrix).max(initial=0.0)):
                 raise ParameterError(f"{name} is not symmetric")
             object.__setattr__(self, name, matrix)
         rows = {}

@@ -327,7 +327,32 @@ def with_value(model: ModelT, path: Path, value: float) -> ModelT:
     ParameterError
         If the path leads nowhere, or the value is impossible.
     """
-    return _rebuilt(model, path, value, path)
+    return with_values(model, {path: value})
+
+
+def with_values(model: ModelT, values: Mapping[Path, float]) -> ModelT:
+    """
+    A copy of a model with several numbers changed at once.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    values : mapping of path to float
+        The new values.
+
+    Returns
+    -------
+    Machine or Structure
+        The new model, checked as any is.
+
+    Raises
+    ------
+    ParameterError
+        If a path leads nowhere, or a value is impossible.
+    """
+    rebuilt: ModelT = _rebuilt(model, {path: (path, value) for path, value in values.items()})
+    return rebuilt
 
 
 def _child(node: Any, step: str | int, path: Path) -> Any:
@@ -339,15 +364,19 @@ def _child(node: Any, step: str | int, path: Path) -> Any:
         raise ParameterError(f"the model has no value at {'.'.join(map(str, path))}") from None
 
 
-def _rebuilt(node: Any, steps: Path, value: float, path: Path) -> Any:
-    if not steps:
-        return value
-    step, rest = steps[0], steps[1:]
-    inner = _rebuilt(_child(node, step, path), rest, value, path)
+def _rebuilt(node: Any, changes: Mapping[Path, tuple[Path, float]]) -> Any:
+    """A node with changes below it: the rest of each path, to the whole path (for messages) and the value."""
+    if () in changes:
+        return changes[()][1]
+    below: dict[str | int, dict[Path, tuple[Path, float]]] = {}
+    for (step, *rest), change in changes.items():
+        below.setdefault(step, {})[tuple(rest)] = change
+    whole = next(iter(changes.values()))[0]
+    inner = {step: _rebuilt(_child(node, step, whole), own) for step, own in below.items()}
     if isinstance(node, Mapping):
-        return {**node, step: inner}
+        return {**node, **inner}
     if isinstance(node, tuple):
-        return tuple(inner if i == step else item for i, item in enumerate(node))
+        return tuple(inner.get(i, item) for i, item in enumerate(node))
     if not is_dataclass(node) or isinstance(node, type):
-        raise ParameterError(f"the model has no value at {'.'.join(map(str, path))}")
-    return replace(node, **{str(step): inner})
+        raise ParameterError(f"the model has no value at {'.'.join(map(str, whole))}")
+    return replace(node, **{str(step): value for step, value in inner.items()})

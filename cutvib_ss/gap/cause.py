@@ -17,18 +17,20 @@ from cutvib_ss.gap.fit import Fit, Hypothesis, fit
 from cutvib_ss.gap.hypotheses import Candidate
 from cutvib_ss.gap.observations import Group
 
-COARSE_LINES = 160
+COARSE_LINES = 120
 """Lines of a group on which starts are fitted."""
 COARSE_ERROR = 0.03
 """Relative error by which the noise is widened there."""
-REFINED = 5
+REFINED = 3
 """Causes that are fitted again on all lines, at least."""
 CLOSE = 60.0
 """… and all whose objective on few lines lies within this of the best."""
 
 
-FIRST_STEPS, LATER_STEPS = 4, 12
+FIRST_STEPS, LATER_STEPS = 3, 10
 """Steps from each start, and from the best of them."""
+ROUGH = 1e-2
+"""Relative gain at which steps on few lines end."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Ranked:
     fit : Fit
         Its best fit.
     refined : bool
-        Whether it was fitted on all lines.
+        Whether it was fitted on all lines; if not, its evidence is a bound.
     """
 
     name: str
@@ -93,26 +95,27 @@ def search(nominal: Model, groups: Sequence[Group], found: Sequence[Candidate]) 
         The tuned nominal model first, then the causes by evidence.
     """
     few = coarse(groups)
-    none_few = fit(nominal, few, Hypothesis())
-    best: list[tuple[Candidate, Fit]] = []
-    for candidate in found:
-        # A few steps tell the starts apart; the best goes on. All start from the untuned model: the tuning of a model that
-        # lacks the cause leads away.
-        tries = [fit(nominal, few, Hypothesis((e,)), None, FIRST_STEPS) for e in candidate.starts]
-        first = min(tries, key=lambda f: f.objective)
-        best.append((candidate, fit(nominal, few, first.hypothesis, first.x, LATER_STEPS)))
-    best.sort(key=lambda pair: pair[1].objective)
-    none = fit(nominal, groups, Hypothesis(), none_few.x)
-    ranked = []
-    for i, (candidate, rough) in enumerate(best):
-        close = rough.objective < best[0][1].objective + CLOSE
-        if i < REFINED or close:
-            full = fit(nominal, groups, rough.hypothesis, rough.x)
-            ranked.append(Ranked(candidate.name, full, True))
+    none = fit(nominal, groups, Hypothesis(), fit(nominal, few, Hypothesis(), None, LATER_STEPS, ROUGH).x)
+    rough = [(candidate, _roughly(nominal, few, candidate)) for candidate in found]
+    rough.sort(key=lambda pair: pair[1].objective)
+    ahead = rough[0][1].objective if rough else 0.0
+    ranked: list[Ranked] = []
+    for i, (candidate, start) in enumerate(rough):
+        behind = start.objective - ahead
+        if i < REFINED or behind < CLOSE:
+            ranked.append(Ranked(candidate.name, fit(nominal, groups, start.hypothesis, start.x), True))
         else:
-            # Far behind: what it reaches on all lines without another step bounds its evidence well enough.
-            full = fit(nominal, groups, rough.hypothesis, rough.x, 2)
-            ranked.append(Ranked(candidate.name, full, False))
+            # Few lines and a widened noise understate how far behind it is.
+            best = max(r.fit.log_evidence for r in ranked)
+            ranked.append(Ranked(candidate.name, replace(start, log_evidence=best - behind / 2), False))
     ranked.sort(key=lambda r: -r.fit.log_evidence)
     return (Ranked("none", none, True), *ranked)
 
+
+
+def _roughly(nominal: Model, few: Sequence[Group], candidate: Candidate) -> Fit:
+    """The best of a candidate's starts, on few lines."""
+    # All start from the untuned model: the tuning of a model that lacks the cause leads away.
+    tries = [fit(nominal, few, Hypothesis((e,)), None, FIRST_STEPS, ROUGH) for e in candidate.starts]
+    best = min(tries, key=lambda f: f.objective)
+    return fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)

@@ -23,12 +23,14 @@ from cutvib_ss.gap.observations import Group
 from cutvib_ss.gap.prediction import Circles, Prediction
 from cutvib_ss.parameters import Tolerances
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.slots import Path, value_at, with_value
+from cutvib_ss.slots import Path, value_at, with_values
 
 IndexArray: TypeAlias = NDArray[np.intp]
 
 BLOW_AT_PRIOR = (0.05, 0.05)
 """Mean and standard deviation of the instant of a blow that no record states [s]."""
+FEW_STEPS = 10
+"""A fit of no more steps is a scout: its covariance is that of the last step but one."""
 CALIBRATION_SHAPES = 5
 """Smooth shapes over the band that a calibration error is made of: a constant and half cosines."""
 
@@ -187,6 +189,7 @@ class Problem:
     def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis) -> None:
         self.nominal, self.groups, self.hypothesis = nominal, tuple(groups), hypothesis
         self.tuning = tuning_paths(nominal)
+        self._nominal_values = [value_at(nominal, path) for path, _ in self.tuning]
         self.channels = tuple(dict.fromkeys(c for g in groups for c in g.channels))
         self.calibration = nominal.tolerance.calibration
         self.free_blow = any(bool(np.isnan(g.blow_at[np.isfinite(g.block)]).any()) for g in groups)
@@ -242,10 +245,10 @@ class Problem:
         Machine or Structure
             The tuned model.
         """
-        model = self.nominal
-        for (path, tolerance), step in zip(self.tuning, x, strict=False):
-            model = with_value(model, path, value_at(self.nominal, path) * float(np.exp(tolerance * step)))
-        return model
+        steps = zip(self.tuning, self._nominal_values, x, strict=False)
+        return with_values(
+            self.nominal, {path: value * float(np.exp(tolerance * step)) for (path, tolerance), value, step in steps}
+        )
 
     def effects(self, x: FloatArray) -> tuple[Effect, ...]:
         """
@@ -512,6 +515,7 @@ def fit(
     hypothesis: Hypothesis,
     warm: FloatArray | None = None,
     max_iterations: int = 40,
+    tolerance: float = 1e-5,
 ) -> Fit:
     """
     Maximum of the posterior of a hypothesis, and its evidence.
@@ -528,6 +532,8 @@ def fit(
         Unknowns of a fit without effects, to start from.
     max_iterations : int
         Most steps taken.
+    tolerance : float
+        Relative gain of the objective at which steps end.
 
     Returns
     -------
@@ -571,13 +577,14 @@ def fit(
                 damping = max(damping / 10, 1e-9)
                 break
             damping *= 10
-        if not accepted or gain < 1e-2 + 1e-7 * objective:
+        if not accepted or gain < 1e-2 + tolerance * (objective - 0.9 * problem.count):
             break
-    problem.forget_circles()
-    predictions, residuals, chi2 = problem.residuals(x)
-    objective = chi2 + float(precision @ x**2)
-    matrix, _ = problem.normal(x, predictions, residuals)
-    matrix = matrix + np.diag(precision)
+    if max_iterations > FEW_STEPS:
+        problem.forget_circles()
+        predictions, residuals, chi2 = problem.residuals(x)
+        objective = chi2 + float(precision @ x**2)
+        matrix, _ = problem.normal(x, predictions, residuals)
+        matrix = matrix + np.diag(precision)
     return _finished(problem, x, matrix, chi2, objective)
 
 

@@ -90,19 +90,16 @@ def _everywhere(model: Model, band: tuple[float, float]) -> list[Candidate]:
             )
         )
     for place, name in ParameterShift.choices(model):
-        shifts = (ParameterShift(place, name, factor) for factor in (1.0, 0.75, 1.3))
-        out.append(_candidate("parameter_shift", f"{place}.{name}", *shifts))
+        out.append(_candidate("parameter_shift", f"{place}.{name}", ParameterShift(place, name, 1.0)))
     return out
 
 
 def _measurement(model: Model, channels: Sequence[str]) -> list[Candidate]:
     out = []
     for channel in ("all", *channels) if len(channels) > 1 else channels:
-        starts = (ChannelDelay("measurement", channel, delay) for delay in (5e-5, -5e-5))
-        out.append(_candidate("channel_delay", channel, *starts))
+        out.append(_candidate("channel_delay", channel, ChannelDelay("measurement", channel, 0.0)))
     for channel in channels:
-        gains = (CalibrationError("measurement", channel, gain) for gain in (1.0, 0.5, 2.0))
-        out.append(_candidate("calibration_error", channel, *gains))
+        out.append(_candidate("calibration_error", channel, CalibrationError("measurement", channel, 1.0)))
     if CrossAxis.places(model) and "tool_z" in channels:
         out.append(_candidate("cross_axis", "", CrossAxis("measurement", 0.0)))
     out.append(_candidate("window_damping", "", WindowDamping("measurement", 1.0)))
