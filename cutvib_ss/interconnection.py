@@ -113,9 +113,7 @@ def close_base_loop(
     driven = base_driven(head, driven_ports, {**head_in, **{f"guide {p}": p for p in elastic}})
     motions: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
     joints = [f"joint {j}" for j in range(len(on_rail))]
-    reads: dict[str, tuple[str, Quantity]] = {
-        f"{m} {j}": (p, m) for m in motions for j, p in enumerate(on_rail)
-    }
+    reads: dict[str, tuple[str, Quantity]] = {f"{m} {j}": (p, m) for m in motions for j, p in enumerate(on_rail)}
     reads |= {f"dof {d}": (d, "displacement") for d in rail.dofs}
     with_dofs = SecondOrder(
         rail.mass, rail.damping, rail.stiffness, rail.dofs,
@@ -146,7 +144,9 @@ def close_base_loop(
         loop[ins.index(f"force guide {on_head[0]}")] = -across
     closed = both.feedback(control.ss([], [], [], loop), sign=1)
     pick_in = [ins.index(f"force {n}") if n in head_in else ins.index(n) for n in inputs]
-    rows = np.array([_output_row(head, rail, p, p in head_ports, on_head, on_rail, guide, outs) for p in outputs.values()])
+    rows = np.array(
+        [_output_row(head, rail, p, p in head_ports, on_head, on_rail, guide, outs) for p in outputs.values()]
+    )
     rows = rows.reshape(len(outputs), len(outs))
     return control.ss(
         closed.A, closed.B[:, pick_in], rows @ closed.C, np.zeros((len(outputs), len(inputs))),
@@ -208,5 +208,12 @@ def with_quantity(plant: control.StateSpace, quantity: Quantity, name: str) -> c
     if quantity == "velocity":
         d = np.zeros_like(plant.D)
     return control.ss(
-        plant.A, plant.B, c, d, inputs=plant.input_labels, outputs=plant.output_labels, states=plant.state_labels, name=name
+        plant.A,
+        plant.B,
+        c,
+        d,
+        inputs=plant.input_labels,
+        outputs=plant.output_labels,
+        states=plant.state_labels,
+        name=name,
     )

@@ -195,7 +195,9 @@ class SecondOrder:
         a = np.block([[np.zeros((n, n)), w0 * np.eye(n)], [-k / w0, -c]])
         return factor, w0, a
 
-    def attach(self, ports: Sequence[str], other: SecondOrder, other_ports: Sequence[str], prefix: str = "") -> SecondOrder:
+    def attach(
+        self, ports: Sequence[str], other: SecondOrder, other_ports: Sequence[str], prefix: str = ""
+    ) -> SecondOrder:
         """
         Join another system rigidly: each of its ports moves with one of this system's, forces opposite and equal.
 

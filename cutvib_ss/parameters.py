@@ -7,7 +7,7 @@ The paper is "Analysis and Control of Vibrations of a Cartesian Cutting Machine 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from math import isfinite, pi, radians
+from math import isfinite, pi, radians, sqrt
 from typing import Any
 
 from cutvib_ss.errors import ParameterError
@@ -69,7 +69,9 @@ def check_position(position: Any) -> float:
     """
     number = check_number("position", position)
     if not 0.0 < number < 1.0:
-        raise ParameterError(f"position = {position} must lie strictly between 0 and 1 (y_b / L of the head on the rail)")
+        raise ParameterError(
+            f"position = {position} must lie strictly between 0 and 1 (y_b / L of the head on the rail)"
+        )
     return number
 
 
@@ -263,7 +265,7 @@ class AbsorberParameters:
     @property
     def damping(self) -> float:
         """c_a = 2 ζ_a √(k_a m_a) [N s/m] (Eq. 26)."""
-        return 2 * self.damping_ratio * (self.stiffness * self.mass) ** 0.5
+        return 2 * self.damping_ratio * sqrt(self.stiffness * self.mass)
 
 
 _UNITS_CAVEAT = "The paper heads k in N/m and c in N s/m; they are N m/rad and N m s/rad."

@@ -359,8 +359,8 @@ def _child(node: Any, step: str | int, path: Path) -> Any:
     if isinstance(node, Mapping):
         return node.get(step, ChannelChain())
     try:
-        return node[step] if isinstance(node, tuple) else getattr(node, str(step))
-    except (AttributeError, IndexError, TypeError):
+        return node[int(step)] if isinstance(node, tuple) else getattr(node, str(step))
+    except (AttributeError, IndexError, ValueError):
         raise ParameterError(f"the model has no value at {'.'.join(map(str, path))}") from None
 
 

@@ -1,1 +1,1 @@
-"""The catalogue of unmodelled effects, one file each: a frozen dataclass that fills a slot of a model and solves nothing."""
+"""The catalogue of unmodelled effects, one file each: a frozen dataclass that fills a slot of a model."""

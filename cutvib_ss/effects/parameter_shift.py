@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, parameter
+from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place
+from cutvib_ss.effects.base import parameter as fitted
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.machine import Machine
 from cutvib_ss.slots import Path, value_at, with_value
@@ -42,7 +43,7 @@ class ParameterShift(Effect):
     effect: ClassVar[str] = "parameter_shift"
 
     parameter: str
-    factor: float = parameter("1", 0.2, 5.0)
+    factor: float = fitted("1", 0.2, 5.0)
 
     @classmethod
     def choices(cls, model: Model) -> tuple[tuple[str, str], ...]:

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutvib_ss.effects.base import Model
-from cutvib_ss.gap.fit import Fit, Hypothesis, fit
+from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.hypotheses import Candidate
 from cutvib_ss.gap.observations import Group
+from cutvib_ss.gap.problem import Hypothesis
 
 COARSE_LINES = 120
 """Lines of a group on which starts are fitted."""
@@ -110,7 +111,6 @@ def search(nominal: Model, groups: Sequence[Group], found: Sequence[Candidate]) 
             ranked.append(Ranked(candidate.name, replace(start, log_evidence=best - behind / 2), False))
     ranked.sort(key=lambda r: -r.fit.log_evidence)
     return (Ranked("none", none, True), *ranked)
-
 
 
 def _roughly(nominal: Model, few: Sequence[Group], candidate: Candidate) -> Fit:

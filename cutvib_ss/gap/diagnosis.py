@@ -12,12 +12,13 @@ from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.gap import shrinkage, where
 from cutvib_ss.gap.cause import Ranked, search
-from cutvib_ss.gap.fit import Fit, Hypothesis, Problem
+from cutvib_ss.gap.fit import Fit
 from cutvib_ss.gap.hypotheses import candidates
 from cutvib_ss.gap.next_test import next_test
 from cutvib_ss.gap.observations import Entry, Observations, merged, observe
+from cutvib_ss.gap.problem import Hypothesis, Problem
 from cutvib_ss.gap.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
-from cutvib_ss.gap.verdict import SURE, ambiguity_set, probabilities, probability_unknown, verdict
+from cutvib_ss.gap.verdict import ambiguity_set, probabilities, probability_unknown, verdict
 from cutvib_ss.measurement.records import Campaign
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 
@@ -237,9 +238,7 @@ def _place_odds(nominal: Model, none: Fit, entries: Sequence[Entry], problem: Pr
     return dict(zip(names, (weight / weight.sum()).tolist(), strict=True)), names[0]
 
 
-def _places(
-    rows: Sequence[Cause], unknown: float, place_odds: dict[str, float]
-) -> tuple[tuple[str, float], ...]:
+def _places(rows: Sequence[Cause], unknown: float, place_odds: dict[str, float]) -> tuple[tuple[str, float], ...]:
     total: dict[str, float] = {}
     for row in rows:
         if row.effect != "unknown":
@@ -272,24 +271,19 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
         seen.add(place)
         same = [x for x in entries if float(np.nan_to_num(x.position, nan=-1.0)) == place and x.channels == e.channels]
         (group, *_) = merged(same)
-        base = {
-            "freq": group.freq,
-            "positions": np.array([e.position]),
-            "outputs": group.channels,
-            "inputs": ("force",),
-            "quantities": group.quantities,
-            "input_unit": "N" if nominal.input_quantity == "force" else "m/s^2",
-        }
+        unit = "N" if nominal.input_quantity == "force" else "m/s^2"
         measured = MeasuredFrequencyResponse(
-            data=group.data[:1, :, None], variance=group.variance[:1, :, None], averages=len(same), **base
-        )
+            group.data[:1, :, None], group.freq, np.array([e.position]), group.channels, ("force",), group.quantities,
+            input_unit=unit, variance=group.variance[:1, :, None], averages=len(same),
+        )  # fmt: skip
         computed = []
         for model, blow_at, problem, x in sides:
-            value = shrinkage.predicted(same[0], model, blow_at, problem, x)
-            computed.append(FrequencyResponse(data=value[None, :, None], **base))
+            value = shrinkage.predicted(same[0], model, blow_at, problem, x)[None, :, None]
+            computed.append(
+                FrequencyResponse(
+                    value, group.freq, measured.positions, group.channels, ("force",), group.quantities, input_unit=unit
+                )
+            )
         label = "" if place < 0 else f"position {place:.3g}"
         out.append(Comparison(label, measured, *computed))
     return tuple(out)
-
-
-__all__ = ["SURE", "diagnose"]

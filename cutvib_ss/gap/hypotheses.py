@@ -76,9 +76,7 @@ def _everywhere(model: Model, band: tuple[float, float]) -> list[Candidate]:
     grid = np.geomspace(max(band[0], 1e-3) * 1.2, band[1], 9)[:-1]
     for place in LocalResonator.places(model):
         mass = scale[place][0] * 0.03
-        out.append(
-            _candidate("local_resonator", place, *(LocalResonator(place, mass, float(f), 0.03) for f in grid))
-        )
+        out.append(_candidate("local_resonator", place, *(LocalResonator(place, mass, float(f), 0.03) for f in grid)))
     for place in AddedMass.places(model):
         mass = scale[place][0] * 0.02
         out.append(_candidate("added_mass", place, AddedMass(place, mass), AddedMass(place, 10 * mass)))
@@ -86,7 +84,10 @@ def _everywhere(model: Model, band: tuple[float, float]) -> list[Candidate]:
         stiffness, damping = scale[place][1] * 0.02, scale[place][2] * 0.02
         out.append(
             _candidate(
-                "tool_contact", place, ToolContact(place, stiffness, damping), ToolContact(place, 10 * stiffness, damping)
+                "tool_contact",
+                place,
+                ToolContact(place, stiffness, damping),
+                ToolContact(place, 10 * stiffness, damping),
             )
         )
     for place, name in ParameterShift.choices(model):
@@ -123,9 +124,7 @@ def _on_the_rail(model: Machine, band: tuple[float, float]) -> list[Candidate]:
         _candidate("end_fixity", "", *(EndFixity("rail_ends", f * turn, f * turn) for f in (0.3, 3.0))),
         _candidate("guide_compliance", "", *(GuideCompliance("head_base", f * k, 500.0) for f in (20.0, 100.0))),
         _candidate("rail_added_mass", "", *(RailAddedMass("rail", y, p.mass / 50, 1.0) for y in spots)),
-        _candidate(
-            "rail_torsion", "", *(RailTorsion("rail", e, 0.5, f * p.first_frequency, 0.02) for e, f in twists)
-        ),
+        _candidate("rail_torsion", "", *(RailTorsion("rail", e, 0.5, f * p.first_frequency, 0.02) for e, f in twists)),
         *(
             _candidate("structural_damping", joint, StructuralDamping(joint, max(2 * np.pi * 220 * loss[joint], 0.005)))
             for joint in ("joint1", "joint2")

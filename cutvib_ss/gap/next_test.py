@@ -41,9 +41,7 @@ def next_test(models: Sequence[Model], names: Sequence[str], entries: Sequence[E
     first = entries[0]
     loudest = max(entries, key=lambda e: np.nan_to_num(e.level, nan=-1.0))
     positions = GRID if models[0].has_position else None
-    responses = [
-        frequency_response(m, positions, first.freq, outputs=first.channels).data[:, :, 0] for m in models
-    ]
+    responses = [frequency_response(m, positions, first.freq, outputs=first.channels).data[:, :, 0] for m in models]
     variance = loudest.variance if loudest.freq.size == first.freq.size else first.variance
     score = np.zeros((responses[0].shape[0], len(first.channels)))
     for i, a in enumerate(responses):

@@ -286,7 +286,7 @@ def _highest_quiet(e: Entry, low: float) -> float:
     width = max(3, e.freq.size // 200)
     smooth = np.convolve(np.pad(noise, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), mode="valid")
     above = e.freq >= low
-    quiet = np.quantile(smooth[above], 0.2) if above.any() else 0.0
-    loud = above & (smooth > NOISY * quiet)
-    top = float(e.freq[np.argmax(loud)]) if loud.any() else float(e.freq[-1])
+    quiet = above & (smooth <= NOISY * np.quantile(smooth[above], 0.2)) if above.any() else above
+    # The last quiet line: a bump below it is the structure's doing (a response that rattles scatters), not the hammer's.
+    top = float(e.freq[np.flatnonzero(quiet)[-1]]) if quiet.any() else float(e.freq[-1])
     return min(top, 0.9 * float(e.freq[-1]))

@@ -66,7 +66,7 @@ class Prediction:
     def __init__(self, model: Model, group: Group, blow_at: float = 0.0, circles: Circles | None = None) -> None:
         self.model, self.group = model, group
         sigma = float(group.decay_rate[0])
-        self.s = sigma + 2j * np.pi * group.freq
+        self.s: ComplexArray = np.asarray(sigma + 2j * np.pi * group.freq, dtype=np.complex128)
         self.response = self._responses(self.s)
         start = np.where(np.isnan(group.blow_at), blow_at, group.blow_at)
         self.rest = group.block - start
@@ -90,7 +90,7 @@ class Prediction:
         for i, rest in enumerate(self.rest):
             z = self.circles.points[self.circles.position == i]
             both = np.concatenate([z, z.conj()])[:, None]
-            out.append(np.exp((both - self.s) * rest) / (self.s - both) ** order if z.size else np.zeros((0, 0)))
+            out.append(np.asarray(np.exp((both - self.s) * rest) / (self.s - both) ** order, dtype=np.complex128))
         return out
 
     def _responses(self, s: ComplexArray) -> ChainedResponse:
@@ -242,4 +242,3 @@ def light_poles(model: Model, position: float) -> ComplexArray:
     alive = (squares > decay**2) & (decay > 0)
     poles: ComplexArray = -decay[alive] + 1j * np.sqrt(squares[alive] - decay[alive] ** 2)
     return poles
-

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutvib_ss.effects.base import Model
-from cutvib_ss.gap.fit import Fit, Hypothesis, Problem, fit
+from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.observations import Entry, Observations, merged
 from cutvib_ss.gap.prediction import Prediction
+from cutvib_ss.gap.problem import Hypothesis, Problem
 from cutvib_ss.results import ComplexArray, FloatArray
 
 BOOTSTRAPS = 2000
@@ -183,10 +184,11 @@ def predicted(
         The prediction.
     """
     (group,) = merged([e])
-    data = Prediction(model, group, blow_at).data[0]
+    data: ComplexArray = Prediction(model, group, blow_at).data[0]
     if problem is None or x is None:
         return data
-    return data * problem.calibration_of(e.channels, e.freq, x)
+    calibrated: ComplexArray = data * problem.calibration_of(e.channels, e.freq, x)
+    return calibrated
 
 
 def judged(e: Entry, prediction: ComplexArray) -> Judged:

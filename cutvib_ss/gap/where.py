@@ -206,7 +206,9 @@ def places(model: Model) -> dict[str, str]:
     return {**{name: name for name in model.system.ports}, "measurement": ""}
 
 
-def locate(model: Model, entries: Sequence[Entry], calibration: Sequence[ComplexArray], blow_at: float) -> list[PlaceScore]:
+def locate(
+    model: Model, entries: Sequence[Entry], calibration: Sequence[ComplexArray], blow_at: float
+) -> list[PlaceScore]:
     """
     Every place with what one free z(ω) leaves there.
 
@@ -249,7 +251,7 @@ def _free_stiffness(
     model: Model, g: Group, prediction: Prediction, error: ComplexArray, port: str
 ) -> tuple[float, ComplexArray]:
     """One z for all positions and channels at each frequency: Gauss-Newton, all frequencies at once."""
-    s = prediction.s + model.chain.decay_rate
+    s: ComplexArray = np.asarray(prediction.s + model.chain.decay_rate, dtype=np.complex128)
     condensed = CondensedModel(model, g.positions, s)
     reads = [model.channels[c].port for c in g.channels]
     orders = [DERIVATIVE_ORDER[q] for q in g.quantities]
@@ -287,7 +289,9 @@ def _free_stiffness(
     return float(2.0 * np.sum(best)), z
 
 
-def _cost(z: ComplexArray, residual: ComplexArray, taken: ComplexArray, own: ComplexArray, weight: FloatArray) -> FloatArray:
+def _cost(
+    z: ComplexArray, residual: ComplexArray, taken: ComplexArray, own: ComplexArray, weight: FloatArray
+) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         left = residual + z * taken / (1.0 + z * own)
         cost = np.sum(weight * np.abs(left) ** 2, axis=(0, 1))

@@ -21,6 +21,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias, cast
 
 import numpy as np
 
@@ -34,7 +35,8 @@ from cutvib_ss.structure import Structure
 from cutvib_ss.subsystems.elements import Attachment, SprungMass
 from cutvib_ss.subsystems.head import head, head_row_derivatives
 
-Rows = dict[str, FloatArray]
+Rows: TypeAlias = dict[str, FloatArray]
+Row: TypeAlias = FloatArray | ComplexArray
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ class CondensedModel:
             self._head_cache[name] = _HeadPart(blocked, to_base)
         return self._head_cache[name]
 
-    def head_row(self, name: str) -> FloatArray:
+    def head_row(self, name: str) -> Row:
         """
         A signal's row over the head's degrees of freedom; zeros for signals of the rail.
 
@@ -179,14 +181,14 @@ class CondensedModel:
             return self._row(self.model.channels[name].port)
         return self._row(CUTTING_SIGNALS.get(name, name) if isinstance(self.model, Machine) else name)
 
-    def _base_inertia(self) -> FloatArray:
+    def _base_inertia(self) -> ComplexArray:
         """Force of a unit base acceleration, -M p, with what the attachments' masses add."""
         assert isinstance(self.model, Structure)
         carried = self._row(self.model.input_port)
-        load = -(self._system.mass @ carried) + np.zeros((self.s.size, 1))
+        load = cast(ComplexArray, -(self._system.mass @ carried) + np.zeros((self.s.size, 1), dtype=np.complex128))
         for a in self.model.attachments:
             p = self._row(a.port)
-            load = load - _apparent_mass(a, self.s)[:, None] * p * (p @ carried)
+            load -= _apparent_mass(a, self.s)[:, None] * p * (p @ carried)
         return load
 
     def _is_rail(self, name: str) -> bool:
@@ -254,7 +256,7 @@ class CondensedModel:
         """
         held = np.einsum("...i,fi->f", self.head_row(output), self._head_part(input).blocked)
         if not self.interface:
-            return held[None, :]
+            return cast(ComplexArray, held[None, :])
         q, p = self._rail_part(output), self._rail_part(input)
         force, motion = self._motion(input)
         total = held + _dot(self._head_part(output).to_base, motion)
@@ -262,7 +264,7 @@ class CondensedModel:
             total = total + _dot(q.at_head, force)
             if p.field is not None:
                 total = total + self.rail.product(q.port, p.field)
-        return total
+        return cast(ComplexArray, total)
 
     def derivative(self, path: Path, output: str, input: str) -> ComplexArray:
         """
@@ -293,7 +295,7 @@ class CondensedModel:
             pushed = (d_e @ p_part.blocked[:, :, None])[..., 0]
             held = held - np.sum(q_part.blocked * pushed, axis=1)
         if not self.interface:
-            return held[None, :]
+            return cast(ComplexArray, held[None, :])
         (force_q, motion_q), (force_p, motion_p) = self._motion(output), self._motion(input)
         out = held + _dot(self._base_change(q_part, dq, d_e), motion_p)
         out = out + _dot(motion_q, self._base_change(p_part, dp, d_e))
@@ -304,7 +306,7 @@ class CondensedModel:
             # A modal coordinate is normalised by the mass, so its own row moves too.
             normalised = sum(_is_modal(name) for name in (output, input))
             out = out + normalised / (2 * value_at(self.model, path)) * self.receptance(output, input)
-        return out
+        return cast(ComplexArray, out)
 
     def _changes(self, path: Path) -> tuple[Rows, ComplexArray | None, ComplexArray | None]:
         """How the head's rows, dynamic stiffness and stiffness at the base move with a value."""
@@ -327,11 +329,11 @@ class CondensedModel:
             self._rail_change_cache[name] = plain
         return self._rail_change_cache[name]
 
-    def _base_change(self, part: _HeadPart, d_row: FloatArray, d_e: ComplexArray | None) -> ComplexArray:
+    def _base_change(self, part: _HeadPart, d_row: Row, d_e: ComplexArray | None) -> ComplexArray:
         change = np.einsum("...i,fij->jf", d_row, self._phi)
         if d_e is not None:
             change = change - ((part.blocked[:, None, :] @ d_e) @ self._phi)[:, 0].T
-        return change[:, None, :]
+        return cast(ComplexArray, change[:, None, :])
 
     def _row_changes(self, path: Path) -> Rows:
         """How the head's rows move with a value."""
@@ -348,7 +350,7 @@ class CondensedModel:
             }
         return {}
 
-    def _row_change(self, path: Path, name: str, d_rows: Rows) -> FloatArray:
+    def _row_change(self, path: Path, name: str, d_rows: Rows) -> Row:
         n = len(self._system.dofs)
         if isinstance(self.model, Structure) and name == "force" and self.model.input_quantity == "acceleration":
             return self._base_inertia_change(path)
@@ -356,7 +358,7 @@ class CondensedModel:
             return np.zeros(n)
         return d_rows.get(CUTTING_SIGNALS.get(name, name), np.zeros(n))
 
-    def _base_inertia_change(self, path: Path) -> FloatArray:
+    def _base_inertia_change(self, path: Path) -> Row:
         assert isinstance(self.model, Structure)
         carried = self._row(self.model.input_port)
         if path == ("scales", 0):
@@ -426,9 +428,9 @@ class CondensedModel:
         if path[0] == "guide" or (path == ("s",) and model.guide is not None):
             assert model.guide is not None
             out = out + model.guide.derivative(str(path[-1]), self.s) * force_q[0] * force_p[0]
-        if path[0] == "rail" and path[1] == "torsion" or (path == ("s",) and model.rail.torsion):
+        if (path[0] == "rail" and path[1] == "torsion") or (path == ("s",) and model.rail.torsion):
             out = out + self._torsion_change(path, force_q, force_p)
-        if path[0] == "rail" and path[1] != "torsion" or path == ("s",):
+        if (path[0] == "rail" and path[1] != "torsion") or path == ("s",):
             name = path if path == ("s",) else _rail_name(path)
             # One field carries each port: what reaches it through the head's base, plus its own.
             q, p = self._rail_part(output), self._rail_part(input)
@@ -484,9 +486,9 @@ def _apparent_mass_change(a: Attachment, name: str, s: ComplexArray) -> ComplexA
 def _inverse(matrix: ComplexArray) -> ComplexArray:
     """Inverses of a stack of matrices; two by two in closed form."""
     if matrix.shape[1:] != (2, 2):
-        return np.linalg.inv(matrix)
+        return cast(ComplexArray, np.linalg.inv(matrix))
     (a, b), (c, d) = matrix[:, 0].T, matrix[:, 1].T
-    return np.array([[d, -b], [-c, a]]).transpose(2, 0, 1) / (a * d - b * c)[:, None, None]
+    return cast(ComplexArray, np.array([[d, -b], [-c, a]]).transpose(2, 0, 1) / (a * d - b * c)[:, None, None])
 
 
 def _dot(left: Sequence[ComplexArray] | ComplexArray, right: Sequence[ComplexArray] | ComplexArray) -> ComplexArray:

@@ -78,9 +78,7 @@ def frequency_response(
     )
 
 
-def output_quantities(
-    machine: Machine | Structure, outputs: Sequence[str], form: Form | None
-) -> tuple[Quantity, ...]:
+def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form: Form | None) -> tuple[Quantity, ...]:
     """
     Motion quantity of each output.
 

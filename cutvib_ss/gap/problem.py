@@ -1,0 +1,463 @@
+"""
+A hypothesis as unknowns with priors, and the objective over them.
+
+Measured H = (1 + ε(f)) · predicted H(tuning, effect) + noise. Tuned values are nominal · exp(tolerance · x) with x ~ N(0, 1); each
+channel's calibration error ε is complex and smooth over frequency with the tolerance as its standard deviation; the instant of
+the blow is fitted where records do not state it; the effect's parameters are even over their range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutvib_ss.effects.base import Carried, Effect, Model, Range, parameter_fields
+from cutvib_ss.gap.observations import Group
+from cutvib_ss.gap.prediction import Circles, Prediction
+from cutvib_ss.parameters import Tolerances
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.slots import Path, value_at, with_values
+
+IndexArray: TypeAlias = NDArray[np.intp]
+
+BLOW_AT_PRIOR = (0.05, 0.05)
+"""Mean and standard deviation of the instant of a blow that no record states [s]."""
+CALIBRATION_SHAPES = 5
+"""Smooth shapes over the band that a calibration error is made of: a constant and half cosines."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """
+    What may cause the gap.
+
+    Parameters
+    ----------
+    effects : tuple of Effect
+        Effects at their starting values; none for the tuned nominal model.
+    """
+
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def effect(self) -> str:
+        """Ids, joined by ``+``."""
+        return "+".join(e.effect for e in self.effects) or "none"
+
+    @property
+    def place(self) -> str:
+        """Places, joined by ``+``."""
+        return "+".join(e.place for e in self.effects) or "none"
+
+
+def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
+    """
+    Values that tuning may move, with their tolerances.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The nominal model.
+
+    Returns
+    -------
+    tuple of (path, tolerance)
+        Those with a tolerance above zero; a value of zero cannot be scaled and is left out.
+    """
+    found: list[tuple[Path, float]] = []
+    for f in fields(model.tolerance):
+        tolerance = getattr(model.tolerance, f.name)
+        if f.name == "calibration" or tolerance == 0.0:
+            continue
+        path: Path
+        if isinstance(model.tolerance, Tolerances):
+            path = ("head", f.name) if hasattr(getattr(model, "head", None), f.name) else ("rail", "parameters", f.name)
+        else:
+            path = ("scales", ("mass", "damping", "stiffness").index(f.name))
+        if value_at(model, path) != 0.0:
+            found.append((path, float(tolerance)))
+    return tuple(found)
+
+
+def to_unknown(value: float, r: Range) -> float:
+    """
+    A parameter in the coordinate in which its prior is even, 0 to 1 over its range.
+
+    Parameters
+    ----------
+    value : float
+        The parameter.
+    r : Range
+        Its range.
+
+    Returns
+    -------
+    float
+        The coordinate.
+    """
+    if r.scale == "log":
+        return float(np.log(value / r.low) / np.log(r.high / r.low))
+    return (value - r.low) / (r.high - r.low)
+
+
+def from_unknown(x: float, r: Range) -> tuple[float, float]:
+    """
+    A parameter from its coordinate, and its derivative.
+
+    Parameters
+    ----------
+    x : float
+        The coordinate.
+    r : Range
+        The parameter's range.
+
+    Returns
+    -------
+    value, slope : float
+        The parameter, and how it moves with the coordinate.
+    """
+    if r.scale == "log":
+        value = float(r.low * (r.high / r.low) ** x)
+        return value, value * float(np.log(r.high / r.low))
+    return r.low + x * (r.high - r.low), r.high - r.low
+
+
+class Problem:
+    """
+    The unknowns of one hypothesis on some groups of records, and the objective over them.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    groups : sequence of Group
+        Measured responses.
+    hypothesis : Hypothesis
+        What is fitted.
+    """
+
+    def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis) -> None:
+        self.nominal, self.groups, self.hypothesis = nominal, tuple(groups), hypothesis
+        self.tuning = tuning_paths(nominal)
+        self._nominal_values = [value_at(nominal, path) for path, _ in self.tuning]
+        self.channels = tuple(dict.fromkeys(c for g in groups for c in g.channels))
+        self.calibration = nominal.tolerance.calibration
+        self.free_blow = any(bool(np.isnan(g.blow_at[np.isfinite(g.block)]).any()) for g in groups)
+        self.parameters = [
+            (k, f.name, f.metadata["range"])
+            for k, e in enumerate(hypothesis.effects)
+            for f in parameter_fields(type(e))
+        ]
+        self.n_tuning = len(self.tuning)
+        shapes = CALIBRATION_SHAPES if self.calibration > 0 else 0
+        self.n_calibration = 2 * shapes * len(self.channels)
+        self.n_blow = int(self.free_blow)
+        self.first_effect = self.n_tuning + self.n_calibration + self.n_blow
+        self.size = self.first_effect + len(self.parameters)
+        self._n_shapes = shapes
+        self._band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
+        self.shapes = [self._shapes_at(g.freq) for g in groups]
+        self._circles: list[Circles | None] = [None] * len(self.groups)
+        self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
+
+    def start(self, warm: FloatArray | None = None) -> FloatArray:
+        """
+        Unknowns to start from.
+
+        Parameters
+        ----------
+        warm : ndarray, optional
+            Unknowns of a fit without effects, whose tuning and calibration are taken over.
+
+        Returns
+        -------
+        ndarray, shape (unknown,)
+            The start.
+        """
+        x = np.zeros(self.size)
+        if warm is not None:
+            x[: self.first_effect] = warm[: self.first_effect]
+        for i, (k, name, r) in enumerate(self.parameters):
+            x[self.first_effect + i] = np.clip(to_unknown(getattr(self.hypothesis.effects[k], name), r), 0.0, 1.0)
+        return x
+
+    def tuned(self, x: FloatArray) -> Model:
+        """
+        The nominal model with its values moved.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        Machine or Structure
+            The tuned model.
+        """
+        steps = zip(self.tuning, self._nominal_values, x, strict=False)
+        return with_values(
+            self.nominal, {path: value * float(np.exp(tolerance * step)) for (path, tolerance), value, step in steps}
+        )
+
+    def effects(self, x: FloatArray) -> tuple[Effect, ...]:
+        """
+        The effects at their fitted values.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        tuple of Effect
+            The effects.
+        """
+        changes: list[dict[str, float]] = [{} for _ in self.hypothesis.effects]
+        for i, (k, name, r) in enumerate(self.parameters):
+            changes[k][name] = from_unknown(float(x[self.first_effect + i]), r)[0]
+        return tuple(_changed(e, c) for e, c in zip(self.hypothesis.effects, changes, strict=True))
+
+    def applied(self, x: FloatArray) -> Model:
+        """
+        The tuned model with the effects.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        Machine or Structure
+            The model.
+        """
+        model = self.tuned(x)
+        for e in self.effects(x):
+            model = e.apply(model)
+        return model
+
+    def blow_at(self, x: FloatArray) -> float:
+        """
+        Instant of the blow where records do not state it.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        float
+            Instant [s], not before the block.
+        """
+        mean, std = BLOW_AT_PRIOR
+        return max(mean + std * float(x[self.first_effect - 1]), 0.0) if self.n_blow else 0.0
+
+    def prior_precision(self) -> FloatArray:
+        """
+        Precision of the priors of the unknowns; none for effects, whose priors are even.
+
+        Returns
+        -------
+        ndarray, shape (unknown,)
+            Precision.
+        """
+        precision = np.zeros(self.size)
+        precision[: self.first_effect] = 1.0
+        return precision
+
+    def predictions(self, x: FloatArray) -> list[Prediction]:
+        """
+        The model seen through the estimator of each group.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        list of Prediction
+            One a group.
+        """
+        model, at = self.applied(x), self.blow_at(x)
+        out = [Prediction(model, g, at, c) for g, c in zip(self.groups, self._circles, strict=True)]
+        self._circles = [p.circles for p in out]
+        return out
+
+    def forget_circles(self) -> None:
+        """Draw the circles around slow poles anew at the next prediction."""
+        self._circles = [None] * len(self.groups)
+
+    def _shapes_at(self, freq: FloatArray) -> FloatArray:
+        low, high = self._band
+        return calibration_shapes((freq - low) / (high - low), self._n_shapes)
+
+    def calibration_of(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
+        """
+        Calibration error of channels.
+
+        Parameters
+        ----------
+        channels : sequence of str
+            Channels; one that was not fitted is taken as exact.
+        freq : ndarray, shape (frequency,)
+            Frequency [Hz].
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        ndarray, shape (channel, frequency)
+            1 + ε.
+        """
+        shapes = self._shapes_at(freq)
+        k = shapes.shape[0]
+        rows = np.ones((len(channels), freq.size), dtype=np.complex128)
+        for row, c in zip(rows, channels, strict=True):
+            if c in self.channels:
+                own = x[self._own(c, k)]
+                row += self.calibration * ((own[:k] + 1j * own[k:]) @ shapes)
+        return rows
+
+    def residuals(self, x: FloatArray) -> tuple[list[Prediction], list[ComplexArray], float]:
+        """
+        Weighted residuals.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        predictions : list of Prediction
+            The model seen through the estimator of each group.
+        residuals : list of ndarray, shape (position, channel, frequency)
+            (measured - predicted) over the noise of a real part.
+        chi2 : float
+            Sum of their squares.
+        """
+        predictions = self.predictions(x)
+        out, total = [], 0.0
+        for g, p in zip(self.groups, predictions, strict=True):
+            r = (g.data - p.data * self.calibration_of(g.channels, g.freq, x)) * np.sqrt(2.0 / g.variance)
+            out.append(r)
+            total += float(np.sum(r.real**2 + r.imag**2))
+        return predictions, out, total
+
+    def normal(
+        self, x: FloatArray, predictions: Sequence[Prediction], residuals: Sequence[ComplexArray]
+    ) -> tuple[FloatArray, FloatArray]:
+        """
+        Normal matrix and gradient of the data.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+        predictions, residuals : sequence
+            From `residuals`, at the same unknowns.
+
+        Returns
+        -------
+        matrix : ndarray, shape (unknown, unknown)
+            Jᵀ W J.
+        gradient : ndarray, shape (unknown,)
+            Jᵀ W r.
+        """
+        matrix, gradient = np.zeros((self.size, self.size)), np.zeros(self.size)
+        for g, p, shapes, r in zip(self.groups, predictions, self.shapes, residuals, strict=True):
+            e = self.calibration_of(g.channels, g.freq, x)
+            shared, own = self._jacobian(x, p, e * np.sqrt(2.0 / g.variance), shapes)
+            # Calibration moves its own channel alone: the sums run channel by channel over the rows that it has.
+            for c, name in enumerate(g.channels):
+                index = np.concatenate([self._shared, self._own(name, shapes.shape[0])])
+                rows = np.concatenate([shared[:, :, c].reshape(len(shared), -1), own[c]])
+                flat = np.concatenate([rows.real, rows.imag], axis=1)
+                matrix[np.ix_(index, index)] += flat @ flat.T
+                gradient[index] += flat @ np.concatenate([r[:, c].real.ravel(), r[:, c].imag.ravel()])
+        return matrix, gradient
+
+    def _own(self, channel: str, count: int) -> IndexArray:
+        """Unknowns of a channel's calibration."""
+        return self.n_tuning + 2 * count * self.channels.index(channel) + np.arange(2 * count)
+
+    @property
+    def _shared(self) -> IndexArray:
+        """Unknowns that move every channel."""
+        return np.concatenate([np.arange(self.n_tuning), np.arange(self.n_tuning + self.n_calibration, self.size)])
+
+    def _jacobian(
+        self, x: FloatArray, p: Prediction, weight: ComplexArray, shapes: FloatArray
+    ) -> tuple[ComplexArray, list[ComplexArray]]:
+        """Rows of the shared unknowns (unknown, position, channel, frequency), and of each channel's calibration."""
+        g = p.group
+        effects = self.effects(x)
+        stages = _stages(self.tuned(x), effects)
+        rows = []
+        for path, tolerance in self.tuning:
+            scale = tolerance * value_at(stages[0], path)
+            rows.append(scale * weight * p.derivative(_carried(((path, 1.0),), effects, stages, 0)))
+        if self.n_blow:
+            rows.append(BLOW_AT_PRIOR[1] * weight * p.by_blow_at())
+        for i, (index, name, r) in enumerate(self.parameters):
+            moved = effects[index].moves(stages[index + 1])[name]
+            slope = from_unknown(float(x[self.first_effect + i]), r)[1]
+            rows.append(slope * weight * p.derivative(_carried(moved, effects, stages, index + 1)))
+        # A calibration error multiplies the prediction itself.
+        plain = p.data * np.sqrt(2.0 / g.variance) * self.calibration
+        own = []
+        for c in range(len(g.channels)):
+            real = (shapes[:, None, :] * plain[None, :, c]).reshape(shapes.shape[0], -1)
+            own.append(np.concatenate([real, 1j * real]))
+        return np.array(rows).reshape(len(rows), *g.data.shape), own
+
+
+def calibration_shapes(u: FloatArray, count: int) -> FloatArray:
+    """
+    Smooth shapes over the band whose sum with unit normal coefficients has unit variance.
+
+    Parameters
+    ----------
+    u : ndarray, shape (frequency,)
+        Frequency, 0 to 1 over the band.
+    count : int
+        Number of shapes.
+
+    Returns
+    -------
+    ndarray, shape (shape, frequency)
+        A constant and half cosines, their weights falling with their order.
+    """
+    if count == 0:
+        return np.zeros((0, u.size))
+    order = np.arange(count)
+    weight = 1.0 / (1.0 + order.astype(float) ** 2)
+    shapes = np.cos(np.pi * np.outer(order, u)) * weight[:, None]
+    total = np.sqrt(np.mean(np.sum(shapes**2, axis=0)))
+    return np.asarray(shapes / total, dtype=np.float64)
+
+
+def _changed(effect: Effect, values: dict[str, float]) -> Effect:
+    return type(effect)(**{**{f.name: getattr(effect, f.name) for f in fields(effect)}, **values})
+
+
+def _stages(tuned: Model, effects: Sequence[Effect]) -> list[Model]:
+    stages = [tuned]
+    for e in effects:
+        stages.append(e.apply(stages[-1]))
+    return stages
+
+
+def _carried(carried: Carried, effects: Sequence[Effect], stages: Sequence[Model], first: int) -> Carried:
+    """What moves in the last stage when values of an earlier one move."""
+    for e, stage in zip(effects[first:], stages[first + 1 :], strict=True):
+        carried = tuple((p, w * v) for path, w in carried for p, v in e.carries(path, stage))
+    return carried
