@@ -88,7 +88,7 @@ def report_html(diagnosis: Diagnosis) -> str:
 
 
 def _content(d: Diagnosis) -> dict[str, Any]:
-    names = [wording.cause_name(c.effect, c.place) for c in d.causes]
+    names = [wording.cause_name(c.effect, c.place, c.parameters) for c in d.causes]
     pictures = {"causes": _picture(cause_bars(d.causes, [_short(c.effect, c.place) for c in d.causes]))}
     if d.comparisons:
         pictures["map"] = _picture(error_map(d.comparisons))

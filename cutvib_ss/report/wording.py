@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from cutvib_ss.gap.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
 
 EFFECTS = {
-    "none": "nothing: the model is right within its tolerances",
-    "unknown": "a cause outside the catalogue",
     "rail_torsion": "the rail twists, its shear centre being away from the head",
     "support_compliance": "the supports under the rail's ends give",
     "end_fixity": "the rail's ends resist turning",
@@ -16,23 +15,23 @@ EFFECTS = {
     "rail_shear": "the rail gives in shear",
     "modal_truncation": "the model has too few rail modes",
     "guide_compliance": "the guide between rail and head gives",
-    "local_resonator": "something resonates on its own",
-    "added_mass": "a mass is missing in the model",
-    "tool_contact": "something touches: spring and damper to ground",
-    "parameter_shift": "a parameter is off by more than its tolerance",
-    "structural_damping": "damping is hysteretic, not viscous",
-    "cubic_stiffness": "stiffness changes with amplitude",
-    "freeplay": "there is play",
-    "dry_friction": "there is dry friction",
-    "joint_slip": "a joint slips a little",
-    "bilinear_stiffness": "stiffness differs with direction",
-    "quadratic_damping": "damping grows with speed",
-    "channel_delay": "a channel is late against the force",
-    "calibration_error": "a channel's sensitivity is wrong",
+    "local_resonator": "something on {place} resonates on its own",
+    "added_mass": "{place} carries a mass that the model lacks",
+    "tool_contact": "something touches {place} and holds it like a spring and damper to ground",
+    "parameter_shift": "{what} is off by more than its tolerance, at {place}",
+    "structural_damping": "{place} has hysteretic damping, not viscous",
+    "cubic_stiffness": "{place} changes its stiffness with amplitude",
+    "freeplay": "{place} has play",
+    "dry_friction": "{place} has dry friction",
+    "joint_slip": "{place} slips a little",
+    "bilinear_stiffness": "{place} is stiffer one way than the other",
+    "quadratic_damping": "{place} has damping that grows with speed",
+    "channel_delay": "{what} is late against the force",
+    "calibration_error": "the sensitivity of {what} is wrong",
     "cross_axis": "X leaks into Z",
-    "window_damping": "an exponential window's damping was never taken out",
+    "window_damping": "the damping of an exponential window was never taken out",
 }
-"""What each effect of the catalogue means; an effect that is not here goes by its id."""
+"""What each effect of the catalogue means, at its place and with what it names; others go by their id."""
 
 PLACES = {
     "none": "nowhere",
@@ -78,7 +77,7 @@ def place_name(place: str) -> str:
     return " and ".join(PLACES.get(p, p) for p in place.split("+"))
 
 
-def cause_name(effect: str, place: str) -> str:
+def cause_name(effect: str, place: str, parameters: Mapping[str, FittedParameter] | None = None) -> str:
     """
     A cause in words, with its place.
 
@@ -86,6 +85,8 @@ def cause_name(effect: str, place: str) -> str:
     ----------
     effect, place : str
         Ids of the catalogue, or several joined by ``+``.
+    parameters : mapping of str to FittedParameter, optional
+        Its parameters; those that are names (which value is off, which channel is late) are told.
 
     Returns
     -------
@@ -97,15 +98,21 @@ def cause_name(effect: str, place: str) -> str:
     >>> cause_name("guide_compliance", "head_base")
     'the guide between rail and head gives'
     >>> cause_name("local_resonator", "head")
-    'something resonates on its own (the head)'
+    'something on the head resonates on its own'
+    >>> cause_name("parameter_shift", "joint2", {"parameter": FittedParameter("k2", 0.0, "")})
+    'k2 is off by more than its tolerance, at joint 2 (tool in its slot)'
     """
-    if effect in ("none", "unknown"):
-        return EFFECTS[effect] if place == "none" else f"{EFFECTS[effect]}, at {place_name(place)}"
+    if effect == "none":
+        return "nothing: the model is right within its tolerances"
+    if effect == "unknown":
+        return "a cause outside the catalogue" + ("" if place == "none" else f", at {place_name(place)}")
+    values: list[object] = [f.value for f in (parameters or {}).values()]
+    named = ", ".join(value for value in values if isinstance(value, str))
+    what = {"": "one value or channel", "all": "every channel"}.get(named, named)
     parts = []
     for e, p in zip(effect.split("+"), place.split("+")):
-        words = EFFECTS.get(e, e.replace("_", " "))
-        told = e in ("support_compliance", "guide_compliance", "end_fixity") or e.startswith("rail_")
-        parts.append(words if told else f"{words} ({PLACES.get(p, p)})")
+        words = EFFECTS.get(e, e.replace("_", " ") + " at {place}")
+        parts.append(words.format(place=PLACES.get(p, p), what=what))
     return "; together with: ".join(parts)
 
 
@@ -125,6 +132,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     """
     gap = diagnosis.gap
     best = diagnosis.causes[0]
+    name = cause_name(best.effect, best.place, best.parameters)
     if diagnosis.verdict == "no_gap":
         return (
             "Model and machine agree: once the model's values are tuned within their tolerances, what is left on "
@@ -132,19 +140,18 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         )
     if diagnosis.verdict == "explained":
         return (
-            f"The model lacks one thing: {cause_name(best.effect, best.place)}. With it, the mean error on held-out "
-            f"records falls from {figure(gap.before)} to {figure(gap.after)} {gap.unit}; noise alone leaves "
-            f"{figure(gap.noise_floor)}."
+            f"The gap is explained: {name}. With that in the model, the mean error on held-out records falls from "
+            f"{figure(gap.before)} to {figure(gap.after)} {gap.unit}; noise alone leaves {figure(gap.noise_floor)}."
         )
     if diagnosis.verdict == "ambiguous":
         few = [diagnosis.causes[i] for i in diagnosis.ambiguity_set]
-        listed = "; or ".join(cause_name(c.effect, c.place) for c in few)
+        listed = "; or ".join(cause_name(c.effect, c.place, c.parameters) for c in few)
         return f"There is a gap, and this campaign cannot tell these causes apart: {listed}."
     known = next((c for c in diagnosis.causes if c.effect not in ("none", "unknown")), best)
     return (
         f"There is a gap, most probably at {place_name(diagnosis.where.place)}, that no cause of the catalogue "
-        f"explains: the best of them ({cause_name(known.effect, known.place)}) leaves {figure(known.after)} "
-        f"{gap.unit}, noise alone {figure(gap.noise_floor)}."
+        f"explains: the best of them ({cause_name(known.effect, known.place, known.parameters)}) leaves "
+        f"{figure(known.after)} {gap.unit}, noise alone {figure(gap.noise_floor)}."
     )
 
 
@@ -246,6 +253,8 @@ def parameter_text(parameter: FittedParameter) -> str:
     '0.970 ± 0.012'
     """
     value, std = parameter.value, parameter.std
+    if isinstance(value, str):  # the name of a channel, or of the value that is off
+        return value
     unit = "" if parameter.unit in ("", "1", "-") else f" {parameter.unit.replace('^2', '²').replace('^3', '³')}"
     if not math.isfinite(value):
         return "not determined"

@@ -15,7 +15,8 @@ from cutvib_ss.machine import Machine
 from cutvib_ss.measurement import read_campaign
 from cutvib_ss.parameters import HeadParameters, RailParameters
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.subsystems.rail import EndSupports, Rail
+from cutvib_ss.subsystems.elements import Attachment, SprungMass
+from cutvib_ss.subsystems.rail import Rail
 
 GENERATOR = Path(__file__).parents[2] / "tools" / "make_demo_campaign.py"
 DEMO = Path(cutvib_ss.__file__).parent / "data" / "demo"
@@ -67,7 +68,8 @@ def test_its_physics_are_those_of_the_closed_form(generator: ModuleType) -> None
         *(built[n] for n in ("m1", "m2", "l1", "l2")), *generator.ANGLES, *(built[n] for n in ("k1", "k2", "c1", "c2"))
     )
     bare = RailParameters(generator.LENGTH, built["mass"], built["first_frequency"], built["damping_ratio"], 100)
-    machine = Machine(head, Rail(bare, supports=EndSupports(*(float(v) for v in hidden.supports))))
+    mass, frequency, ratio = hidden.resonator
+    machine = Machine(head, Rail(bare), attachments=(Attachment("head_x", SprungMass(mass, frequency, ratio)),))
     freq = np.array([25.0, 90.0, 150.0, 217.0, 300.0, 430.0])
     for position in (0.06, 0.68):
         expected = frequency_response(machine, [position], freq).data[0, :, 0]

@@ -63,8 +63,8 @@ def test_the_verdict_comes_first_in_one_sentence(page: str) -> None:
     reader = _read(page)
     sentence = verdict_sentence(example_diagnosis(lines=20, records=1))
     assert sentence == (
-        "The model lacks one thing: the supports under the rail's ends give. With it, the mean error on held-out "
-        "records falls from 0.0286 to 0.00214 g/N; noise alone leaves 0.0019."
+        "The gap is explained: the supports under the rail's ends give. With that in the model, the mean error on "
+        "held-out records falls from 0.0286 to 0.00214 g/N; noise alone leaves 0.0019."
     )
     text = reader.text[0]
     assert text.index(sentence) < text.index("Where The re-tuned")
@@ -162,10 +162,13 @@ def test_parameters_are_rounded_to_their_deviation(parameter: FittedParameter, t
 
 def test_pairs_and_strangers_have_names() -> None:
     assert cause_name("support_compliance+cubic_stiffness", "rail_ends+joint2") == (
-        "the supports under the rail's ends give; together with: stiffness changes with amplitude "
-        "(joint 2 (tool in its slot))"
+        "the supports under the rail's ends give; together with: joint 2 (tool in its slot) changes its stiffness with "
+        "amplitude"
     )
-    assert cause_name("brand_new_effect", "drive") == "brand new effect (drive)"
+    late = {"delay": FittedParameter(2e-4, 1e-6, "s"), "channel": FittedParameter("all", 0.0, "")}  # type: ignore[arg-type]
+    assert cause_name("channel_delay", "measurement", late) == "every channel is late against the force"
+    assert cause_name("calibration_error", "measurement") == "the sensitivity of one value or channel is wrong"
+    assert cause_name("brand_new_effect", "drive") == "brand new effect at drive"
 
 
 def test_every_effect_of_the_catalogue_has_words() -> None:
