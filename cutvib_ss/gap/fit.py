@@ -108,16 +108,14 @@ def fit(
     objective = chi2 + float(precision @ x**2)
     damping = 1e-3
     matrix = np.zeros((problem.size, problem.size))
-    bounded = slice(problem.first_effect, problem.size)
+    low, high = problem.bounds()
     for _ in range(max_iterations):
         matrix, gradient = problem.normal(x, predictions, residuals)
         gradient = gradient - precision * x
         matrix = matrix + np.diag(precision)
         accepted, gain = False, 0.0
         for _ in range(8):
-            step = _step(matrix, gradient, damping, x, bounded)
-            trial = x + step
-            trial[bounded] = np.clip(trial[bounded], 0.0, 1.0)
+            trial = np.clip(x + _step(matrix, gradient, damping, x, low, high), low, high)
             try:
                 trial_predictions, trial_residuals, trial_chi2 = problem.residuals(trial)
             except (CutvibError, np.linalg.LinAlgError):
@@ -142,10 +140,11 @@ def fit(
     return _finished(problem, x, matrix, chi2, objective)
 
 
-def _step(matrix: FloatArray, gradient: FloatArray, damping: float, x: FloatArray, bounded: slice) -> FloatArray:
+def _step(
+    matrix: FloatArray, gradient: FloatArray, damping: float, x: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
     """A damped step that leaves alone the unknowns that a bound holds."""
-    held = np.zeros(x.size, dtype=bool)
-    held[bounded] = ((x[bounded] <= 0.0) & (gradient[bounded] < 0)) | ((x[bounded] >= 1.0) & (gradient[bounded] > 0))
+    held = ((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0))
     free = ~held
     inner = matrix[np.ix_(free, free)]
     inner = inner + damping * np.diag(np.diag(inner) + 1e-12)

@@ -26,6 +26,8 @@ IndexArray: TypeAlias = NDArray[np.intp]
 
 BLOW_AT_PRIOR = (0.05, 0.05)
 """Mean and standard deviation of the instant of a blow that no record states [s]."""
+WITHIN = 4.0
+"""Standard deviations that tuning may move a value and calibration may err: beyond that it is a cause."""
 CALIBRATION_SHAPES = 5
 """Smooth shapes over the band that a calibration error is made of: a constant and half cosines."""
 
@@ -271,6 +273,23 @@ class Problem:
         precision = np.zeros(self.size)
         precision[: self.first_effect] = 1.0
         return precision
+
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """
+        Ends of the unknowns' ranges.
+
+        Returns
+        -------
+        low, high : ndarray, shape (unknown,)
+            Tuning and calibration stay within some standard deviations, a blow lies near the start of its block, effects within
+            their ranges.
+        """
+        high = np.full(self.size, WITHIN)
+        low = -high
+        if self.n_blow:
+            low[self.first_effect - 1], high[self.first_effect - 1] = -1.0, 6.0
+        low[self.first_effect :], high[self.first_effect :] = 0.0, 1.0
+        return low, high
 
     def predictions(self, x: FloatArray) -> list[Prediction]:
         """
