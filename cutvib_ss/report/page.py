@@ -22,6 +22,10 @@ from cutvib_ss.report import wording
 _SHOWN_RECORDS = 8
 """Rows of the picture of responses; a campaign of more positions and levels shows one record a position."""
 
+_LISTED = 6
+_WORTH_LISTING = 1e-3
+"""Causes in the table: so many at least, and all above this probability."""
+
 _VALUES = ("m1", "m2", "l1", "l2", "k1", "k2", "c1", "c2")
 _RAIL_VALUES = ("mass", "first_frequency", "damping_ratio")
 _UNITS = {
@@ -88,7 +92,10 @@ def report_html(diagnosis: Diagnosis) -> str:
 
 
 def _content(d: Diagnosis) -> dict[str, Any]:
-    names = [wording.cause_name(c.effect, c.place, c.parameters) for c in d.causes]
+    listed = [
+        c for i, c in enumerate(d.causes) if i < _LISTED or c.probability >= _WORTH_LISTING or i in d.ambiguity_set
+    ]
+    likely = [d.causes[i] for i in d.ambiguity_set]
     pictures = {"causes": _picture(cause_bars(d.causes, [_short(c.effect, c.place) for c in d.causes]))}
     if d.comparisons:
         pictures["map"] = _picture(error_map(d.comparisons))
@@ -101,9 +108,16 @@ def _content(d: Diagnosis) -> dict[str, Any]:
         "bands": wording.bands_text(d.where.bands_hz),
         "next_test": "" if d.next_test is None else wording.next_test_sentence(d.next_test),
         "bars": _bars(d.gap),
+        "excess": wording.excess_text(d.gap),
+        "places": [row for i, row in enumerate(d.where.places) if i < 3 or row[1] >= _WORTH_LISTING],
         "causes": [
-            {"cause": c, "name": name, "parameters": wording.parameters_text(c), "likely": i in d.ambiguity_set}
-            for i, (c, name) in enumerate(zip(d.causes, names, strict=True))
+            {
+                "cause": c,
+                "name": wording.cause_name(c.effect, c.place, c.parameters),
+                "parameters": wording.parameters_text(c),
+                "likely": c in likely,
+            }
+            for c in listed
         ],
         "pictures": pictures,
         "changes": _changes(d),

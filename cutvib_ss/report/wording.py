@@ -197,6 +197,27 @@ def shrinkage_text(gap: GapFigures) -> tuple[str, str]:
     return f"{100 * gap.shrinkage:.1f} %", interval
 
 
+def excess_text(gap: GapFigures) -> str:
+    """
+    How much is closed of what stands above the noise, as the end of a sentence.
+
+    Parameters
+    ----------
+    gap : GapFigures
+        The figures.
+
+    Returns
+    -------
+    str
+        For instance ``"; of what stood above the noise, 99 %"``; empty where hardly anything did.
+    """
+    excess = gap.before - gap.noise_floor
+    if not math.isfinite(excess) or excess < 0.1 * gap.before:
+        return ""
+    closed = min(max((gap.before - gap.after) / excess, 0.0), 1.0)
+    return f"; of what stood above the noise, {100 * closed:.0f} %"
+
+
 def bands_text(bands: tuple[tuple[float, float], ...]) -> str:
     """
     Bands of frequency for reading.

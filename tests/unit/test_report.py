@@ -13,6 +13,7 @@ from cutvib_ss.report import report_html, write_report
 from cutvib_ss.report.wording import (
     EFFECTS,
     cause_name,
+    excess_text,
     next_test_sentence,
     parameter_text,
     shrinkage_text,
@@ -81,7 +82,7 @@ def test_it_carries_parameters_figures_warnings_and_the_caveat(page: str) -> Non
         "k_left (1.310 ± 0.024)·10⁷ N/m",
         "damping 310 N s/m",
         "18-41.5 Hz, 80-130 Hz, 190-300 Hz",
-        "92.5 % is closed (95 % interval 91.0 to 94.0 %)",
+        "92.5 % is closed (95 % interval 91.0 to 94.0 %); of what stood above the noise, 99 %.",
         "blow 2: double hit",
         "probabilities are not yet calibrated",
     ):
@@ -182,3 +183,12 @@ def test_what_is_not_known_is_left_out() -> None:
     gap = example_diagnosis(lines=20, records=1).gap
     assert shrinkage_text(replace(gap, shrinkage_interval=(float("nan"), 1.0))) == ("92.5 %", "")
     assert shrinkage_text(replace(gap, shrinkage=float("nan"))) == ("not known", "")
+    assert excess_text(replace(gap, before=0.00195, after=0.0019)) == ""
+
+
+def test_unlikely_causes_are_counted_not_listed() -> None:
+    base = example_diagnosis(lines=20, records=1)
+    more = tuple(replace(base.causes[-1], place=f"port{k}") for k in range(5))
+    text = _read(report_html(replace(base, causes=base.causes + more))).text[0]
+    assert "6 less probable causes are in the JSON" in text
+    assert "port3" not in text
