@@ -290,7 +290,7 @@ class CondensedModel:
         d_rows, d_e, dz = self._changes(path)
         q_part, p_part = self._head_part(output), self._head_part(input)
         dq, dp = self._row_change(path, output, d_rows), self._row_change(path, input, d_rows)
-        held = np.einsum("...i,fi->f", dq, p_part.blocked) + np.einsum("...i,fi->f", dp, q_part.blocked)
+        held = np.sum(dq * p_part.blocked, axis=1) + np.sum(dp * q_part.blocked, axis=1)
         if d_e is not None:
             pushed = (d_e @ p_part.blocked[:, :, None])[..., 0]
             held = held - np.sum(q_part.blocked * pushed, axis=1)
