@@ -1,0 +1,171 @@
+"""Random machines and structures: any head and rail that could be built, with any slots filled."""
+
+from math import radians
+
+import numpy as np
+from hypothesis import strategies as st
+
+from cutvib_ss.machine import Machine
+from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.parameters import HeadParameters, RailParameters
+from cutvib_ss.slots import ChannelChain, MeasurementChain
+from cutvib_ss.structure import Structure
+from cutvib_ss.subsystems.elements import Attachment, Guide, SpringDamperMass, SprungMass
+from cutvib_ss.subsystems.rail import EndSupports, Rail, RailAttachment, Torsion
+
+FREQ = np.array([3.0, 24.6, 77.7, 151.3, 211.9, 240.4, 333.3, 480.1])
+"""Frequencies of the comparisons [Hz]."""
+POSITIONS = st.floats(0.01, 0.99)
+HEAD_PORTS = ("tool_x", "tool_z", "head_x", "joint1", "joint2")
+
+
+def reals(low: float, high: float) -> st.SearchStrategy[float]:
+    """
+    Numbers even in the logarithm.
+
+    Parameters
+    ----------
+    low, high : float
+        Range.
+
+    Returns
+    -------
+    SearchStrategy
+        Of float.
+    """
+    return st.floats(np.log(low), np.log(high)).map(lambda x: float(np.exp(x)))
+
+
+@st.composite
+def heads(draw: st.DrawFn) -> HeadParameters:
+    """Heads around the published one, wide."""
+    return HeadParameters(
+        m1=draw(reals(5.0, 60.0)), m2=draw(reals(0.1, 3.0)), l1=draw(reals(0.04, 0.3)), l2=draw(reals(0.04, 0.3)),
+        theta01=radians(draw(st.floats(1.0, 25.0)) * draw(st.sampled_from([-1, 1]))),
+        theta02=radians(draw(st.floats(40.0, 140.0))),
+        k1=draw(reals(5e4, 3e6)), k2=draw(reals(1e3, 1e5)), c1=draw(reals(3.0, 100.0)), c2=draw(reals(0.05, 3.0)),
+    )  # fmt: skip
+
+
+@st.composite
+def rail_parameters(draw: st.DrawFn) -> RailParameters:
+    """Rails around the published one, wide."""
+    return RailParameters(
+        length=draw(reals(0.8, 6.0)), mass=draw(reals(15.0, 300.0)), first_frequency=draw(reals(12.0, 80.0)),
+        damping_ratio=draw(reals(0.002, 0.08)), n_modes=draw(st.integers(1, 7)),
+    )  # fmt: skip
+
+
+def elements() -> st.SearchStrategy[SpringDamperMass]:
+    """Springs, dampers and masses to ground."""
+    return st.builds(SpringDamperMass, reals(1e2, 1e5), reals(0.1, 30.0), reals(0.001, 0.5))
+
+
+def attachments() -> st.SearchStrategy[tuple[Attachment, ...]]:
+    """What may sit at the head's ports: up to two elements."""
+    sprung = st.builds(SprungMass, reals(0.01, 2.0), reals(20.0, 400.0), reals(0.005, 0.2))
+    one = st.builds(Attachment, st.sampled_from(("tool_x", "tool_z", "head_x")), st.one_of(elements(), sprung))
+    at_joint = st.builds(
+        Attachment, st.sampled_from(("joint1", "joint2")), st.builds(SpringDamperMass, reals(10.0, 1e4))
+    )
+    return st.lists(st.one_of(one, at_joint), max_size=2).map(tuple)
+
+
+@st.composite
+def rails(draw: st.DrawFn, torsion: bool = True) -> Rail:
+    """Rails with supports, twist and attachments, or without."""
+    springs = st.builds(SpringDamperMass, reals(1e3, 1e6))
+    return Rail(
+        draw(rail_parameters()),
+        supports=draw(st.none() | st.builds(EndSupports, *[reals(1e5, 1e9)] * 2, *[reals(1.0, 1e4)] * 2)),
+        torsion=draw(
+            st.none() | st.builds(Torsion, st.floats(-0.1, 0.1), reals(0.1, 3.0), reals(40.0, 400.0), reals(0.003, 0.1))
+        ) if torsion else None,
+        attachments=draw(st.lists(
+            st.builds(RailAttachment, elements(), st.floats(0.05, 0.95))
+            | st.builds(RailAttachment, springs, st.sampled_from([0.0, 1.0]), st.just(True)),
+            max_size=2,
+        ).map(tuple)),
+    )  # fmt: skip
+
+
+@st.composite
+def machines(draw: st.DrawFn) -> Machine:
+    """Machines with any slot that changes their mechanics filled or empty."""
+    return Machine(
+        head=draw(heads()),
+        rail=draw(rails()),
+        attachments=draw(attachments()),
+        guide=draw(st.none() | st.builds(Guide, reals(1e5, 1e9), reals(1.0, 1e4))),
+    )
+
+
+@st.composite
+def bare_machines(draw: st.DrawFn) -> Machine:
+    """Machines with every slot empty."""
+    return Machine(head=draw(heads()), rail=Rail(draw(rail_parameters())))
+
+
+@st.composite
+def full_machines(draw: st.DrawFn) -> Machine:
+    """Machines with every slot filled, the measurement chain too."""
+    some = SpringDamperMass(
+        draw(reals(1e2, 1e5)), draw(reals(0.1, 30.0)), draw(reals(0.001, 0.5)), draw(reals(1.0, 1e3))
+    )
+    chain = st.builds(ChannelChain, st.floats(0.8, 1.2), st.floats(1e-5, 3e-4))
+    return Machine(
+        head=draw(heads()),
+        rail=Rail(
+            draw(rail_parameters()),
+            EndSupports(draw(reals(1e6, 1e8)), draw(reals(1e6, 1e8)), draw(reals(1.0, 1e4)), draw(reals(1.0, 1e4))),
+            Torsion(
+                draw(st.floats(0.02, 0.1)), draw(reals(0.1, 3.0)), draw(reals(40.0, 400.0)), draw(reals(0.003, 0.1))
+            ),
+            (
+                RailAttachment(some, draw(st.floats(0.05, 0.95))),
+                RailAttachment(SpringDamperMass(draw(reals(1e3, 1e6))), 1.0, True),
+            ),
+        ),
+        attachments=(
+            Attachment("tool_x", SprungMass(draw(reals(0.01, 2.0)), draw(reals(20.0, 400.0)), draw(reals(0.005, 0.2)))),
+            Attachment("joint2", SpringDamperMass(draw(reals(10.0, 1e4)), loss_stiffness=draw(reals(1.0, 1e3)))),
+            Attachment("head_x", some),
+        ),
+        guide=Guide(draw(reals(1e6, 1e8)), draw(reals(1.0, 1e4))),
+        chain=MeasurementChain(
+            {"tool_x": draw(chain), "tool_z": draw(chain), "base_x": draw(chain)},
+            cross_axis=draw(st.floats(-0.1, 0.1)),
+            decay_rate=draw(st.floats(0.5, 20.0)),
+        ),
+    )
+
+
+@st.composite
+def structures(draw: st.DrawFn) -> Structure:
+    """Other structures: chains of masses, grounded or free, with force or base excitation, and attachments."""
+    n = draw(st.integers(2, 4))
+    mass = np.diag([draw(reals(0.2, 20.0)) for _ in range(n)])
+    stiffness, damping = np.zeros((n, n)), np.zeros((n, n))
+    for i in range(n):
+        link = np.zeros(n)
+        link[i] = 1.0
+        if i:
+            link[i - 1] = -1.0
+        elif draw(st.booleans()):
+            continue
+        stiffness += draw(reals(1e3, 1e6)) * np.outer(link, link)
+        damping += draw(reals(0.1, 50.0)) * np.outer(link, link)
+    ports = {
+        "first": np.eye(n)[0], "last": np.eye(n)[-1], "between": np.eye(n)[-1] - np.eye(n)[0], "all": np.ones(n),
+    }  # fmt: skip
+    kind = draw(st.sampled_from(["force", "acceleration"]))
+    sprung = st.builds(SprungMass, reals(0.01, 2.0), reals(20.0, 400.0), reals(0.005, 0.2))
+    place = st.sampled_from(["first", "last", "between"])
+    return Structure(
+        system=SecondOrder(mass, damping, stiffness, tuple(f"x{i}" for i in range(n)), ports),
+        channels={"y": Channel("last", "displacement"), "a": Channel("first", "acceleration")},
+        input_port="first" if kind == "force" else "all",
+        input_quantity=kind,
+        scales=tuple(draw(reals(0.8, 1.25)) for _ in range(3)),
+        attachments=draw(st.lists(st.builds(Attachment, place, st.one_of(elements(), sprung)), max_size=2).map(tuple)),
+    )
