@@ -1,0 +1,243 @@
+"""What the conformance suite knows of each effect: its line of the contract, and how its severity runs from none to strong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.effects.calibration_error import CalibrationError
+from cutvib_ss.effects.catalogue import EFFECTS
+from cutvib_ss.effects.channel_delay import ChannelDelay
+from cutvib_ss.effects.cross_axis import CrossAxis
+from cutvib_ss.effects.end_fixity import EndFixity
+from cutvib_ss.effects.guide_compliance import GuideCompliance
+from cutvib_ss.effects.local_resonator import LocalResonator
+from cutvib_ss.effects.modal_truncation import ModalTruncation
+from cutvib_ss.effects.parameter_shift import ParameterShift
+from cutvib_ss.effects.rail_added_mass import RailAddedMass
+from cutvib_ss.effects.rail_torsion import RailTorsion
+from cutvib_ss.effects.structural_damping import StructuralDamping
+from cutvib_ss.effects.support_compliance import SupportCompliance
+from cutvib_ss.effects.tool_contact import ToolContact
+from cutvib_ss.effects.window_damping import WindowDamping
+from cutvib_ss.machine import Machine, published_machine
+from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.slots import with_value
+from cutvib_ss.structure import Structure
+
+CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "rail_torsion": (("rail",), ("eccentricity", "inertia", "torsion_frequency", "damping_ratio")),
+    "support_compliance": (("rail_ends",), ("k_left", "k_right", "c_left", "c_right")),
+    "end_fixity": (("rail_ends",), ("k_left", "k_right")),
+    "rail_added_mass": (("rail",), ("position", "mass", "damping")),
+    "rail_shear": (("rail",), ("shear_ratio",)),
+    "modal_truncation": (("rail",), ("n_modes",)),
+    "guide_compliance": (("head_base",), ("stiffness", "damping")),
+    "local_resonator": (("tool", "head"), ("mass", "frequency", "damping_ratio")),
+    "added_mass": (("tool", "head"), ("mass",)),
+    "tool_contact": (("tool",), ("stiffness", "damping")),
+    "parameter_shift": (("joint1", "joint2", "head", "tool", "rail"), ("parameter", "factor")),
+    "structural_damping": (("joint1", "joint2"), ("loss_factor",)),
+    "cubic_stiffness": (("joint1", "joint2"), ("stiffness3",)),
+    "freeplay": (("joint1", "joint2"), ("gap",)),
+    "dry_friction": (("joint1", "joint2"), ("torque",)),
+    "joint_slip": (("joint1", "joint2"), ("stiffness", "slip_torque")),
+    "bilinear_stiffness": (("joint1", "joint2"), ("asymmetry",)),
+    "quadratic_damping": (("joint1", "joint2"), ("coefficient",)),
+    "channel_delay": (("measurement",), ("channel", "delay")),
+    "calibration_error": (("measurement",), ("channel", "gain")),
+    "cross_axis": (("measurement",), ("fraction",)),
+    "window_damping": (("measurement",), ("decay_rate",)),
+}
+"""Places on the cutting machine and parameters of every effect that the catalogue may hold: names that files rely on."""
+
+AT_PORTS = ("local_resonator", "added_mass", "tool_contact")
+"""Effects that sit at every port of any other structure."""
+ANYWHERE = ("parameter_shift", "channel_delay", "calibration_error", "window_damping")
+"""Effects that need no port."""
+
+MACHINE_SHIFTS = {
+    ("joint1", "k1"), ("joint1", "c1"), ("joint2", "k2"), ("joint2", "c2"), ("head", "l1"), ("tool", "l2"),
+    ("rail", "mass"), ("rail", "first_frequency"), ("rail", "damping_ratio"),
+}  # fmt: skip
+"""Parameters of the cutting machine that may be off, each at its place."""
+
+RIGID = 1e-12
+"""Severity of effects that vanish only in a limit: 1/severity is a stiffness or inertia."""
+LIMITS = ("guide_compliance", "support_compliance", "rail_torsion")
+"""Those effects."""
+
+Build = Callable[[Any, float], Effect]
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    An effect at one place of one model, with what is discrete about it chosen.
+
+    Parameters
+    ----------
+    name : str
+        For the test's id.
+    model : Machine or Structure
+        The model without it.
+    build : callable
+        Severity to effect: 0 is none, 1 strong; change is about proportional to it where it is small.
+    """
+
+    name: str
+    model: Model
+    build: Callable[[float], Effect]
+
+    @property
+    def id(self) -> str:
+        """Id of the effect in the catalogue."""
+        return type(self.build(1.0)).effect
+
+    @property
+    def none(self) -> Effect:
+        """The effect at zero severity, or as near to it as finite numbers go."""
+        return self.build(RIGID if self.id in LIMITS else 0.0)
+
+    @property
+    def reference(self) -> Any:
+        """The model that zero severity is the same as."""
+        if self.id == "structural_damping":
+            # It stands in place of the viscous damper, which is therefore gone.
+            return with_value(self.model, ("head", "c" + self.build(1.0).place[-1]), 0.0)
+        return self.model
+
+
+def _choices(model: Model, effect: str, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+    """What is discrete about an effect at a place, and how its severity runs."""
+    machine = isinstance(model, Machine)
+    if effect == "added_mass":
+        yield "", lambda s: AddedMass(place, 0.3 * s)
+    elif effect == "local_resonator":
+        yield "", lambda s: LocalResonator(place, 0.1 * s, 150.0, 0.03)
+    elif effect == "tool_contact":
+        yield "", lambda s: ToolContact(place, 2e4 * s, 10.0 * s)
+    elif effect == "parameter_shift":
+        for at, name in ParameterShift.choices(model):
+            if at == place:
+                yield name, lambda s, name=name: ParameterShift(place, name, 1.0 + 0.3 * s)
+    elif effect in ("calibration_error", "channel_delay"):
+        for channel in ("all", *model.channels):
+            if effect == "calibration_error":
+                yield channel, lambda s, c=channel: CalibrationError(place, c, 1.0 + 0.2 * s)
+            else:
+                yield channel, lambda s, c=channel: ChannelDelay(place, c, 1e-4 * s)
+    elif effect == "window_damping":
+        yield "", lambda s: WindowDamping(place, 5.0 * s)
+    elif machine:
+        yield (
+            "",
+            {
+                "cross_axis": lambda s: CrossAxis(place, 0.1 * s),
+                "end_fixity": lambda s: EndFixity(place, 2e5 * s, 5e5 * s),
+                "guide_compliance": lambda s: GuideCompliance(place, 5e7 / s, 500.0),
+                "modal_truncation": lambda s: ModalTruncation(place, 4 + round(3 * s)),
+                "rail_added_mass": lambda s: RailAddedMass(place, 0.31, 4.0 * s, 30.0 * s),
+                "rail_torsion": lambda s: RailTorsion(place, 0.05, 0.8 / s, 180.0, 0.02),
+                "structural_damping": lambda s: StructuralDamping(place, 0.08 * s),
+                "support_compliance": lambda s: SupportCompliance(place, 3e7 / s, 1e8 / s, 400.0, 900.0),
+            }[effect],
+        )
+
+
+def three_masses() -> Structure:
+    """
+    A chain of three masses on a wall.
+
+    Returns
+    -------
+    Structure
+        With a port at each end and one across the last spring.
+    """
+    k, c = 2.5e5, 8.0
+    link = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
+    ports = {
+        "drive": np.array([1.0, 0.0, 0.0]),
+        "tip": np.array([0.0, 0.0, 1.0]),
+        "spring23": np.array([0.0, -1.0, 1.0]),
+    }
+    system = SecondOrder(np.diag([2.0, 1.5, 0.8]), c * link, k * link, ("x1", "x2", "x3"), ports)
+    channels = {"drive_a": Channel("drive", "acceleration"), "tip_y": Channel("tip", "displacement")}
+    return Structure(system, channels, input_port="drive")
+
+
+def loaded(model: Model) -> Any:
+    """
+    A model that has effects already, so that the next one is not the first in any slot.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+
+    Returns
+    -------
+    Machine or Structure
+        The model with four effects at least.
+    """
+    port = "tool" if isinstance(model, Machine) else "tip"
+    first = next(iter(model.channels))
+    under: list[Effect] = [
+        ToolContact(port, 8e3, 4.0), CalibrationError("measurement", first, 1.1), ChannelDelay("measurement", first, 5e-5),
+        LocalResonator(port, 0.05, 90.0, 0.02),
+    ]  # fmt: skip
+    if isinstance(model, Machine):
+        under += [
+            RailAddedMass("rail", 0.7, 2.0, 10.0), EndFixity("rail_ends", 1e5, 2e5), ParameterShift("joint2", "k2", 0.9),
+            StructuralDamping("joint2", 0.03),
+        ]  # fmt: skip
+    for effect in under:
+        model = effect.apply(model)
+    return model
+
+
+MODELS: Mapping[str, Model] = {"machine": published_machine(), "structure": three_masses()}
+
+
+def cases() -> list[Case]:
+    """
+    Every effect of the catalogue, at every place of both models, with every discrete choice.
+
+    Returns
+    -------
+    list of Case
+        The cases.
+    """
+    found = []
+    for effect, kind in EFFECTS.items():
+        for name, model in MODELS.items():
+            for place in kind.places(model):
+                for what, build in _choices(model, effect, place):
+                    found.append(Case("-".join(filter(None, (effect, name, place, what))), model, build))
+    return found
+
+
+def with_parameter(effect: Effect, name: str, value: float) -> Effect:
+    """
+    An effect with one value replaced.
+
+    Parameters
+    ----------
+    effect : Effect
+        The effect.
+    name : str
+        Its parameter.
+    value : float
+        The value.
+
+    Returns
+    -------
+    Effect
+        The new effect.
+    """
+    return replace(effect, **{name: value})
