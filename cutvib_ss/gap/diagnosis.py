@@ -111,7 +111,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     after = held[first.name]
     levels = where.level_dependence(fitted)
     unknown = probability_unknown(after.reduced)
-    place_odds, unknown_place = _place_odds(nominal, none.fit, fitted, problem)
+    place_odds, unknown_place = _place_odds(nominal, none.fit, fitted, problem, levels > where.LEVEL_EXCESS)
     rows = _causes(none, shown, odds, unknown, unknown_place, held, before, observed)
     result = verdict(rows)
     chosen = none.fit if result == "no_gap" else after.ranked.fit
@@ -222,19 +222,28 @@ def _figures(
     )
 
 
-def _place_odds(nominal: Model, none: Fit, entries: Sequence[Entry], problem: Problem) -> tuple[dict[str, float], str]:
-    """Places by what one free z(ω) leaves there, on the model as given and as re-tuned."""
-    groups = merged(entries)
-    best: dict[str, tuple[float, int]] = {}
+def _place_odds(
+    nominal: Model, none: Fit, entries: Sequence[Entry], problem: Problem, by_level: bool
+) -> tuple[dict[str, float], str]:
+    """Places by what one free z(ω) leaves there, on the model as given and as re-tuned; one z a level where levels differ."""
+    levels = sorted({float(np.nan_to_num(e.level, nan=-1.0)) for e in entries}) if by_level else [None]
+    best: dict[str, float] = {}
     for model, x in ((none.tuned, none.x), (nominal, np.zeros(none.x.size))):
-        calibration = [problem.calibration_of(g.channels, g.freq, x) for g in groups]
-        for score in where.locate(model, entries, calibration, problem.blow_at(none.x)):
-            if score.place not in best or score.chi2 / score.freedom < best[score.place][0] / best[score.place][1]:
-                best[score.place] = (score.chi2, score.freedom)
-    names = sorted(best, key=lambda n: best[n][0] / best[n][1])
-    left = np.array([best[n][0] / best[n][1] for n in names])
+        total: dict[str, list[float]] = {}
+        for level in levels:
+            own = [e for e in entries if level is None or float(np.nan_to_num(e.level, nan=-1.0)) == level]
+            calibration = [problem.calibration_of(g.channels, g.freq, x) for g in merged(own)]
+            for score in where.locate(model, own, calibration, problem.blow_at(none.x)):
+                total.setdefault(score.place, []).append(score.chi2 / score.freedom)
+        for place, left in total.items():
+            best[place] = min(best.get(place, np.inf), float(np.mean(left)))
+    if by_level:
+        # A gain does not know how hard the structure was hit.
+        best.pop("measurement", None)
+    names = sorted(best, key=lambda n: best[n])
+    left_over = np.array([best[n] for n in names])
     # Ratios of what is left, not differences of χ²: a free z(ω) rarely closes the gap to noise.
-    weight = (left[0] / left) ** 4
+    weight = (left_over[0] / left_over) ** 4
     return dict(zip(names, (weight / weight.sum()).tolist(), strict=True)), names[0]
 
 

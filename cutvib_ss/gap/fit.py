@@ -147,9 +147,11 @@ def _step(
     held = ((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0))
     free = ~held
     inner = matrix[np.ix_(free, free)]
-    inner = inner + damping * np.diag(np.diag(inner) + 1e-12)
+    # Unknowns of unlike size: equilibrated, the system is as well conditioned as its physics.
+    size = np.sqrt(np.diag(inner) + 1e-12)
+    scaled = inner / np.outer(size, size) + damping * np.eye(size.size)
     step = np.zeros(x.size)
-    step[free] = linalg.solve(inner, gradient[free], assume_a="sym")
+    step[free] = linalg.solve(scaled, gradient[free] / size, assume_a="sym") / size
     return step
 
 
@@ -158,7 +160,8 @@ def _finished(problem: Problem, x: FloatArray, matrix: FloatArray, chi2: float, 
     own = matrix.copy()
     index = np.arange(problem.first_effect, problem.size)
     own[index, index] += 12.0
-    covariance = linalg.inv(own)
+    size = np.sqrt(np.diag(own))
+    covariance = linalg.inv(own / np.outer(size, size)) / np.outer(size, size)
     _, log_det = np.linalg.slogdet(own)
     # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
     log_evidence = -0.5 * objective - 0.5 * float(log_det) + 0.5 * len(index) * float(np.log(2 * np.pi))

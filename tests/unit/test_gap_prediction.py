@@ -124,7 +124,7 @@ def test_effects_are_seen_through_the_estimator(effect):
     for name, carried in moves.items():
         value = getattr(effect, name)
         step = 1e-6 * value
-        fields = {k: v for k, v in vars(effect).items()}
+        fields = dict(vars(effect))
         up, down = (
             Prediction(type(effect)(**{**fields, name: value + h}).apply(machine), g).data for h in (step, -step)
         )

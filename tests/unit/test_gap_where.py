@@ -39,13 +39,13 @@ def measured(port, stiffness, positions=(0.1, 0.3, 0.5, 0.8)):
                 np.nan,
                 0.0,
                 False,
-            )  # fmt: skip
+            )
         )
     return entries
 
 
 @pytest.mark.parametrize(
-    ("port", "place", "size"), [("joint2", "joint2", 40.0), ("head_x", "head", 2e4), ("joint1", "joint1", 2e3)]
+    ("port", "place", "size"), [("joint2", "joint2", 40.0), ("head_x", "head", 1e5), ("joint1", "joint1", 2e3)]
 )
 def test_place_of_a_fractional_damper(port, place, size):
     entries = measured(port, lambda s: size * s**0.5)
