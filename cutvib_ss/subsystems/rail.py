@@ -282,9 +282,9 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         t = np.arange(n - len(twists), n)
         relative_stiffness, relative_inertia = twist_modes(TWIST_ELEMENTS)
         wt = 2 * np.pi * model.torsion.torsion_frequency
-        mass[t, t] = model.torsion.inertia / 2 * relative_inertia
-        damping[t, t] = model.torsion.inertia * model.torsion.damping_ratio * wt * relative_stiffness
-        stiffness[t, t] = model.torsion.inertia / 2 * wt**2 * relative_stiffness
+        squares = relative_stiffness / relative_inertia
+        damping[t, t] = 2 * model.torsion.damping_ratio * wt * squares
+        stiffness[t, t] = wt**2 * squares
 
     def row(y: float, slope: bool = False) -> FloatArray:
         elastic_part = slope_shapes(y, p.length, m) if slope else sine_shapes(y, m)[0]
@@ -294,7 +294,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     ports = {name: row(y) for name, y in points.items()}
     if model.torsion:
         for name, y in points.items():
-            shapes = twist_shapes(y, TWIST_ELEMENTS)[0]
+            shapes = twist_shapes(y, TWIST_ELEMENTS)[0] / np.sqrt(model.torsion.inertia / 2 * relative_inertia)
             ports[f"{name}_twist"] = np.concatenate([np.zeros(n - len(twists)), shapes])
     for i, dof in enumerate(dofs):
         ports[dof] = np.eye(n)[i]
