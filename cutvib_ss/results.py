@@ -40,8 +40,10 @@ def read_only(values: ArrayLike, dtype: Any = None) -> NDArray[Any]:
     Returns
     -------
     ndarray
-        A read-only copy.
+        A read-only copy; the array itself where it already is read-only and no view of another.
     """
+    if isinstance(values, np.ndarray) and not values.flags.writeable and values.base is None:
+        return values if dtype is None or values.dtype == dtype else read_only(values.astype(dtype))
     array = np.array(values, dtype=dtype)
     array.flags.writeable = False
     return array

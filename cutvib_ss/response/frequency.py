@@ -73,8 +73,10 @@ def frequency_response(
     f, s = as_laplace(freq, decay_rate)
     prediction = ChainedResponse(machine, places, s, quantities, outputs, tuple(inputs))
     unit = "m/s^2" if machine.input_quantity == "acceleration" else "N"
+    data = prediction.data()
+    data.flags.writeable = False  # given away: the result need not copy it
     return FrequencyResponse(
-        prediction.data(), f, places, outputs, tuple(inputs), quantities, input_unit=unit, decay_rate=decay_rate
+        data, f, places, outputs, tuple(inputs), quantities, input_unit=unit, decay_rate=decay_rate
     )
 
 
@@ -176,7 +178,7 @@ class ChainedResponse:
                 value = self._receptance(output, input)
                 if self._leaks(output):
                     value = value + self.chain.cross_axis * self._receptance("tool_x", input)
-                out[:, k, i] = self._factor(k) * value
+                np.multiply(self._factor(k), value, out=out[:, k, i])
         return out
 
     def derivative(self, path: Path) -> ComplexArray:
