@@ -37,7 +37,7 @@ class HeldHead:
     --------
     >>> from cutvib_ss.parameters import table_3
     >>> HeldHead(table_3(), np.array([0j])).receptance("tool_x").real
-    array([1.12e-07])
+    array([1.174e-07])
     """
 
     def __init__(self, parameters: HeadParameters, s: ComplexArray) -> None:

@@ -39,7 +39,7 @@ def frequency_response(
     form : {"receptance", "mobility", "accelerance"}, optional
         Form of every output. By default accelerance for a cutting machine, each channel's own for a structure.
     inputs : sequence of str
-        ``force`` (the cutting force, tool X) or any port: ``head_x``, ``base``, ``tool_z``, ``rail(0.25)`` …
+        ``force`` (the cutting force, tool X) or any port: ``head_x``, ``base``, ``tool_z``, ``rail(0.25)``.
     outputs : sequence of str, optional
         Channels and ports: ``tool_x``, ``tool_z``, ``base_x``, ``head_x``, ``joint2``, ``rail(0.25)``, or modal coordinates
         ``eta1`` … (Fig. 18). By default the model's channels.
