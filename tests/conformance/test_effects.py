@@ -257,10 +257,17 @@ def test_passive_at_the_driving_point(case: Case, severity: float) -> None:
     ports = ("tool_x", "head_x", "base") if isinstance(applied, Machine) else ("drive", "tip", "spring23")
     mobility = frequency_response(applied, places_of(applied), WIDE, form="mobility", inputs=ports, outputs=ports).data
     for k in range(len(ports)):
-        real = mobility[:, k, k].real
-        assert real.min() >= -1e-12 * np.abs(mobility[:, k, k]).max()
+        own = mobility[:, k, k]
+        assert own.real.min() >= -1e-12 * np.abs(own).max()
+    # The power that any forces at the ports deliver together, and that any motion dissipates.
+    square = mobility.transpose(0, 3, 1, 2)
+    taken = np.linalg.eigvalsh(square + square.conj().swapaxes(-1, -2))
+    assert (taken[..., 0] >= -1e-9 * np.abs(square).max(axis=(-1, -2))).all()
     matrices = applied.second_order(POSITIONS[0] if applied.has_position else None, viscous_at=200.0)
-    assert np.linalg.eigvalsh(matrices.mass).min() > 0.0
+    assert np.linalg.eigvalsh(matrices.mass)[0] > 0.0
+    for matrix in (matrices.damping, matrices.stiffness):
+        powers = np.linalg.eigvalsh(matrix)
+        assert powers[0] >= -1e-12 * powers[-1]
 
 
 @each_mechanical
