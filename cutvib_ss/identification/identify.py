@@ -22,6 +22,8 @@ Base: TypeAlias = Literal["held", "rail"]
 
 _LEAKAGE = 3.0
 """Blows are damped by e to this power over a record's length, so that what is cut off at its end does not leak."""
+_MISFIT = 3.0
+"""Mean error over what noise and calibration explain, beyond which the model is not the data's."""
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,13 @@ def identify(
     if data.variance is not None:
         # The mean modulus of a complex Gaussian value is √π/2 of its standard deviation.
         noise = np.sqrt(np.pi) / 2 * np.sqrt(data.variance).mean(axis=1)
+    error = np.abs(values - data.measured).mean(axis=1)
+    expected = noise + calibration * np.abs(data.measured).mean(axis=1)
+    if (error > _MISFIT * expected).any():
+        warnings.append(
+            f"the fitted head leaves {float(np.nanmax(error / expected)):.0f} times what noise and calibration would; "
+            "something else is in these data, and its intervals do not hold: diagnose the campaign"
+        )
     return IdentificationResult(
         head=best.head,
         machine=None if machine is None else replace(machine, head=best.head),
@@ -172,7 +181,7 @@ def identify(
         determination=determination(best, data, level, calibration),
         measured=data.frf,
         fitted=replace(data.frf, data=values[None, :, None, :]),
-        error=np.abs(values - data.measured).mean(axis=1),
+        error=error,
         noise=noise,
         record=name,
         warnings=tuple(warnings),

@@ -1,6 +1,7 @@
 """Identification of the head: recovered from noise, with what the data determine and what they do not."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from cutvib_ss.identification.bounded_fit import HeadModel, head_of, vector
 from cutvib_ss.identification.held_head import HeldHead
 from cutvib_ss.identification.tool_side import tool_side_gradient
 from cutvib_ss.machine import cutting_machine, published_machine
+from cutvib_ss.measurement import read_campaign
 from cutvib_ss.parameters import HeadParameters, RailParameters, table_2, table_3
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, FrequencyResponse, MeasuredFrequencyResponse
@@ -218,3 +220,27 @@ def test_a_parameter_on_a_bound_has_no_gaussian_interval() -> None:
     known = determination(bounded_fit(data, tight, TRUE), data)
     [m2] = [e for e in known.parameters if e.name == "m2"]
     assert (m2.status, m2.std, m2.interval) == ("on upper bound", None, None)
+
+
+@pytest.mark.parametrize(
+    ("campaign", "combination", "factor"),
+    [
+        ("c01", "joint2_stiffness_at_tool", 1.0),  # nothing is wrong there
+        ("c09", "joint1_stiffness_at_tool", 1.0),
+        ("c04", "joint2_stiffness_at_tool", 0.858),  # a worn second joint
+    ],
+)
+def test_measured_records(shared: Path, campaign: str, combination: str, factor: float) -> None:
+    given = read_campaign(shared / "campaigns" / campaign)
+    result = identify(given)
+    assert min(result.position, 1.0 - result.position) == pytest.approx(0.02)
+    assert not result.warnings
+    nominal = tool_side(given.machine.head)[combination]
+    [found] = [e for e in result.determination.combinations if e.name == combination]
+    assert found.interval is not None
+    assert found.interval[0] <= factor * nominal <= found.interval[1]
+
+
+def test_a_record_with_something_else_in_it_is_warned_of(shared: Path) -> None:
+    result = identify(read_campaign(shared / "campaigns" / "c07"))
+    assert any("something else" in warning for warning in result.warnings)
