@@ -110,7 +110,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
     after = held[first.name]
     levels = where.level_dependence(fitted)
-    unknown = probability_unknown(after.reduced)
+    unknown = probability_unknown(after.reduced, tuned.reduced)
     place_odds, unknown_place = _place_odds(nominal, none.fit, fitted, problem, levels > where.LEVEL_EXCESS)
     rows = _causes(none, shown, odds, unknown, unknown_place, held, before, observed)
     result = verdict(rows)

@@ -19,7 +19,9 @@ from cutvib_ss.gap.problem import Hypothesis, Problem, from_unknown
 from cutvib_ss.results import FloatArray
 
 FEW_STEPS = 10
-"""A fit of no more steps is a scout: its covariance is that of the last step but one."""
+"""A fit of no more steps is a scout: it climbs once."""
+PASSES = 4
+"""Times that any other fit climbs at most."""
 
 
 @dataclass(frozen=True)
@@ -102,42 +104,64 @@ def fit(
     coordinates.
     """
     problem = Problem(nominal, groups, hypothesis)
-    precision = problem.prior_precision()
-    x = problem.start(warm)
-    predictions, residuals, chi2 = problem.residuals(x)
-    objective = chi2 + float(precision @ x**2)
-    damping = 1e-3
-    matrix = np.zeros((problem.size, problem.size))
-    low, high = problem.bounds()
-    for _ in range(max_iterations):
-        matrix, gradient = problem.normal(x, predictions, residuals)
-        gradient = gradient - precision * x
-        matrix = matrix + np.diag(precision)
-        accepted, gain = False, 0.0
+    search = _Search(problem, problem.start(warm))
+    passes = PASSES if max_iterations > FEW_STEPS else 1
+    for _ in range(passes):
+        before = search.objective
+        search.climb(max_iterations, tolerance)
+        if passes > 1:
+            # The circles were drawn for the first model of the pass; drawn anew they may show that it goes on.
+            search.redraw()
+        if before - search.objective < 1.0:
+            break
+    matrix, _ = problem.normal(search.x, search.predictions, search.residuals)
+    return _finished(problem, search, matrix + np.diag(search.precision))
+
+
+class _Search:
+    """Levenberg-Marquardt within bounds, from one point."""
+
+    def __init__(self, problem: Problem, x: FloatArray) -> None:
+        self.problem, self.x = problem, x
+        self.precision = problem.prior_precision()
+        self.low, self.high = problem.bounds()
+        self.redraw()
+
+    def redraw(self) -> None:
+        """Evaluate where it stands, with new circles around the slow poles."""
+        self.problem.forget_circles()
+        self.predictions, self.residuals, self.chi2 = self.problem.residuals(self.x)
+        self.objective = self.chi2 + float(self.precision @ self.x**2)
+
+    def climb(self, max_iterations: int, tolerance: float) -> None:
+        """Steps until they gain little."""
+        damping = 1e-3
+        for _ in range(max_iterations):
+            before = self.objective
+            damping = self._step(damping)
+            gain = before - self.objective
+            if gain < 1e-2 + tolerance * max(self.objective - 0.9 * self.problem.count, 0.0):
+                break
+
+    def _step(self, damping: float) -> float:
+        """One step, damped until it gains; the damping that served, eased."""
+        matrix, gradient = self.problem.normal(self.x, self.predictions, self.residuals)
+        matrix, gradient = matrix + np.diag(self.precision), gradient - self.precision * self.x
         for _ in range(8):
-            trial = np.clip(x + _step(matrix, gradient, damping, x, low, high), low, high)
+            step = _step(matrix, gradient, damping, self.x, self.low, self.high)
+            trial = np.clip(self.x + step, self.low, self.high)
             try:
-                trial_predictions, trial_residuals, trial_chi2 = problem.residuals(trial)
+                predictions, residuals, chi2 = self.problem.residuals(trial)
             except (CutvibError, np.linalg.LinAlgError):
                 damping *= 10
                 continue
-            trial_objective = trial_chi2 + float(precision @ trial**2)
-            if np.isfinite(trial_objective) and trial_objective < objective:
-                accepted, gain = True, objective - trial_objective
-                x, predictions, residuals = trial, trial_predictions, trial_residuals
-                chi2, objective = trial_chi2, trial_objective
-                damping = max(damping / 10, 1e-9)
-                break
+            objective = chi2 + float(self.precision @ trial**2)
+            if np.isfinite(objective) and objective < self.objective:
+                self.x, self.predictions, self.residuals = trial, predictions, residuals
+                self.chi2, self.objective = chi2, objective
+                return max(damping / 10, 1e-9)
             damping *= 10
-        if not accepted or gain < 1e-2 + tolerance * (objective - 0.9 * problem.count):
-            break
-    if max_iterations > FEW_STEPS:
-        problem.forget_circles()
-        predictions, residuals, chi2 = problem.residuals(x)
-        objective = chi2 + float(precision @ x**2)
-        matrix, _ = problem.normal(x, predictions, residuals)
-        matrix = matrix + np.diag(precision)
-    return _finished(problem, x, matrix, chi2, objective)
+        return damping
 
 
 def _step(
@@ -155,7 +179,8 @@ def _step(
     return step
 
 
-def _finished(problem: Problem, x: FloatArray, matrix: FloatArray, chi2: float, objective: float) -> Fit:
+def _finished(problem: Problem, search: _Search, matrix: FloatArray) -> Fit:
+    x = search.x
     # An even prior over a unit range knows a parameter to no better than its range.
     own = matrix.copy()
     index = np.arange(problem.first_effect, problem.size)
@@ -164,7 +189,7 @@ def _finished(problem: Problem, x: FloatArray, matrix: FloatArray, chi2: float, 
     covariance = linalg.inv(own / np.outer(size, size)) / np.outer(size, size)
     _, log_det = np.linalg.slogdet(own)
     # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
-    log_evidence = -0.5 * objective - 0.5 * float(log_det) + 0.5 * len(index) * float(np.log(2 * np.pi))
+    log_evidence = -0.5 * search.objective - 0.5 * float(log_det) + 0.5 * len(index) * float(np.log(2 * np.pi))
     stds = {}
     for i, (k, name, r) in enumerate(problem.parameters):
         j = problem.first_effect + i
@@ -176,8 +201,8 @@ def _finished(problem: Problem, x: FloatArray, matrix: FloatArray, chi2: float, 
         tuned=problem.tuned(x),
         x=x,
         covariance=covariance,
-        chi2=chi2,
-        objective=objective,
+        chi2=search.chi2,
+        objective=search.objective,
         log_evidence=log_evidence,
         stds=stds,
         at_bound=bool(np.any((edges <= 0.0) | (edges >= 1.0))),

@@ -20,7 +20,10 @@ TEMPERATURE = 2.0
 DETECTION = 40.0
 """Log evidence that a cause has to bring over the re-tuned model: percent-level precision shows the model's own approximations."""
 LEFT_OVER = (1.35, 0.05)
-"""Reduced χ² on held-out records at which "unknown" is as probable as the best cause, and how quickly that turns."""
+"""Reduced χ² on held-out records at which "unknown" is as probable as the best cause, and how quickly that turns …"""
+OF_THE_GAP = 1e-3
+"""… to which this part of the re-tuned model's excess is added: a law that closes 99.9 % of a gap a thousand times the noise is
+right, though what it leaves (a discretisation, say) can be measured."""
 SURE = 0.9
 SET = 0.95
 
@@ -54,7 +57,7 @@ def probabilities(log_evidence: Mapping[str, float], reduced: float) -> dict[str
     return dict(zip(names, (weight / weight.sum()).tolist(), strict=True))
 
 
-def probability_unknown(reduced: float) -> float:
+def probability_unknown(reduced: float, tuned: float = 1.0) -> float:
     """
     Share of "unknown", from what the best cause leaves on held-out records.
 
@@ -62,16 +65,20 @@ def probability_unknown(reduced: float) -> float:
     ----------
     reduced : float
         Reduced χ² there.
+    tuned : float
+        Reduced χ² of the re-tuned model there.
 
     Returns
     -------
     float
         0 to 1.
     """
-    centre, width = LEFT_OVER
     if not np.isfinite(reduced):
         return 1.0
-    return float(1.0 / (1.0 + np.exp(-np.clip((reduced - centre) / width, -60, 60))))
+    centre = LEFT_OVER[0] + OF_THE_GAP * max(tuned - 1.0, 0.0)
+    # Relative to the centre, so that a wide margin does not make a sharper edge.
+    step = (reduced - centre) / (LEFT_OVER[1] * centre / LEFT_OVER[0])
+    return float(1.0 / (1.0 + np.exp(-np.clip(step, -60, 60))))
 
 
 def ambiguity_set(causes: Sequence[Cause]) -> tuple[int, ...]:

@@ -46,6 +46,12 @@ def test_unknown_grows_with_what_is_left():
     assert shares[-2] > 0.99
 
 
+def test_what_is_left_of_a_large_gap_may_be_measurable():
+    assert probability_unknown(3.0, tuned=1.5) > 0.99
+    assert probability_unknown(3.0, tuned=4000.0) < 0.01
+    assert probability_unknown(30.0, tuned=4000.0) > 0.99
+
+
 @pytest.mark.parametrize(
     ("rows", "expected", "members"),
     [
