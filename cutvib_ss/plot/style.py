@@ -159,12 +159,17 @@ def png(figure: Figure, dpi: float = 150.0, colours: int = 256) -> bytes:
     bytes
         The PNG file.
     """
-    raw, small = io.BytesIO(), io.BytesIO()
+    canvas: Any = FigureCanvasAgg(figure)  # matplotlib does not annotate its canvases
+    before = figure.dpi
     with mpl.rc_context(_STYLE):
-        figure.savefig(raw, dpi=dpi, format="png", metadata={"Software": None})
-    raw.seek(0)
-    with Image.open(raw) as image:
-        image.convert("RGB").quantize(colours, dither=Image.Dither.NONE).save(small, format="PNG", optimize=True)
+        figure.set_dpi(dpi)
+        try:
+            canvas.draw()
+            image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+        finally:
+            figure.set_dpi(before)
+    small = io.BytesIO()
+    image.quantize(colours, dither=Image.Dither.NONE).save(small, format="PNG", optimize=True)
     return small.getvalue()
 
 
