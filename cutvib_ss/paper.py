@@ -31,8 +31,8 @@ from cutvib_ss.response.modes import modes
 from cutvib_ss.subsystems.head import HEAD_PARAMETERS
 from cutvib_ss.subsystems.rail import natural_frequencies
 
+# A line of a table: name with unit, printed (None where the paper has no number), computed, note.
 Row: TypeAlias = dict[str, str | float | None]
-"""A line of a table: ``name`` with unit, ``printed`` (None where the paper has no number), ``computed``, ``note``."""
 
 _UNITS = ("kg", "kg", "m", "m", "deg", "deg", "N m/rad", "N m/rad", "N m s/rad", "N m s/rad")
 _PLACES = {1 / 2: "FC or BC, L/2", 1 / 3: "CC, L/3"}

@@ -265,7 +265,7 @@ def through_chain(chain: MeasurementChain, plant: control.StateSpace, pade_order
             raise CouplingError("tool_x leaks into tool_z (cross_axis): ask for both outputs")
         mix[names.index("tool_z"), names.index("tool_x")] = chain.cross_axis
     static = np.diag([chain.channel(n).gain for n in names]) @ mix
-    out = control.ss(static) * plant
+    out = control.ss([], [], [], static) * plant
     late = [chain.channel(n).delay for n in names]
     if any(late):
         if pade_order is None:

@@ -25,9 +25,7 @@ SI_UNIT: Mapping[str, str] = MappingProxyType(
 )
 """The SI unit of each quantity."""
 
-DERIVATIVE_ORDER: Mapping[str, int] = MappingProxyType(
-    {"displacement": 0, "velocity": 1, "acceleration": 2}
-)
+DERIVATIVE_ORDER: Mapping[str, int] = MappingProxyType({"displacement": 0, "velocity": 1, "acceleration": 2})
 """Time derivatives of displacement behind each motion quantity."""
 
 _SPELLINGS = {"m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/sec^2": "m/s^2", "newton": "N"}

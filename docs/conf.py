@@ -1,6 +1,7 @@
 """Sphinx configuration; `make docs` builds, `make test` checks every page and docstring with warnings as errors."""
 
 import os
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -57,6 +58,15 @@ class BarsAsPrinted(SphinxTransform):
             reference.parent.replace(reference, nodes.Text(f"|{reference.astext()}|"))
 
 
+def escape_bars(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Let |A|² stand in a docstring: beside a superscript docutils would look for the end of a substitution."""
+    for k, line in enumerate(lines):
+        if "|" in line and not line.lstrip().startswith((">>>", "...", "+-")):
+            parts = re.split(r"(``.*?``)", line)
+            lines[k] = "".join(p if p.startswith("``") else re.sub(r"(?<!\\)\|", r"\\|", p) for p in parts)
+
+
 def setup(app: Sphinx) -> None:
     """Register what this project adds to Sphinx."""
+    app.connect("autodoc-process-docstring", escape_bars, priority=900)  # after numpydoc has laid the sections out
     app.add_transform(BarsAsPrinted)

@@ -16,8 +16,8 @@ from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass, SprungMa
 
 Model: TypeAlias = Machine | Structure
 ModelT = TypeVar("ModelT", Machine, Structure)
+# Paths of an applied model that move with a value, each with its weight.
 Carried: TypeAlias = tuple[tuple[Path, float], ...]
-"""Paths of an applied model that move with a value, each with its weight."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ DIED_OUT = -10.0
 POINTS = 16
 """Points on each circle; with the radius below the rule's error is 0.4^16 = 4e-7 of the tail."""
 RADIUS = 0.4
-"""Radius of each circle, as a fraction of its pole's distance from the line s = σ + jω."""
+"""Radius of each circle, as a fraction of its pole's distance from the line s = σ + jω and from other poles."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,10 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, sigma: f
         # A window that was never taken out shifts the poles of what is measured.
         poles = light_poles(model, float(position)) - model.chain.decay_rate
         for pole in poles[(poles.real - sigma) * time > DIED_OUT]:
-            radius = RADIUS * (sigma - pole.real)
+            # No circle may hold another pole, which has its own.
+            others = np.abs(poles - pole)
+            nearest = float(np.min(others[others > 0], initial=np.inf))
+            radius = RADIUS * min(sigma - pole.real, nearest)
             points.append(pole + radius * turn)
             weights.append(radius * turn / POINTS)
             owner.append(np.full(POINTS, i))
