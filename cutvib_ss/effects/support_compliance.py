@@ -24,12 +24,13 @@ class SupportCompliance(Effect):
         Stiffness under the ends [N/m]; infinite stiffness is no effect.
     c_left, c_right : float
         Damping under the ends [N s/m].
+    rigid_damping : float
+        Share of the rail's modal damping that resists rigid motion too, 0 (rate of strain, Eq. 4) to 1 (cables, air); not fitted.
 
     Notes
     -----
-    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.subsystems.rail`),
-    whose damping acts on the whole motion. ``c_left`` and ``c_right`` also hold what the modes above n_modes would
-    damp at the ends.
+    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.subsystems.rail`). Where
+    ``rigid_damping`` is not 0, ``c_left`` and ``c_right`` also hold what the modes above n_modes would damp at the ends.
     """
 
     effect: ClassVar[str] = "support_compliance"
@@ -38,6 +39,7 @@ class SupportCompliance(Effect):
     k_right: float = parameter("N/m", 1e6, 1e9)
     c_left: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0)
     c_right: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0)
+    rigid_damping: float = 0.0
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
@@ -72,7 +74,7 @@ class SupportCompliance(Effect):
         """
         check_place(self, model)
         machine = machine_only(self.effect, model)
-        ends = EndSupports(self.k_left, self.k_right, self.c_left, self.c_right)
+        ends = EndSupports(self.k_left, self.k_right, self.c_left, self.c_right, self.rigid_damping)
         return applied(machine, replace(machine, rail=replace(machine.rail, supports=ends)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:

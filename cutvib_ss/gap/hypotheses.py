@@ -120,7 +120,15 @@ def _on_the_rail(model: Machine, band: tuple[float, float]) -> list[Candidate]:
     omitted = p.first_frequency * (p.n_modes + 1) ** 2
     more = sorted({p.n_modes + 1, p.n_modes + 2, 2 * p.n_modes, 5 * p.n_modes}) if omitted < FAR * band[1] else []
     return [
-        _candidate("support_compliance", "", *(SupportCompliance("rail_ends", a, b, 500.0, 500.0) for a, b in ends)),
+        # Nobody knows whether the rail's damping is its own or its surroundings': both are tried.
+        *(
+            _candidate(
+                "support_compliance",
+                f"rigid_damping {share:g}",
+                *(SupportCompliance("rail_ends", a, b, 500.0, 500.0, share) for a, b in ends),
+            )
+            for share in (0.0, 1.0)
+        ),
         _candidate("end_fixity", "", *(EndFixity("rail_ends", f * turn, f * turn) for f in (0.3, 3.0))),
         _candidate("guide_compliance", "", *(GuideCompliance("head_base", f * k, 500.0) for f in (20.0, 100.0))),
         _candidate("rail_added_mass", "", *(RailAddedMass("rail", y, p.mass / 50, 1.0) for y in spots)),

@@ -95,15 +95,15 @@ class FittedParameter:
 
     Parameters
     ----------
-    value : float
-        Estimate, SI.
+    value : float or str
+        Estimate, SI; for what is discrete about a cause, its name.
     std : float
         Standard deviation, tuning and calibration included.
     unit : str
         SI unit.
     """
 
-    value: float
+    value: float | str
     std: float
     unit: str
 

@@ -74,6 +74,7 @@ class RailReceptance:
         self._diagonal = self._half * (self._w**2 + s * s) + self._damping
         # The rigid motions' part of each mode's shape: its damping resists a_r + shared_r u.
         self._shared = 2 * rigid_coupling(self.n)
+        self._damped = self._shared * (model.supports.rigid_damping if model.supports else 0.0)
         self._flexibility = 1.0 / self._diagonal
         self._attached = [self._attachment_port(k) for k in range(len(model.attachments))]
 
@@ -191,10 +192,12 @@ class RailReceptance:
         rows = columns.copy()
         if supports is not None:
             mass = self.model.parameters.mass
-            columns[:, :2] = self._shared[:, :, None] * (self._half * s**2 + self._damping)[:, None]
+            columns[:, :2] = (
+                self._shared[:, :, None] * self._half * s**2 + self._damped[:, :, None] * self._damping[:, None]
+            )
             rows[:, :2] = columns[:, :2]
             small[:2, :2] = mass * RIGID_INERTIA[:, :, None] * s**2
-            small[:2, :2] += np.einsum("ru,rf,rv->uvf", self._shared, self._damping, self._shared)
+            small[:2, :2] += np.einsum("ru,rf,rv->uvf", self._damped, self._damping, self._damped)
             small[0, 0] += supports.k_left + s * supports.c_left
             small[1, 1] += supports.k_right + s * supports.c_right
             load[:2] = port.rigid.T[:, :, None]
@@ -287,8 +290,8 @@ class RailReceptance:
             change = self._half * 2 * self._w * s
             if name[0] != "damping_ratio":
                 change = self._damping / (s if name[0] == "s" else getattr(p, str(name[0])))
-            shared_left = np.einsum("mu,upf->mpf", self._shared, left.rigid)
-            shared_right = np.einsum("mu,upf->mpf", self._shared, right.rigid)
+            shared_left = np.einsum("mu,upf->mpf", self._damped, left.rigid)
+            shared_right = np.einsum("mu,upf->mpf", self._damped, right.rigid)
             out = np.einsum("mpf,mf,mpf->pf", *_same(shared_left, change, right.elastic + shared_right))
             out = out + np.einsum("mpf,mf,mpf->pf", *_same(left.elastic, change, shared_right))
         if name[0] in ("mass", "s"):

@@ -6,8 +6,8 @@ mass-normalised shapes φ_r = √(2/μL) sin(rπy/L) and coordinates η_r = √(
 
 Ends that give are *released*: w gains the two rigid motions h(y)ᵀu = (1 - y/L) u_left + (y/L) u_right, inertially
 coupled to the modes, with the end springs on u. Sines and rigid motions together are complete, and the pinned rail is
-the limit of rigid springs. A mode's damping resists whatever part of the whole motion has its shape,
-a_r + 2 ∫ sin(rπy/L) h dy/L · u, not the elastic part alone. Ends that resist turning are springs on the end slopes
+the limit of rigid springs. Of a mode's damping a stated share resists what the rigid motions have of its shape,
+2 ∫ sin(rπy/L) h dy/L · u, as well as the elastic part. Ends that resist turning are springs on the end slopes
 Σ (rπ/L) a_r (and the alternating sum at y = L). Twist is a second field ψ(y, t), held at the ends
 (`cutvib_ss.subsystems.twist`).
 """
@@ -21,6 +21,7 @@ import control
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.mechanical import SecondOrder
 from cutvib_ss.parameters import RailParameters, check_number, check_position
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -39,18 +40,24 @@ class EndSupports:
         Stiffness at y = 0 and y = L [N/m].
     c_left, c_right : float
         Damping [N s/m].
+    rigid_damping : float
+        Share of a mode's damping that resists rigid motion too: 0 where it comes from the rate of strain (Eq. 4), 1 where it
+        acts on all motion of the mode's shape (cables, air, guides).
     """
 
     k_left: float
     k_right: float
     c_left: float = 0.0
     c_right: float = 0.0
+    rigid_damping: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("k_left", "k_right"):
             check_number(name, getattr(self, name), 0.0, strict=True)
         for name in ("c_left", "c_right"):
             check_number(name, getattr(self, name), 0.0)
+        if check_number("rigid_damping", self.rigid_damping, 0.0) > 1.0:
+            raise ParameterError(f"rigid_damping = {self.rigid_damping} is a share: it must lie between 0 and 1")
 
 
 @dataclass(frozen=True)
@@ -252,10 +259,10 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
 
     Notes
     -----
-    Eq. 9, with the damping 2ζω_r of each mode acting on the projection of the whole motion on its shape: where the ends
-    give, a mode also damps what the rigid motions share with it. With g_r = e_r + √(μL/2) 2 c_r on the ends, c_r the
-    row of `rigid_coupling`, C = Σ 2ζω_r g_r g_rᵀ. On the ends' own motion that sum grows with the number of modes, so
-    ``c_left`` and ``c_right`` also stand for what the modes above n_modes would add there.
+    Eq. 9. Where the ends give, a share κ (``rigid_damping``) of each mode's damping also resists what the rigid motions have of
+    its shape: with g_r = e_r + κ √(μL/2) 2 c_r on the ends, c_r the row of `rigid_coupling`, C = Σ 2ζω_r g_r g_rᵀ.
+    For κ > 0 the sum on the ends' own motion grows with the number of modes, so that ``c_left`` and ``c_right`` also stand for what
+    the modes above n_modes would add there.
     """
     p = model.parameters
     m = p.n_modes
@@ -274,9 +281,12 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         mass[u, u] = p.mass * RIGID_INERTIA
         mass[:m, u] = scale * p.mass * rigid_coupling(m)
         mass[u, :m] = mass[:m, u].T
-        damping[:m, u] = damping[:m, :m] @ mass[:m, u]
+        share = model.supports.rigid_damping
+        damping[:m, u] = share * (damping[:m, :m] @ mass[:m, u])
         damping[u, :m] = damping[:m, u].T
-        damping[u, u] = np.diag([model.supports.c_left, model.supports.c_right]) + mass[u, :m] @ damping[:m, u]
+        damping[u, u] = np.diag([model.supports.c_left, model.supports.c_right]) + share * (
+            mass[u, :m] @ damping[:m, u]
+        )
         stiffness[u, u] = np.diag([model.supports.k_left, model.supports.k_right])
     if model.torsion:
         t = np.arange(n - len(twists), n)
