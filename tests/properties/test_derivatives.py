@@ -63,15 +63,15 @@ def worst(
         moved = np.abs(by_formula).max(axis=-1)
         value = value_at(model, path)
         # The step that moves the response by a part in 1e5, so that neither rounding nor curvature is felt.
-        with np.errstate(divide="ignore"):
-            step = 1e-5 * float((size / moved).min())
-        step = min(step, 1e-4 * abs(value) if value else 1e-3)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = 1e-5 * float(np.nan_to_num(size / moved, nan=np.inf).min())
+        step = min(step, 1e-4 * abs(value) if abs(value) > 1e-9 else 1e-3)
         up, down = (
             response(with_value(model, path, value + d), position, outputs, inputs).data() for d in (step, -step)
         )
         error = np.abs(by_formula - (up - down) / (2 * step)).max(axis=-1)
         # A difference cannot show a derivative below the rounding of the responses.
-        found[path] = float((error / (moved + 1e-6 * size / step)).max())
+        found[path] = float((error / np.maximum(moved + 1e-6 * size / step, 1e-300)).max())
     return found
 
 

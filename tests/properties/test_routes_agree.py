@@ -53,7 +53,9 @@ def test_velocity_and_acceleration_of_the_plant(machine: Machine, position: floa
     form = {"velocity": "mobility", "acceleration": "accelerance"}[quantity]
     closed = frequency_response(machine, position, FREQ, form=form, outputs=OUTPUTS).data[0]
     plant = machine.plant(position, outputs=OUTPUTS, quantity=quantity)
-    assert differ(closed, control.frequency_response(plant, 2 * np.pi * FREQ).frdata) < TOLERANCE
+    by_control = control.frequency_response(plant, 2 * np.pi * FREQ).frdata
+    # Over the largest of all outputs: the plant's accelerations are differences of large terms where the rail twists.
+    assert np.abs(closed - by_control).max() < TOLERANCE * np.abs(closed).max()
 
 
 @given(bare_machines(), POSITIONS)
