@@ -28,11 +28,14 @@ def test_a_map_of_the_rail_is_a_hundred_times_faster_than_through_plants(benchma
     machine = twenty_modes()
     closed = benchmark(lambda: frequency_response(machine, POSITIONS, FREQ, outputs=OUTPUTS))
     plants = [machine.plant(position, outputs=OUTPUTS, quantity="acceleration") for position in POSITIONS]
-    start = perf_counter()
-    by_control = np.array([control.frequency_response(plant, 2 * np.pi * FREQ).frdata for plant in plants])
-    seconds = perf_counter() - start
-    assert np.abs(closed.data - by_control).max() < 1e-9 * np.abs(by_control).max()
-    ratio = seconds / benchmark.stats.stats.median
+    seconds, by_control = [], []
+    for plant in plants:
+        start = perf_counter()
+        by_control.append(control.frequency_response(plant, 2 * np.pi * FREQ).frdata)
+        seconds.append(perf_counter() - start)
+    assert np.abs(closed.data - np.array(by_control)).max() < 1e-9 * np.abs(closed.data).max()
+    # The best time on either side: what else runs on the computer then weighs on neither.
+    ratio = len(plants) * min(seconds) / benchmark.stats.stats.min
     benchmark.extra_info["ratio to control.frequency_response"] = round(ratio)
     print(f"\n200 positions, 600 frequencies, 3 outputs, 20 modes: {ratio:.0f} times control.frequency_response")
     assert ratio >= LEAST_RATIO
