@@ -41,38 +41,12 @@ class AddedMass(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        """
-        Places on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of str
-            The places.
-        """
         return ports_of(model, ("tool", "head"))
 
     def _path(self) -> Path:
         return ("head", "m2" if self.place == "tool" else "m1")
 
     def apply(self, model: Any) -> Any:
-        """
-        The model with the effect.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model without it.
-
-        Returns
-        -------
-        Machine or Structure
-            A new model.
-        """
         check_place(self, model)
         if isinstance(model, Machine):
             path = self._path()
@@ -80,19 +54,6 @@ class AddedMass(Effect):
         return applied(model, attached_to(model, port_of(self.place, model), SpringDamperMass(mass=self.mass)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        """
-        Values of the applied model that move with each parameter.
-
-        Parameters
-        ----------
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        mapping of str to tuple of (path, weight)
-            The paths and weights.
-        """
         if isinstance(applied, Machine):
             return {"mass": ((self._path(), 1.0),)}
         return {"mass": ((("attachments", len(applied.attachments) - 1, "element", "mass"), 1.0),)}

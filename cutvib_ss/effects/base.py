@@ -307,3 +307,33 @@ def attached_to(model: ModelT, port: str, element: SpringDamperMass | SprungMass
         The new model.
     """
     return replace(model, attachments=(*model.attachments, Attachment(port, element)))
+
+
+def channels_of(effect: str, channel: str, model: Model) -> tuple[str, ...]:
+    """
+    Channels that a name stands for.
+
+    Parameters
+    ----------
+    effect : str
+        Id of the effect, for the message.
+    channel : str
+        Name of a channel, or ``"all"``.
+    model : Machine or Structure
+        The model.
+
+    Returns
+    -------
+    tuple of str
+        The channels.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such channel; the message lists those that are.
+    """
+    if channel == "all":
+        return tuple(model.channels)
+    if channel not in model.channels:
+        raise ParameterError(f"{effect}: no channel {channel!r}; there are all, {', '.join(model.channels)}")
+    return (channel,)

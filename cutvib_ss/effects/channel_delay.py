@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, parameter
-from cutvib_ss.errors import ParameterError
+from cutvib_ss.effects.base import Carried, Effect, Model, applied, channels_of, check_place, parameter
 
 
 @dataclass(frozen=True)
@@ -32,63 +31,19 @@ class ChannelDelay(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        """
-        Places on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of str
-            The places.
-        """
         return ("measurement",)
 
-    def _channels(self, model: Model) -> tuple[str, ...]:
-        if self.channel == "all":
-            return tuple(model.channels)
-        if self.channel not in model.channels:
-            raise ParameterError(
-                f"channel_delay: no channel {self.channel!r}; there are all, {', '.join(model.channels)}"
-            )
-        return (self.channel,)
-
     def apply(self, model: Any) -> Any:
-        """
-        The model with the effect.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model without it.
-
-        Returns
-        -------
-        Machine or Structure
-            A new model.
-        """
         check_place(self, model)
         chain = model.chain
-        for name in self._channels(model):
+        for name in channels_of(self.effect, self.channel, model):
             old = chain.channel(name)
             chain = chain.with_channel(name, replace(old, delay=old.delay + self.delay))
         return applied(model, replace(model, chain=chain), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        """
-        Values of the applied model that move with each parameter.
-
-        Parameters
-        ----------
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        mapping of str to tuple of (path, weight)
-            The paths and weights.
-        """
-        return {"delay": tuple((("chain", "channels", name, "delay"), 1.0) for name in self._channels(applied))}
+        return {
+            "delay": tuple(
+                (("chain", "channels", name, "delay"), 1.0) for name in channels_of(self.effect, self.channel, applied)
+            )
+        }

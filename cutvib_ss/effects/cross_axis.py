@@ -29,51 +29,12 @@ class CrossAxis(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        """
-        Places on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of str
-            The places.
-        """
         return ("measurement",) if isinstance(model, Machine) else ()
 
     def apply(self, model: Any) -> Any:
-        """
-        The model with the effect.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model without it.
-
-        Returns
-        -------
-        Machine or Structure
-            A new model.
-        """
         check_place(self, model)
         chain = replace(model.chain, cross_axis=model.chain.cross_axis + self.fraction)
         return applied(model, replace(model, chain=chain), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        """
-        Values of the applied model that move with each parameter.
-
-        Parameters
-        ----------
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        mapping of str to tuple of (path, weight)
-            The paths and weights.
-        """
         return {"fraction": ((("chain", "cross_axis"), 1.0),)}

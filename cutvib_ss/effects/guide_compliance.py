@@ -33,51 +33,12 @@ class GuideCompliance(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        """
-        Places on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of str
-            The places.
-        """
         return ("head_base",) if isinstance(model, Machine) else ()
 
     def apply(self, model: Any) -> Any:
-        """
-        The model with the effect.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model without it.
-
-        Returns
-        -------
-        Machine or Structure
-            A new model.
-        """
         check_place(self, model)
         machine = machine_only(self.effect, model)
         return applied(machine, replace(machine, guide=Guide(self.stiffness, self.damping)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        """
-        Values of the applied model that move with each parameter.
-
-        Parameters
-        ----------
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        mapping of str to tuple of (path, weight)
-            The paths and weights.
-        """
         return {"stiffness": ((("guide", "stiffness"), 1.0),), "damping": ((("guide", "damping"), 1.0),)}

@@ -35,52 +35,13 @@ class ModalTruncation(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        """
-        Places on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of str
-            The places.
-        """
         return ("rail",) if isinstance(model, Machine) else ()
 
     def apply(self, model: Any) -> Any:
-        """
-        The model with the effect.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model without it.
-
-        Returns
-        -------
-        Machine or Structure
-            A new model.
-        """
         check_place(self, model)
         machine = machine_only(self.effect, model)
         parameters = replace(machine.rail.parameters, n_modes=self.n_modes)
         return applied(machine, replace(machine, rail=replace(machine.rail, parameters=parameters)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        """
-        Values of the applied model that move with each parameter: none, the number of modes is whole.
-
-        Parameters
-        ----------
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        mapping
-            Empty.
-        """
         return {}

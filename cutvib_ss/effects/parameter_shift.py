@@ -66,19 +66,6 @@ class ParameterShift(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        """
-        Places on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of str
-            The places.
-        """
         return tuple(dict.fromkeys(place for place, _ in cls.choices(model)))
 
     def _path(self, model: Model) -> Path:
@@ -92,54 +79,14 @@ class ParameterShift(Effect):
         return ("rail", "parameters", self.parameter) if self.place == "rail" else ("head", self.parameter)
 
     def apply(self, model: Any) -> Any:
-        """
-        The model with the effect.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model without it.
-
-        Returns
-        -------
-        Machine or Structure
-            A new model.
-        """
         check_place(self, model)
         path = self._path(model)
         return applied(model, with_value(model, path, value_at(model, path) * self.factor), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        """
-        Values of the applied model that move with each parameter.
-
-        Parameters
-        ----------
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        mapping of str to tuple of (path, weight)
-            The paths and weights.
-        """
         path = self._path(applied)
         return {"factor": ((path, value_at(applied, path) / self.factor),)}
 
     def carries(self, path: Path, applied: Any) -> Carried:
-        """
-        The shifted value moves by the factor with the one underneath.
-
-        Parameters
-        ----------
-        path : tuple of str and int
-            A value of the model underneath.
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        tuple of (path, weight)
-            What moves with it.
-        """
+        # The shifted value moves by the factor with the one underneath.
         return ((path, self.factor if path == self._path(applied) else 1.0),)

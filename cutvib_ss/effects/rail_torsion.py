@@ -44,53 +44,14 @@ class RailTorsion(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        """
-        Places on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of str
-            The places.
-        """
         return ("rail",) if isinstance(model, Machine) else ()
 
     def apply(self, model: Any) -> Any:
-        """
-        The model with the effect.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model without it.
-
-        Returns
-        -------
-        Machine or Structure
-            A new model.
-        """
         check_place(self, model)
         machine = machine_only(self.effect, model)
         torsion = Torsion(self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio)
         return applied(machine, replace(machine, rail=replace(machine.rail, torsion=torsion)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        """
-        Values of the applied model that move with each parameter.
-
-        Parameters
-        ----------
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        mapping of str to tuple of (path, weight)
-            The paths and weights.
-        """
         names = ("eccentricity", "inertia", "torsion_frequency", "damping_ratio")
         return {name: ((("rail", "torsion", name), 1.0),) for name in names}

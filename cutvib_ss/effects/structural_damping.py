@@ -35,19 +35,6 @@ class StructuralDamping(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        """
-        Places on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of str
-            The places.
-        """
         return ("joint1", "joint2") if isinstance(model, Machine) else ()
 
     def _paths(self) -> tuple[Path, Path]:
@@ -55,19 +42,6 @@ class StructuralDamping(Effect):
         return ("head", "k" + joint), ("head", "c" + joint)
 
     def apply(self, model: Any) -> Any:
-        """
-        The model with the effect.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model without it.
-
-        Returns
-        -------
-        Machine or Structure
-            A new model.
-        """
         check_place(self, model)
         machine = machine_only(self.effect, model)
         k, c = self._paths()
@@ -75,38 +49,11 @@ class StructuralDamping(Effect):
         return applied(machine, attached_to(with_value(machine, c, 0.0), self.place, loss), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        """
-        Values of the applied model that move with each parameter.
-
-        Parameters
-        ----------
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        mapping of str to tuple of (path, weight)
-            The paths and weights.
-        """
         at = ("attachments", len(applied.attachments) - 1, "element", "loss_stiffness")
         return {"loss_factor": ((at, value_at(applied, self._paths()[0])),)}
 
     def carries(self, path: Path, applied: Any) -> Carried:
-        """
-        The loss moves with the stiffness; the viscous damper is gone.
-
-        Parameters
-        ----------
-        path : tuple of str and int
-            A value of the model underneath.
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        tuple of (path, weight)
-            What moves with it.
-        """
+        # The loss moves with the stiffness; the viscous damper is gone.
         k, c = self._paths()
         if path == k:
             at = ("attachments", len(applied.attachments) - 1, "element", "loss_stiffness")

@@ -43,53 +43,14 @@ class SupportCompliance(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        """
-        Places on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of str
-            The places.
-        """
         return ("rail_ends",) if isinstance(model, Machine) else ()
 
     def apply(self, model: Any) -> Any:
-        """
-        The model with the effect.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model without it.
-
-        Returns
-        -------
-        Machine or Structure
-            A new model.
-        """
         check_place(self, model)
         machine = machine_only(self.effect, model)
         ends = EndSupports(self.k_left, self.k_right, self.c_left, self.c_right, self.rigid_damping)
         return applied(machine, replace(machine, rail=replace(machine.rail, supports=ends)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        """
-        Values of the applied model that move with each parameter.
-
-        Parameters
-        ----------
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        mapping of str to tuple of (path, weight)
-            The paths and weights.
-        """
         names = ("k_left", "k_right", "c_left", "c_right")
         return {name: ((("rail", "supports", name), 1.0),) for name in names}

@@ -15,7 +15,8 @@ from scipy import linalg
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.observations import Group
-from cutvib_ss.gap.problem import Hypothesis, Problem, from_unknown
+from cutvib_ss.gap.problem import Hypothesis, Problem
+from cutvib_ss.gap.unknowns import from_unknown
 from cutvib_ss.results import FloatArray
 
 FEW_STEPS = 10

@@ -15,12 +15,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutvib_ss.effects.base import Carried, Effect, Model, Range, parameter_fields
+from cutvib_ss.effects.base import Carried, Effect, Model, parameter_fields
 from cutvib_ss.gap.observations import Group
 from cutvib_ss.gap.prediction import Circles, Prediction
-from cutvib_ss.parameters import Tolerances
+from cutvib_ss.gap.unknowns import CALIBRATION_SHAPES, calibration_shapes, from_unknown, to_unknown, tuning_paths
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.slots import Path, value_at, with_values
+from cutvib_ss.slots import value_at, with_values
 
 IndexArray: TypeAlias = NDArray[np.intp]
 
@@ -28,8 +28,6 @@ BLOW_AT_PRIOR = (0.05, 0.05)
 """Mean and standard deviation of the instant of a blow that no record states [s]."""
 WITHIN = 4.0
 """Standard deviations that tuning may move a value and calibration may err: beyond that it is a cause."""
-CALIBRATION_SHAPES = 5
-"""Smooth shapes over the band that a calibration error is made of: a constant and half cosines."""
 
 
 @dataclass(frozen=True)
@@ -54,78 +52,6 @@ class Hypothesis:
     def place(self) -> str:
         """Places, joined by ``+``."""
         return "+".join(e.place for e in self.effects) or "none"
-
-
-def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
-    """
-    Values that tuning may move, with their tolerances.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The nominal model.
-
-    Returns
-    -------
-    tuple of (path, tolerance)
-        Those with a tolerance above zero; a value of zero cannot be scaled and is left out.
-    """
-    found: list[tuple[Path, float]] = []
-    for f in fields(model.tolerance):
-        tolerance = getattr(model.tolerance, f.name)
-        if f.name == "calibration" or tolerance == 0.0:
-            continue
-        path: Path
-        if isinstance(model.tolerance, Tolerances):
-            path = ("head", f.name) if hasattr(getattr(model, "head", None), f.name) else ("rail", "parameters", f.name)
-        else:
-            path = ("scales", ("mass", "damping", "stiffness").index(f.name))
-        if value_at(model, path) != 0.0:
-            found.append((path, float(tolerance)))
-    return tuple(found)
-
-
-def to_unknown(value: float, r: Range) -> float:
-    """
-    A parameter in the coordinate in which its prior is even, 0 to 1 over its range.
-
-    Parameters
-    ----------
-    value : float
-        The parameter.
-    r : Range
-        Its range.
-
-    Returns
-    -------
-    float
-        The coordinate.
-    """
-    if r.scale == "log":
-        return float(np.log(value / r.low) / np.log(r.high / r.low))
-    return (value - r.low) / (r.high - r.low)
-
-
-def from_unknown(x: float, r: Range) -> tuple[float, float]:
-    """
-    A parameter from its coordinate, and its derivative.
-
-    Parameters
-    ----------
-    x : float
-        The coordinate.
-    r : Range
-        The parameter's range.
-
-    Returns
-    -------
-    value, slope : float
-        The parameter, and how it moves with the coordinate.
-    """
-    if r.scale == "log":
-        value = float(r.low * (r.high / r.low) ** x)
-        return value, value * float(np.log(r.high / r.low))
-    return r.low + x * (r.high - r.low), r.high - r.low
 
 
 class Problem:
@@ -437,31 +363,6 @@ class Problem:
             real = (shapes[:, None, :] * plain[None, :, c]).reshape(shapes.shape[0], -1)
             own.append(np.concatenate([real, 1j * real]))
         return np.array(rows).reshape(len(rows), *g.data.shape), own
-
-
-def calibration_shapes(u: FloatArray, count: int) -> FloatArray:
-    """
-    Smooth shapes over the band whose sum with unit normal coefficients has unit variance.
-
-    Parameters
-    ----------
-    u : ndarray, shape (frequency,)
-        Frequency, 0 to 1 over the band.
-    count : int
-        Number of shapes.
-
-    Returns
-    -------
-    ndarray, shape (shape, frequency)
-        A constant and half cosines, their weights falling with their order.
-    """
-    if count == 0:
-        return np.zeros((0, u.size))
-    order = np.arange(count)
-    weight = 1.0 / (1.0 + order.astype(float) ** 2)
-    shapes = np.cos(np.pi * np.outer(order, u)) * weight[:, None]
-    total = np.sqrt(np.mean(np.sum(shapes**2, axis=0)))
-    return np.asarray(shapes / total, dtype=np.float64)
 
 
 def _changed(effect: Effect, values: dict[str, float]) -> Effect:

@@ -32,7 +32,7 @@ from cutvib_ss.structure import Structure
 
 CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "rail_torsion": (("rail",), ("eccentricity", "inertia", "torsion_frequency", "damping_ratio")),
-    "support_compliance": (("rail_ends",), ("k_left", "k_right", "c_left", "c_right")),
+    "support_compliance": (("rail_ends",), ("k_left", "k_right", "c_left", "c_right", "rigid_damping")),
     "end_fixity": (("rail_ends",), ("k_left", "k_right")),
     "rail_added_mass": (("rail",), ("position", "mass", "damping")),
     "rail_shear": (("rail",), ("shear_ratio",)),
