@@ -14,7 +14,7 @@ damper z = -ω² m_a (k_a + jωc_a) / (k_a - ω² m_a + jωc_a), Eq. 24.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -26,7 +26,7 @@ from cutvib_ss.machine import Machine
 from cutvib_ss.parameters import TABLE_7_PRINTED, AbsorberParameters, check_number, table_7
 from cutvib_ss.response.condensed import as_laplace
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.results import AbsorberCheck, AbsorberStudy, ComplexArray, FloatArray, FrequencyResponse
+from cutvib_ss.results import AbsorberCheck, ComplexArray, FloatArray, FrequencyResponse, read_only
 from cutvib_ss.slots import ModelT
 from cutvib_ss.subsystems.elements import Attachment, SprungMass
 
@@ -35,6 +35,42 @@ WORKING_FREQUENCY = 217.0
 
 _PEAK_PROMINENCE = 0.02
 """A peak stands out of its surroundings by this part of the largest value."""
+
+
+@dataclass(frozen=True)
+class AbsorberStudy:
+    """
+    Absorbers over a grid of tunings and dampings, each judged by its worst position.
+
+    Parameters
+    ----------
+    working_frequency : float
+        Frequency of the tool's force [Hz].
+    positions : array_like, shape (position,)
+        Positions y_b / L over which the worst is taken.
+    tuning : array_like, shape (tuning,)
+        Tuning frequencies [Hz].
+    damping_ratio : array_like, shape (damping,)
+        Damping ratios of the absorber.
+    before : array_like, shape (position,)
+        Modulus of the driving-point accelerance at the working frequency without an absorber [m/s^2/N].
+    worst : array_like, shape (tuning, damping)
+        Largest modulus over the positions with the absorber [m/s^2/N].
+    best : AbsorberParameters
+        The absorber whose worst position is the best.
+    """
+
+    working_frequency: float
+    positions: FloatArray
+    tuning: FloatArray
+    damping_ratio: FloatArray
+    before: FloatArray
+    worst: FloatArray
+    best: AbsorberParameters
+
+    def __post_init__(self) -> None:
+        for name in ("positions", "tuning", "damping_ratio", "before", "worst"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
 
 
 def absorber_of(mass: float, stiffness: float, damping: float, source: str = "") -> AbsorberParameters:

@@ -370,42 +370,6 @@ class AbsorberCheck:
         return float(self.positions[k]), float(self.after[k])
 
 
-@dataclass(frozen=True)
-class AbsorberStudy:
-    """
-    Absorbers over a grid of tunings and dampings, each judged by its worst position.
-
-    Parameters
-    ----------
-    working_frequency : float
-        Frequency of the tool's force [Hz].
-    positions : array_like, shape (position,)
-        Positions y_b / L over which the worst is taken.
-    tuning : array_like, shape (tuning,)
-        Tuning frequencies [Hz].
-    damping_ratio : array_like, shape (damping,)
-        Damping ratios of the absorber.
-    before : array_like, shape (position,)
-        Modulus of the driving-point accelerance at the working frequency without an absorber [m/s^2/N].
-    worst : array_like, shape (tuning, damping)
-        Largest modulus over the positions with the absorber [m/s^2/N].
-    best : AbsorberParameters
-        The absorber whose worst position is the best.
-    """
-
-    working_frequency: float
-    positions: FloatArray
-    tuning: FloatArray
-    damping_ratio: FloatArray
-    before: FloatArray
-    worst: FloatArray
-    best: AbsorberParameters
-
-    def __post_init__(self) -> None:
-        for name in ("positions", "tuning", "damping_ratio", "before", "worst"):
-            object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
-
-
 def _indices(labels: tuple[str, ...], wanted: str | Sequence[str] | None, what: str) -> list[int]:
     if wanted is None:
         return list(range(len(labels)))
