@@ -303,6 +303,13 @@ class RailReceptance:
         if name[0] == "s":
             for i, c_end in enumerate((supports.c_left, supports.c_right)):
                 out = out + c_end * left.rigid[i] * right.rigid[i]
+        elif name == ("supports", "rigid_damping"):
+            moved_left = np.einsum("mu,upf->mpf", self._shared, left.rigid)
+            moved_right = np.einsum("mu,upf->mpf", self._shared, right.rigid)
+            both = left.elastic + supports.rigid_damping * moved_left
+            out = np.einsum("mpf,mf,mpf->pf", *_same(both, self._damping, moved_right))
+            both = right.elastic + supports.rigid_damping * moved_right
+            out = out + np.einsum("mpf,mf,mpf->pf", *_same(moved_left, self._damping, both))
         elif name[0] == "supports":
             what, side = str(name[1]).split("_")
             i = ("left", "right").index(side)
@@ -319,8 +326,11 @@ class RailReceptance:
             moved_left, moved_right = self.product(at, left), self.product(at, right)
             if what != "position":
                 return a.element.derivative(what, s) * moved_left * moved_right
-            slope = slope_shapes(a.position, 1.0, self.n)[None]
-            step = RailPort(slope, np.array([[-1.0, 1.0]]))
+            if a.slope:
+                turn = (np.pi * np.arange(1, self.n + 1)) ** 2 / self.model.parameters.length
+                step = RailPort(-turn * sine_shapes(a.position, self.n), np.zeros((1, 2)))
+            else:
+                step = RailPort(slope_shapes(a.position, 1.0, self.n)[None], np.array([[-1.0, 1.0]]))
             product: ComplexArray = a.element.dynamic_stiffness(s) * (
                 self.product(step, left) * moved_right + moved_left * self.product(step, right)
             )
