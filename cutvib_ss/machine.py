@@ -6,7 +6,7 @@ The response code reads the slots; the second-order form and the python-control 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
@@ -247,6 +247,43 @@ class Machine:
             self.head_system(viscous_at), self.rail_system(position), self.interface, self.guide, ports_in, ports_out
         )
         return with_quantity(through_chain(self.chain, closed, pade_order), quantity, "machine")
+
+    def plants(
+        self,
+        positions: Iterable[float],
+        inputs: Sequence[str] = ("force",),
+        outputs: Sequence[str] = ("tool_x", "tool_z", "base_x", "head_x", "head_z"),
+        quantity: Quantity = "displacement",
+        pade_order: int | None = None,
+        viscous_at: float | None = None,
+    ) -> tuple[control.StateSpace, ...]:
+        """
+        The family of plants over positions, in common signals.
+
+        Parameters
+        ----------
+        positions : iterable of float
+            y_b / L of the head, each strictly inside (0, 1).
+        inputs, outputs : sequence of str
+            Signals, as `plant` takes them.
+        quantity : {"displacement", "velocity", "acceleration"}
+            Which motion the outputs give.
+        pade_order : int, optional
+            Order of the Padé approximation of channel delays.
+        viscous_at : float, optional
+            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
+
+        Returns
+        -------
+        tuple of control.StateSpace
+            One a position, in the order given.
+
+        Examples
+        --------
+        >>> [plant.nstates for plant in published_machine().plants([0.25, 0.5])]
+        [12, 12]
+        """
+        return tuple(self.plant(y, inputs, outputs, quantity, pade_order, viscous_at) for y in positions)
 
 
 def _tie(system: SecondOrder, port: str, dof: str) -> SecondOrder:
