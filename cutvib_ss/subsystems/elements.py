@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.errors import CouplingError
 from cutvib_ss.mechanical import SecondOrder
 from cutvib_ss.parameters import check_number
 from cutvib_ss.results import ComplexArray
@@ -332,29 +332,3 @@ class Guide:
         inner = {"stiffness": 1.0 + 0j * s, "damping": s, "s": self.damping + 0j * s}[name]
         out: ComplexArray = -inner * self.compliance(s) ** 2
         return out
-
-
-def check_port(port: str, ports: tuple[str, ...]) -> str:
-    """
-    A port that is there.
-
-    Parameters
-    ----------
-    port : str
-        Name asked for.
-    ports : tuple of str
-        Names that are there.
-
-    Returns
-    -------
-    str
-        The name.
-
-    Raises
-    ------
-    ParameterError
-        If it is not there.
-    """
-    if port not in ports:
-        raise ParameterError(f"no port {port!r}; there are {', '.join(ports)}")
-    return port

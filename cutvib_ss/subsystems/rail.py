@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.mechanical import SecondOrder
 from cutvib_ss.parameters import RailParameters, check_number, check_position
-from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.results import FloatArray
 from cutvib_ss.subsystems.elements import SpringDamperMass
 from cutvib_ss.subsystems.twist import TWIST_ELEMENTS, twist_modes, twist_shapes
 
@@ -350,27 +350,3 @@ def rail_state_space(p: RailParameters, position: float) -> control.StateSpace:
         },
         name="rail",
     )
-
-
-def pinned_receptance(p: RailParameters, position: float, s: ComplexArray) -> ComplexArray:
-    """
-    Receptance of the pinned rail at one point, by the sum over its modes.
-
-    Parameters
-    ----------
-    p : RailParameters
-        The rail.
-    position : float
-        y / L.
-    s : ndarray of complex, shape (frequency,)
-        Laplace variable [rad/s].
-
-    Returns
-    -------
-    ndarray, shape (frequency,)
-        Σ φ_r² / (s² + 2ζω_r s + ω_r²) [m/N].
-    """
-    phi = mode_shapes(p, position)[0]
-    w = 2 * np.pi * natural_frequencies(p)[:, None]
-    total: ComplexArray = phi**2 @ (1.0 / (s * s + 2 * p.damping_ratio * w * s + w * w))
-    return total
