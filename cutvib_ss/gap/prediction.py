@@ -40,11 +40,15 @@ class Circles:
         Index of the position that each belongs to.
     weights : ndarray of complex, shape (point,)
         dz / 2πi.
+    inverse : tuple of ndarray of complex, shape (2 point of the position, frequency)
+        1 / (s - z) between the points of each position, then their mirror images, and the line s; a circle outlives many
+        predictions, and so does this.
     """
 
     points: ComplexArray
     position: np.ndarray
     weights: ComplexArray
+    inverse: tuple[ComplexArray, ...]
 
 
 class Prediction:
@@ -74,8 +78,7 @@ class Prediction:
         self.around: ChainedResponse | None = None
         around = self._around(circles) if circles is not None else None
         if circles is None or (around is not None and not still_inside(circles, around)):
-            around = self._around(slow_circles(model, group.positions, self.rest, sigma))
-        self._kernels: dict[int, list[ComplexArray]] = {}
+            around = self._around(slow_circles(model, group.positions, self.rest, self.s))
         self.data = self._estimate(self.response.data(), around)
 
     def _around(self, circles: Circles) -> ComplexArray | None:
@@ -83,15 +86,6 @@ class Prediction:
         self.circles = circles
         self.around = self._responses(circles.points) if circles.points.size else None
         return None if self.around is None else self.around.data()
-
-    def _kernel(self, order: int) -> list[ComplexArray]:
-        """e^((z-s)T) / (s-z)^order between the circles of each position and the line, poles and mirrored poles."""
-        out = []
-        for i, rest in enumerate(self.rest):
-            z = self.circles.points[self.circles.position == i]
-            both = np.concatenate([z, z.conj()])[:, None]
-            out.append(np.asarray(np.exp((both - self.s) * rest) / (self.s - both) ** order, dtype=np.complex128))
-        return out
 
     def _responses(self, s: ComplexArray) -> ChainedResponse:
         g = self.group
@@ -105,15 +99,17 @@ class Prediction:
 
     def _rest(self, on_circles: ComplexArray, order: int) -> ComplexArray:
         """Transform of what the blocks cut off (order 1), or minus its derivative to their length (order 0)."""
-        if order not in self._kernels:
-            self._kernels[order] = self._kernel(order)
         out = np.zeros(self.group.data.shape, dtype=np.complex128)
-        for i, kernel in enumerate(self._kernels[order]):
+        for i, (inverse, rest) in enumerate(zip(self.circles.inverse, self.rest, strict=True)):
             own = self.circles.position == i
             if own.any():
+                # e^((z-s)T) parts into a factor of each point and one of each line.
+                lag = np.exp(self.circles.points[own] * rest) * self.circles.weights[own]
+                values = on_circles[i, :, 0][:, own] * lag
                 # A real system mirrors each pole in the real axis.
-                values = on_circles[i, :, 0][:, own] * self.circles.weights[own]
-                out[i] = np.concatenate([values, values.conj()], axis=1) @ kernel
+                both = np.concatenate([values, values.conj()], axis=1)
+                total = both @ inverse if order else both.sum(axis=1, keepdims=True)
+                out[i] = total * np.exp(-self.s * rest)
         return out
 
     def derivative(self, carried: Carried) -> ComplexArray:
@@ -182,7 +178,7 @@ def still_inside(circles: Circles, values: ComplexArray) -> bool:
     return True
 
 
-def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, sigma: float) -> Circles:
+def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: ComplexArray) -> Circles:
     """
     Circles around the poles that are still alive when the blocks end.
 
@@ -194,8 +190,8 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, sigma: f
         y_b / L.
     rest : ndarray, shape (position,)
         Time from blow to end of the block [s]; infinite where nothing is cut off.
-    sigma : float
-        Rate of the window on the response [1/s].
+    s : ndarray of complex, shape (frequency,)
+        The line s = σ + jω of the measurement [rad/s].
 
     Returns
     -------
@@ -203,6 +199,7 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, sigma: f
         Empty where nothing is left.
     """
     points, owner, weights = [], [], []
+    sigma = float(s[0].real)
     turn = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
     for i, (position, time) in enumerate(zip(positions, rest, strict=True)):
         if not np.isfinite(time):
@@ -218,8 +215,14 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, sigma: f
             weights.append(radius * turn / POINTS)
             owner.append(np.full(POINTS, i))
     if not points:
-        return Circles(np.zeros(0, dtype=np.complex128), np.zeros(0, dtype=int), np.zeros(0, dtype=np.complex128))
-    return Circles(np.concatenate(points), np.concatenate(owner), np.concatenate(weights))
+        nothing = np.zeros(0, dtype=np.complex128)
+        return Circles(nothing, np.zeros(0, dtype=int), nothing, ())
+    z, own = np.concatenate(points), np.concatenate(owner)
+    inverse = []
+    for i in range(positions.size):
+        mine = z[own == i]
+        inverse.append(np.asarray(1.0 / (s - np.concatenate([mine, mine.conj()])[:, None]), dtype=np.complex128))
+    return Circles(z, own, np.concatenate(weights), tuple(inverse))
 
 
 def light_poles(model: Model, position: float) -> ComplexArray:
