@@ -8,7 +8,8 @@ fitting linear causes; each stays apart for judging, so that a response that cha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.measurement.replay import Replay, assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 from cutvib_ss.units import STANDARD_GRAVITY
@@ -24,6 +26,9 @@ NOISY = 5.0
 """The band ends where the noise rises above this many times its level in the quiet part of the spectrum."""
 BELOW_FIRST_MODE = 0.6
 """The band begins at this fraction of the nominal model's lowest natural frequency, below which accelerance drowns in drift."""
+
+BLOW_AT = 0.05
+"""Instant of a blow that no record states [s], where one has to be assumed."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,8 @@ class Entry:
         Rate of an exponential window on the response alone [1/s].
     check : bool
         Whether the record is only for judging.
+    replay : Replay or None
+        The estimator itself, through which simulated histories pass; None where no force history can be told.
     """
 
     record: int
@@ -69,6 +76,7 @@ class Entry:
     blow_at: float
     decay_rate: float
     check: bool
+    replay: Replay | None = None
 
 
 @dataclass(frozen=True)
@@ -90,6 +98,8 @@ class Group:
         Responses and E|ΔH|².
     block, blow_at, decay_rate : ndarray, shape (position,)
         The estimator's block, as in `Entry`.
+    entries : tuple of tuple of Entry
+        The records behind each row.
     """
 
     positions: FloatArray
@@ -101,6 +111,69 @@ class Group:
     block: FloatArray
     blow_at: FloatArray
     decay_rate: FloatArray
+    entries: tuple[tuple[Entry, ...], ...] = ()
+
+
+@dataclass(frozen=True)
+class Records:
+    """
+    Records to fit on: merged by position for linear causes, apart for those that depend on the level.
+
+    Parameters
+    ----------
+    entries : tuple of Entry
+        The records.
+    """
+
+    entries: tuple[Entry, ...]
+
+    @cached_property
+    def merged(self) -> tuple[Group, ...]:
+        """Groups with one row a position."""
+        return merged(self.entries)
+
+    @cached_property
+    def apart(self) -> tuple[Group, ...]:
+        """Groups with one row a record, those that can be simulated alone."""
+        return merged(self.simulable, apart=True)
+
+    @cached_property
+    def simulable(self) -> tuple[Entry, ...]:
+        """Records whose force history is known or can be assumed."""
+        return tuple(e for e in self.entries if e.replay is not None)
+
+    @cached_property
+    def scatter(self) -> float:
+        """χ² of the records about what they are merged into: what a cause that ignores the level cannot lower."""
+        total = 0.0
+        for g in self.merged:
+            for row, same in zip(g.data, g.entries, strict=True):
+                total += sum(2.0 * float(np.sum(np.abs(e.data - row) ** 2 / e.variance)) for e in same)
+        return total
+
+    def coarse(self, lines: int, error: float) -> Records:
+        """
+        The same records with few lines and a widened noise.
+
+        Parameters
+        ----------
+        lines : int
+            Lines to keep, about.
+        error : float
+            Relative error of a merged row by which the noise is widened.
+
+        Returns
+        -------
+        Records
+            Coarser records.
+        """
+        behind = {id(e): len(same) for g in self.merged for same in g.entries for e in same}
+        out = []
+        for e in self.entries:
+            few = thinned(e, slice(None, None, max(1, e.freq.size // lines)))
+            widened = few.variance + behind[id(e)] * (error * np.abs(few.data)) ** 2
+            out.append(replace(few, variance=widened))
+        return Records(tuple(out))
 
 
 @dataclass(frozen=True)
@@ -161,7 +234,7 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
                 f"record {campaign.records[e.record].name}: only {np.count_nonzero(keep)} lines lie in the usable band of "
                 f"{low:.3g} to {high:.3g} Hz; measure longer, with a harder tip, or with more blows"
             )
-        cut.append(_replaced(e, keep))
+        cut.append(thinned(e, keep))
     names = tuple(n for n in machine.channels if any(n in e.channels for e in cut))
     acceleration = all(q == "acceleration" for e in cut for q in e.quantities)
     per_newton = acceleration and machine.input_quantity == "force"
@@ -193,7 +266,7 @@ def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
     return ", ".join(dict.fromkeys(f"{from_quantity[q]}/{below}" for e in entries for q in e.quantities))
 
 
-def merged(entries: Sequence[Entry]) -> tuple[Group, ...]:
+def merged(entries: Sequence[Entry], apart: bool = False) -> tuple[Group, ...]:
     """
     Records merged by position, weighted by their precision.
 
@@ -201,6 +274,8 @@ def merged(entries: Sequence[Entry]) -> tuple[Group, ...]:
     ----------
     entries : sequence of Entry
         Records.
+    apart : bool
+        Keep every record a row of its own.
 
     Returns
     -------
@@ -211,15 +286,30 @@ def merged(entries: Sequence[Entry]) -> tuple[Group, ...]:
     for e in entries:
         key = (e.channels, e.quantities, e.freq.size, float(e.freq[0]), float(e.freq[-1]))
         kinds.setdefault(key, []).append(e)
-    return tuple(_group(members) for members in kinds.values())
+    return tuple(_group(members, apart) for members in kinds.values())
 
 
-def _group(members: list[Entry]) -> Group:
+def site(e: Entry) -> tuple[float, ...]:
+    """
+    What records must share to be merged: position, and a block that loses the same tails.
+
+    Parameters
+    ----------
+    e : Entry
+        A record.
+
+    Returns
+    -------
+    tuple of float
+        Position, block and window.
+    """
+    return (float(np.nan_to_num(e.position, nan=-1.0)), round(e.block, 9), round(e.decay_rate, 9))
+
+
+def _group(members: list[Entry], apart: bool) -> Group:
     places: dict[tuple[float, ...], list[Entry]] = {}
     for e in members:
-        # Records of different blocks lose different tails: they are not averaged.
-        key = (float(np.nan_to_num(e.position, nan=-1.0)), round(e.block, 9), round(e.decay_rate, 9))
-        places.setdefault(key, []).append(e)
+        places.setdefault((float(e.record),) if apart else site(e), []).append(e)
     data, variance = [], []
     for same in places.values():
         precision = np.array([1.0 / e.variance for e in same])
@@ -237,6 +327,7 @@ def _group(members: list[Entry]) -> Group:
         block=np.array([e.block for e in first]),
         blow_at=np.array([np.mean([e.blow_at for e in same]) for same in places.values()]),
         decay_rate=np.array([e.decay_rate for e in first]),
+        entries=tuple(tuple(same) for same in places.values()),
     )
 
 
@@ -254,6 +345,12 @@ def _entry(index: int, record: Record) -> Entry:
         if record.kind == "impact":
             block = min(h.duration for h in record.histories)
             blow_at = float(np.mean([h.time[np.argmax(np.abs(h.force))] for h in record.histories]))
+    replay = None
+    if record.kind != "frf":
+        replay = replay_of(record)
+    elif record.excitation == "impact" and record.peak_force is not None:
+        at = BLOW_AT if np.isnan(blow_at) else blow_at
+        replay = assumed_blow(frf.freq, block, at, record.peak_force, np.array(frf.variance[0, 0, 0]))
     return Entry(
         record=index,
         position=float(frf.positions[0]),
@@ -267,11 +364,28 @@ def _entry(index: int, record: Record) -> Entry:
         blow_at=blow_at,
         decay_rate=record.exponential_decay,
         check=record.use == "check",
+        replay=replay,
     )
 
 
-def _replaced(e: Entry, keep: np.ndarray) -> Entry:
-    return Entry(**{**vars(e), "data": e.data[:, keep], "variance": e.variance[:, keep], "freq": e.freq[keep]})
+def thinned(e: Entry, keep: np.ndarray | slice) -> Entry:
+    """
+    A record on some of its lines.
+
+    Parameters
+    ----------
+    e : Entry
+        The record.
+    keep : ndarray of bool or slice
+        The lines.
+
+    Returns
+    -------
+    Entry
+        The record on them.
+    """
+    replay = None if e.replay is None else e.replay.at(keep)
+    return replace(e, data=e.data[:, keep], variance=e.variance[:, keep], freq=e.freq[keep], replay=replay)
 
 
 def _lowest_frequency(machine: Model, positions: Sequence[float]) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import signal
 
 from cutvib_ss.errors import DataFormatError, ParameterError
+from cutvib_ss.measurement.blocks import effective_averages, welch_blocks
 from cutvib_ss.measurement.noise import (
     NOISE_BINS,
     bin_correlation,
@@ -303,20 +304,11 @@ def _from_recording(
     record: Record, estimator: Estimator, noise_bins: int, block: float | None, overlap: float
 ) -> tuple[FloatArray, ComplexArray, FloatArray, FloatArray, int]:
     fs = record.histories[0].fs
-    shortest = min(history.force.size for history in record.histories)
-    seconds = record.block if block is None else block
-    size = 2 ** int(np.log2(max(shortest / 16, 16))) if seconds is None else round(seconds * fs)
-    if not 4 <= size <= shortest:
-        raise ParameterError(
-            f"record {record.name!r}: a block of {size} samples does not fit its {shortest}; choose `block` of "
-            f"{4 / fs:g} to {shortest / fs:g} s"
-        )
-    if not 0 <= overlap < 1:
-        raise ParameterError(f"overlap {overlap} must be at least 0 and below 1")
-    step = size - int(overlap * size)
+    size, shared = welch_blocks(record, block, overlap)
+    step = size - shared
     window = signal.get_window("hann", size)
     blocks = [1 + (history.force.size - size) // step for history in record.histories]
-    effective = sum(_effective_averages(window, step, count) for count in blocks)
+    effective = sum(effective_averages(window, step, count) for count in blocks)
     shares = np.array(blocks) / sum(blocks)
     freq: FloatArray = np.arange(size // 2 + 1, dtype=np.float64) * (fs / size)
     spectra = [_spectra(history, window, size - step) for history in record.histories]
@@ -357,16 +349,6 @@ def _spectra(history: History, window: FloatArray, shared: int) -> tuple[FloatAr
 
     force, responses = history.force[np.newaxis], history.responses
     return averaged(force, force)[0].real, averaged(force, responses), averaged(responses, responses).real
-
-
-def _effective_averages(window: FloatArray, step: int, count: int) -> float:
-    """Independent averages that overlapped blocks are worth (Welch 1967)."""
-    energy = float(np.sum(window**2))
-    shared = 0.0
-    for k in range(1, min(count, -(-window.size // step))):
-        together = float(np.sum(window[k * step :] * window[: window.size - k * step])) / energy
-        shared += 2 * (1 - k / count) * together**2
-    return count / (1 + shared)
 
 
 def _finite(variance: FloatArray, data: ComplexArray, input_power: FloatArray) -> FloatArray:

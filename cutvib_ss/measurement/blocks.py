@@ -1,0 +1,73 @@
+"""Blocks into which a continuous recording is cut (Welch's method)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.measurement.records import Record
+from cutvib_ss.results import FloatArray
+
+
+def welch_blocks(record: Record, block: float | None = None, overlap: float = 0.5) -> tuple[int, int]:
+    """
+    Blocks into which a continuous recording is cut.
+
+    Parameters
+    ----------
+    record : Record
+        Continuous recordings.
+    block : float, optional
+        Length of a block [s]; default the record's ``block``, else a sixteenth of the recording, rounded down to a power of
+        two of samples.
+    overlap : float
+        Overlap of the blocks, as a fraction.
+
+    Returns
+    -------
+    size, shared : int
+        Samples of a block, and of its overlap with the next.
+
+    Raises
+    ------
+    ParameterError
+        If a block does not fit the recording.
+    """
+    fs = record.histories[0].fs
+    shortest = min(history.force.size for history in record.histories)
+    seconds = record.block if block is None else block
+    size = 2 ** int(np.log2(max(shortest / 16, 16))) if seconds is None else round(seconds * fs)
+    if not 4 <= size <= shortest:
+        raise ParameterError(
+            f"record {record.name!r}: a block of {size} samples does not fit its {shortest}; choose `block` of "
+            f"{4 / fs:g} to {shortest / fs:g} s"
+        )
+    if not 0 <= overlap < 1:
+        raise ParameterError(f"overlap {overlap} must be at least 0 and below 1")
+    return size, int(overlap * size)
+
+
+def effective_averages(window: FloatArray, step: int, count: int) -> float:
+    """
+    Independent averages that overlapped blocks are worth.
+
+    Parameters
+    ----------
+    window : ndarray, shape (sample,)
+        The blocks' window.
+    step : int
+        Samples from one block to the next.
+    count : int
+        Number of blocks.
+
+    Returns
+    -------
+    float
+        The number (Welch 1967, for white noise).
+    """
+    energy = float(np.sum(window**2))
+    shared = 0.0
+    for k in range(1, min(count, -(-window.size // step))):
+        together = float(np.sum(window[k * step :] * window[: window.size - k * step])) / energy
+        shared += 2 * (1 - k / count) * together**2
+    return count / (1 + shared)

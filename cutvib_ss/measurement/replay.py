@@ -1,0 +1,220 @@
+"""
+A record's estimator kept for later: the measured force is run through a model, and what comes out is estimated as it was.
+
+H1 is linear in the responses, so that a simulated history passes through the very weights, blocks and windows of the measured
+one; leakage, truncation and uneven blows are then part of the prediction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import signal
+
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.measurement.blocks import welch_blocks
+from cutvib_ss.measurement.estimation import blow_start
+from cutvib_ss.measurement.records import Record
+from cutvib_ss.results import ComplexArray, FloatArray
+
+PULSE_SAMPLES = 12
+"""Samples that a blow made up for an estimated frequency response is long, at least."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """
+    H1 of one record as the functional of its responses that it is.
+
+    Parameters
+    ----------
+    forces : tuple of ndarray, shape (sample,)
+        Force of each blow or recording, its offset removed [N].
+    fs : float
+        Sampling frequency [Hz].
+    lines : ndarray of int, shape (frequency,)
+        Lines of the estimator's transform that are kept.
+    block, overlap : int
+        Samples of a Welch block and of its overlap; a block of 0 takes each blow as one.
+    assumed : bool
+        Whether the force is made up (a half sine), since only estimated responses were recorded.
+    """
+
+    forces: tuple[FloatArray, ...]
+    fs: float
+    lines: np.ndarray
+    block: int = 0
+    overlap: int = 0
+    assumed: bool = False
+
+    def ratio(self, under: Sequence[FloatArray], over: Sequence[FloatArray]) -> ComplexArray:
+        """
+        H1 of some histories over others.
+
+        Parameters
+        ----------
+        under : sequence of ndarray, shape (sample,)
+            One history a blow, in place of the force.
+        over : sequence of ndarray, shape (..., sample)
+            What is estimated, one a blow.
+
+        Returns
+        -------
+        ndarray, shape (..., frequency)
+            The ratio on the kept lines; zero where ``under`` is.
+        """
+        crossed, power = np.zeros(0, dtype=np.complex128), np.zeros(0)
+        for x, y in zip(under, over, strict=True):
+            if self.block:
+                # Blocks of unlike recordings count by their number.
+                count = 1 + (x.size - self.block) // (self.block - self.overlap)
+                c = count * self._welch(x, y)
+                p = count * self._welch(x, x).real
+            else:
+                spectrum = np.fft.rfft(x)[self.lines]
+                c = spectrum.conj() * np.fft.rfft(y, axis=-1)[..., self.lines]
+                p = np.abs(spectrum) ** 2
+            crossed, power = (c, p) if not power.size else (crossed + c, power + p)
+        floor = 1e-28 * float(np.max(power, initial=0.0))
+        return np.asarray(
+            np.where(power > floor, crossed / np.maximum(power, floor + 1e-300), 0.0), dtype=np.complex128
+        )
+
+    def _welch(self, x: FloatArray, y: FloatArray) -> ComplexArray:
+        """Cross-spectral density on the kept lines."""
+        density = signal.csd(
+            x[(None,) * (y.ndim - 1)], y, window="hann", nperseg=self.block, noverlap=self.overlap, detrend="constant"
+        )[1]
+        return np.asarray(density, dtype=np.complex128)[..., self.lines]
+
+    def data(self, responses: Sequence[FloatArray]) -> ComplexArray:
+        """
+        Frequency responses as the record's estimator would show them.
+
+        Parameters
+        ----------
+        responses : sequence of ndarray, shape (channel, sample)
+            Responses to each of ``forces``.
+
+        Returns
+        -------
+        ndarray, shape (channel, frequency)
+            The estimate.
+        """
+        return self.ratio(self.forces, responses)
+
+    def only(self, blows: int) -> Replay:
+        """
+        The first blows alone.
+
+        Parameters
+        ----------
+        blows : int
+            How many.
+
+        Returns
+        -------
+        Replay
+            Their estimator.
+        """
+        return replace(self, forces=self.forces[:blows])
+
+    def at(self, keep: np.ndarray | slice) -> Replay:
+        """
+        Some of the lines.
+
+        Parameters
+        ----------
+        keep : ndarray of bool, or slice
+            Which of the kept lines stay.
+
+        Returns
+        -------
+        Replay
+            The estimator on them.
+        """
+        return replace(self, lines=self.lines[keep])
+
+
+def replay_of(record: Record) -> Replay:
+    """
+    The estimator of a record with histories, on all its lines.
+
+    Parameters
+    ----------
+    record : Record
+        Blows or continuous recordings.
+
+    Returns
+    -------
+    Replay
+        Its H1.
+
+    Raises
+    ------
+    ParameterError
+        If the record holds estimated responses.
+    """
+    if record.kind == "frf":
+        raise ParameterError(f"record {record.name!r} holds no histories; use `assumed_blow`")
+    fs = record.histories[0].fs
+    if record.kind == "timeseries":
+        size, overlap = welch_blocks(record)
+        return Replay(tuple(h.force for h in record.histories), fs, np.arange(size // 2 + 1), size, overlap)
+    samples = min(h.force.size for h in record.histories)
+    forces = []
+    for h in record.histories:
+        rest = min(blow_start(h.force), samples)
+        forces.append(h.force[:samples] - (np.mean(h.force[:rest]) if rest else 0.0))
+    return Replay(tuple(forces), fs, np.arange(samples // 2 + 1))
+
+
+def assumed_blow(
+    freq: FloatArray, block: float, blow_at: float, peak_force: float, variance: FloatArray | None = None
+) -> Replay:
+    """
+    A blow that may have been behind an estimated frequency response.
+
+    Parameters
+    ----------
+    freq : ndarray, shape (frequency,)
+        Frequencies of the response [Hz], whole multiples of 1/block.
+    block : float
+        Length of the estimator's block [s].
+    blow_at : float
+        Instant of the blow [s].
+    peak_force : float
+        Its peak [N].
+    variance : ndarray, shape (frequency,), optional
+        Variance of the response: with white noise on the response it goes as 1/|F|², which tells the blow's length.
+
+    Returns
+    -------
+    Replay
+        A half sine of that peak, and H1.
+    """
+    length = 1.0 / float(freq[-1])
+    if variance is not None:
+        lengths = np.geomspace(0.15, 1.4, 60) / float(freq[-1])
+        shape = -0.5 * np.log(variance)
+        left = []
+        for d in lengths:
+            model = np.log(np.abs(_half_sine(freq, d)) / d + 1e-3)
+            left.append(np.var(shape - model))
+        length = float(lengths[int(np.argmin(left))])
+    fs = max(2.5 * float(freq[-1]), PULSE_SAMPLES / length)
+    samples = 2 * int(np.ceil(block * fs / 2))
+    fs = samples / block
+    t = np.arange(samples) / fs - blow_at
+    force = np.where((t >= 0) & (t <= length), np.sin(np.pi * np.clip(t / length, 0.0, 1.0)), 0.0) * peak_force
+    return Replay((force,), fs, np.round(freq * block).astype(int), assumed=True)
+
+
+def _half_sine(freq: FloatArray, length: float) -> FloatArray:
+    """Modulus of the transform of a half sine of unit peak."""
+    x = 2.0 * freq * length
+    near = np.abs(1.0 - x**2) < 1e-6
+    value = np.where(near, np.pi / 4, np.cos(np.pi * x / 2) / np.where(near, 1.0, 1.0 - x**2))
+    return np.asarray(2.0 * length / np.pi * np.abs(value), dtype=np.float64)
