@@ -1,0 +1,157 @@
+"""What one absorber on the tool does over the workspace (Fig. 20), and the study over tunings and dampings behind Table 7."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import pi
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import signal
+
+from cutvib_ss.absorber.coupling import attach_absorber, dynamic_stiffness
+from cutvib_ss.machine import Machine
+from cutvib_ss.parameters import AbsorberParameters
+from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.results import AbsorberCheck, FloatArray, FrequencyResponse, read_only
+
+WORKING_FREQUENCY = 217.0
+"""Fundamental frequency of the cutting tool's force [Hz] (Section 2)."""
+
+_PEAK_PROMINENCE = 0.02
+"""A peak stands out of its surroundings by this part of the largest value."""
+
+
+@dataclass(frozen=True)
+class AbsorberStudy:
+    """
+    Absorbers over a grid of tunings and dampings, each judged by its worst position.
+
+    Parameters
+    ----------
+    working_frequency : float
+        Frequency of the tool's force [Hz].
+    positions : array_like, shape (position,)
+        Positions y_b / L over which the worst is taken.
+    tuning : array_like, shape (tuning,)
+        Tuning frequencies [Hz].
+    damping_ratio : array_like, shape (damping,)
+        Damping ratios of the absorber.
+    before : array_like, shape (position,)
+        Modulus of the driving-point accelerance at the working frequency without an absorber [m/s^2/N].
+    worst : array_like, shape (tuning, damping)
+        Largest modulus over the positions with the absorber [m/s^2/N].
+    best : AbsorberParameters
+        The absorber whose worst position is the best.
+    """
+
+    working_frequency: float
+    positions: FloatArray
+    tuning: FloatArray
+    damping_ratio: FloatArray
+    before: FloatArray
+    worst: FloatArray
+    best: AbsorberParameters
+
+    def __post_init__(self) -> None:
+        for name in ("positions", "tuning", "damping_ratio", "before", "worst"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
+
+
+def check_absorber(
+    machine: Machine,
+    absorber: AbsorberParameters,
+    positions: ArrayLike = (1 / 3, 1 / 2),
+    working_frequency: float = WORKING_FREQUENCY,
+    freq: ArrayLike | None = None,
+) -> AbsorberCheck:
+    """
+    What an absorber on the tool in X does over the workspace (Fig. 20).
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine without it.
+    absorber : AbsorberParameters
+        The absorber.
+    positions : array_like, shape (position,)
+        y_b / L; by default the two of Fig. 20.
+    working_frequency : float
+        Frequency of the tool's force [Hz].
+    freq : array_like, shape (frequency,), optional
+        Frequencies of the responses and their peaks [Hz]; 150 to 300 Hz by default.
+
+    Returns
+    -------
+    AbsorberCheck
+        Accelerance XX at the working frequency before and after, the responses around it, and their peaks.
+    """
+    lines = np.arange(150.0, 300.0 + 0.125, 0.25) if freq is None else freq
+    with_it = attach_absorber(machine, absorber)
+    near = [frequency_response(m, positions, lines, outputs=("tool_x",)) for m in (machine, with_it)]
+    there = [
+        np.abs(frequency_response(m, positions, [working_frequency], outputs=("tool_x",)).data[:, 0, 0, 0])
+        for m in (machine, with_it)
+    ]
+    return AbsorberCheck(
+        absorber, working_frequency, near[0].positions, there[0], there[1], near[0], near[1], *map(_peaks, near)
+    )
+
+
+def parametric_study(
+    machine: Machine,
+    positions: ArrayLike = (1 / 3, 1 / 2),
+    mass: float = 0.08,
+    tuning: Sequence[float] | FloatArray | None = None,
+    damping_ratio: Sequence[float] | FloatArray | None = None,
+    working_frequency: float = WORKING_FREQUENCY,
+) -> AbsorberStudy:
+    """
+    Absorbers of one mass over tunings and dampings, each judged by its worst position (the study behind Table 7).
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine without absorber.
+    positions : array_like, shape (position,)
+        y_b / L over which the worst is taken; by default the two of Fig. 20.
+    mass : float
+        m_a [kg].
+    tuning : sequence of float, optional
+        Tuning frequencies [Hz]; 210 to 250 Hz in steps of 1 Hz by default.
+    damping_ratio : sequence of float, optional
+        Damping ratios; 0.01 to 0.05 in steps of 0.005 by default.
+    working_frequency : float
+        Frequency of the tool's force [Hz].
+
+    Returns
+    -------
+    AbsorberStudy
+        What is left at the worst position for each absorber, and the best of them.
+
+    Notes
+    -----
+    At the driving point Eq. 23 is a' = a / (1 + z a), so the whole grid costs one frequency response a position.
+    """
+    tunings = np.arange(210.0, 250.5) if tuning is None else np.asarray(tuning, dtype=float)
+    dampings = np.arange(10, 51, 5) / 1000 if damping_ratio is None else np.asarray(damping_ratio, dtype=float)
+    frf = frequency_response(machine, positions, [working_frequency], form="receptance", outputs=("tool_x",))
+    driving = frf.data[:, 0, 0, 0]
+    grid = [[AbsorberParameters(float(f), float(zeta), mass) for zeta in dampings] for f in tunings]
+    z = np.array([[dynamic_stiffness(a, [working_frequency])[0] for a in row] for row in grid])
+    to_acceleration = (2 * pi * working_frequency) ** 2
+    left = to_acceleration * np.abs(driving / (1.0 + z[..., None] * driving))
+    worst = left.max(axis=-1)
+    i, j = np.unravel_index(int(np.argmin(worst)), worst.shape)
+    best = replace(grid[i][j], source="parametric study")
+    before = to_acceleration * np.abs(driving)
+    return AbsorberStudy(working_frequency, frf.positions, tunings, dampings, before, worst, best)
+
+
+def _peaks(frf: FrequencyResponse) -> tuple[tuple[float, ...], ...]:
+    out = []
+    for modulus in np.abs(frf.data[:, 0, 0]):
+        index, _ = signal.find_peaks(modulus, prominence=_PEAK_PROMINENCE * modulus.max())
+        out.append(tuple(float(f) for f in frf.freq[index]))
+    return tuple(out)
