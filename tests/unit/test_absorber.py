@@ -1,21 +1,28 @@
 """The absorber: Sherman-Morrison and the attached subsystem are one."""
 
+from pathlib import Path
+
 import control
 import numpy as np
 import pytest
 
 from cutvib_ss.absorber import (
+    MountedAbsorber,
     absorbed_response,
     attach_absorber,
+    attach_absorbers,
     check_absorber,
     dynamic_stiffness,
     sherman_morrison,
 )
+from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.machine import published_machine
+from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.parameters import AbsorberParameters, table_7
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray
+from tests.unit.diagnosis_example import example_structure
 
 FREQ = np.arange(2.0, 600.0, 1.5)
 MACHINE = published_machine()
@@ -83,6 +90,29 @@ def test_a_massless_absorber_would_change_nothing() -> None:
     before = frequency_response(MACHINE, 0.5, FREQ)
     light = absorbed_response(before, AbsorberParameters(212.0, 0.04, 1e-12))
     assert differ(light.data, before.data) < 1e-9
+
+
+def test_absorbers_are_written_and_read_back_below_the_effects(tmp_path: Path) -> None:
+    mounted = (MountedAbsorber(table_7()), MountedAbsorber(AbsorberParameters(434.0, 0.02, 0.03), "head_z"))
+    corrected = LocalResonator("head", 0.5, 180.0, 0.03).apply(MACHINE)
+    for model in (attach_absorbers(MACHINE, mounted), attach_absorbers(corrected, mounted)):
+        write_machine(model, tmp_path / "machine.toml")
+        text = (tmp_path / "machine.toml").read_text()
+        assert text.count("[[absorber]]") == 2
+        back = read_machine(tmp_path / "machine.toml")
+        assert [a.port for a in back.attachments][:2] == ["tool_x", "head_z"]
+        assert len(back.effects) == len(model.effects)
+        one, other = (frequency_response(m, [0.3], FREQ).data for m in (model, back))
+        assert np.array_equal(one, other)
+        known = back if back.bare is None else back.bare
+        assert len(known.attachments) == 2
+
+
+def test_a_structure_keeps_its_absorber_too(tmp_path: Path) -> None:
+    structure = example_structure()
+    port = next(iter(structure.system.ports))
+    write_machine(attach_absorber(structure, table_7(), port), tmp_path / "two.toml")
+    assert read_machine(tmp_path / "two.toml").attachments == attach_absorber(structure, table_7(), port).attachments
 
 
 def test_what_is_not_a_square_matrix_is_refused() -> None:

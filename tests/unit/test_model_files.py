@@ -190,6 +190,9 @@ def test_an_earlier_file_survives_a_failed_write(tmp_path: Path) -> None:
         ('[[effect]]\neffect = "added_mass"\nplace = "tool"\nmass = -1', r"effect\[1\].*head\.m2 = -0\.4"),
         ('[[effect]]\neffect = "added_mass"\nplace = "tool"\nmass = "1"', r"effect\[1\].*mass = '1'"),
         ('[[effect]]\neffect = "added_mass"\nplace = "tool"\nmass = 1\nm = 2', r"effect\[1\]\.m: unknown key"),
+        ("[[absorber]]\nfrequency = 212\nmass = 0.08", r"absorber\[1\]\.damping_ratio: missing"),
+        ("[[absorber]]\nfrequency = 212\ndamping_ratio = 0.04\nmass = 0", r"absorber\[1\].*mass = 0"),
+        ('[[absorber]]\nport = "t"\nfrequency = 212\ndamping_ratio = 0.04\nmass = 1', r"absorber\[1\].*no port 't'"),
     ],
 )
 def test_a_bad_machine_is_refused_with_its_key(tmp_path: Path, text: str, key: str) -> None:

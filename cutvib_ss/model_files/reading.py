@@ -1,14 +1,12 @@
-"""machine.toml, both kinds, with its effects: read with checks, written so that it reads back as the same model."""
+"""machine.toml, both kinds, with its absorbers and effects: read with checks."""
 
 from __future__ import annotations
 
-import json
 import os
-import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass, replace
-from math import degrees, inf, isclose, nextafter, radians
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, fields, replace
+from math import radians
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,14 +14,14 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from cutvib_ss.effects import catalogue
-from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.machine import Machine
 from cutvib_ss.mechanical import Channel, SecondOrder
-from cutvib_ss.parameters import StructureTolerances, Tolerances, recovered_rail, table_3
+from cutvib_ss.parameters import AbsorberParameters, StructureTolerances, Tolerances, recovered_rail, table_3
 from cutvib_ss.results import Quantity
 from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS
+from cutvib_ss.subsystems.elements import Attachment, SprungMass
 from cutvib_ss.subsystems.rail import Rail
 
 _ANGLES = ("theta01", "theta02")
@@ -104,11 +102,19 @@ class _InputTable(_Table):
     base_acceleration: str | None = None
 
 
+class _AbsorberTable(_Table):
+    port: str = "tool_x"
+    frequency: float
+    damping_ratio: float
+    mass: float
+
+
 class _MachineFile(_Table):
     model: _MachineKind = _MachineKind()
     head: _HeadTable = _HeadTable()
     rail: _RailTable = _RailTable()
     tolerance: _ToleranceTable = _ToleranceTable()
+    absorber: list[_AbsorberTable] = []
     effect: list[dict[str, Any]] = []
 
 
@@ -118,15 +124,13 @@ class _StructureFile(_Table):
     channels: dict[str, _ChannelTable]
     input: _InputTable
     tolerance: _StructureToleranceTable = _StructureToleranceTable()
+    absorber: list[_AbsorberTable] = []
     effect: list[dict[str, Any]] = []
-
-
-# --- reading ----------------------------------------------------------------------------------------------------------
 
 
 def read_machine(path: str | os.PathLike[str]) -> Model:
     """
-    The model of a machine.toml, with its effects applied in their order.
+    The model of a machine.toml, with its absorbers, and its effects applied in their order.
 
     Parameters
     ----------
@@ -158,7 +162,7 @@ def read_machine(path: str | os.PathLike[str]) -> Model:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise DataFormatError(f"{file}: not valid TOML ({error}); correct that line") from error
     try:
-        return _model(content, str(file))
+        return model_of(content, str(file))
     except ValidationError as error:
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
         raise DataFormatError(f"{file}: {_say(error.errors()[0])}{more}") from None
@@ -166,16 +170,36 @@ def read_machine(path: str | os.PathLike[str]) -> Model:
         raise ParameterError(f"{file}: {error}") from error
 
 
-def _model(content: dict[str, Any], source: str) -> Model:
+def model_of(content: dict[str, Any], source: str) -> Model:
+    """
+    The model of a machine.toml's content.
+
+    Parameters
+    ----------
+    content : dict
+        The parsed file.
+    source : str
+        Where it is from, for the record.
+
+    Returns
+    -------
+    Machine or Structure
+        The model, with its absorbers, then its effects in their order.
+
+    Raises
+    ------
+    ParameterError
+        If a value is impossible.
+    """
     table = content.get("model", {})
     kind = table.get("kind", "cutting_machine") if isinstance(table, dict) else "cutting_machine"
     if kind not in ("cutting_machine", "second_order"):
         raise ParameterError(f'model.kind = {kind!r} must be "cutting_machine" or "second_order"')
     if kind == "cutting_machine":
         tables = _MachineFile.model_validate(content)
-        return _with_effects(_machine(tables, source), tables.effect)
+        return _with_effects(_with_absorbers(_machine(tables, source), tables.absorber), tables.effect)
     structure = _StructureFile.model_validate(content)
-    return _with_effects(_structure(structure), structure.effect)
+    return _with_effects(_with_absorbers(_structure(structure), structure.absorber), structure.effect)
 
 
 def _machine(tables: _MachineFile, source: str) -> Machine:
@@ -245,6 +269,18 @@ def _square(name: str, rows: list[list[float]], n: int) -> np.ndarray:
     return matrix
 
 
+def _with_absorbers(model: Model, tables: Sequence[_AbsorberTable]) -> Model:
+    for number, table in enumerate(tables, start=1):
+        try:
+            checked = AbsorberParameters(table.frequency, table.damping_ratio, table.mass)
+            (model.head_system() if isinstance(model, Machine) else model.system).port(table.port)
+        except ParameterError as error:
+            raise ParameterError(f"absorber[{number}]: {error}") from error
+        element = SprungMass(checked.mass, checked.frequency, checked.damping_ratio)
+        model = replace(model, attachments=(*model.attachments, Attachment(table.port, element)))
+    return model
+
+
 def _with_effects(model: Model, tables: Sequence[Mapping[str, Any]]) -> Model:
     for number, table in enumerate(tables, start=1):
         where = f"effect[{number}]"
@@ -279,116 +315,3 @@ def _say(error: Any) -> str:
     if error["type"] == "model_type":
         return f"{where} = {error['input']!r}: must be a table"
     return f"{where} = {error['input']!r}: {error['msg'][0].lower()}{error['msg'][1:]}"
-
-
-# --- writing ----------------------------------------------------------------------------------------------------------
-
-
-def write_machine(model: Model, path: str | os.PathLike[str]) -> None:
-    """
-    Write a model as machine.toml: the bare values, then its effects.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    path : str or path-like
-        The file; it is replaced only once the new one is complete.
-
-    Raises
-    ------
-    ParameterError
-        If the file would not read back as the same model, because something in it is no effect of the catalogue.
-    DataFormatError
-        If the file cannot be written.
-    """
-    file = Path(path)
-    text = "\n".join(_lines(model)) + "\n"
-    if not _same(_model(tomllib.loads(text), str(file)), model):
-        raise ParameterError(
-            "the model holds more than its bare values and its effects, and machine.toml has no words for that; "
-            "fill its slots with effects of the catalogue"
-        )
-    draft = file.with_name(f".{file.name}.{os.getpid()}.tmp")
-    try:
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(file)
-    except OSError as error:
-        draft.unlink(missing_ok=True)
-        raise DataFormatError(f"{file}: cannot be written ({error.strerror}); check the folder") from error
-
-
-def _lines(model: Model) -> Iterator[str]:
-    bare = model if model.bare is None else model.bare
-    if isinstance(bare, Machine):
-        yield from ["[model]", 'kind = "cutting_machine"', "", "[head]"]
-        for name in HEAD_PARAMETERS:
-            value = getattr(bare.head, name)
-            yield f"{name}_deg = {_in_degrees(value)!r}" if name in _ANGLES else f"{name} = {float(value)!r}"
-        yield from ["", "[rail]"]
-        yield from (_entry(name, getattr(bare.rail.parameters, name)) for name in _RAIL)
-    else:
-        yield from _structure_lines(bare)
-    yield from ["", "[tolerance]"]
-    yield from (_entry(f.name, getattr(bare.tolerance, f.name)) for f in fields(bare.tolerance))
-    for effect in model.effects:
-        assert isinstance(effect, Effect)
-        yield from ["", "[[effect]]", _entry("effect", effect.effect)]
-        yield from (_entry(f.name, getattr(effect, f.name)) for f in fields(effect))
-
-
-def _structure_lines(bare: Structure) -> Iterator[str]:
-    system = bare.scaled
-    yield from ["[model]", 'kind = "second_order"', _entry("dofs", system.dofs)]
-    yield from (_entry(name, getattr(system, name).tolist()) for name in _MATRICES)
-    yield from ["", "[ports]"]
-    yield from (_entry(name, row.tolist()) for name, row in system.ports.items())
-    yield from ["", "[channels]"]
-    for name, channel in bare.channels.items():
-        yield f"{_key(name)} = {{ port = {_value(channel.port)}, quantity = {_value(channel.quantity)} }}"
-    what = "force" if bare.input_quantity == "force" else "base_acceleration"
-    yield from ["", "[input]", _entry(what, bare.input_port)]
-
-
-def _entry(name: str, value: Any) -> str:
-    return f"{_key(name)} = {_value(value)}"
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_value, value))}]"
-    return repr(value) if isinstance(value, int) else repr(float(value))
-
-
-def _in_degrees(angle: float) -> float:
-    """The shortest number of degrees that reads back as the same angle."""
-    exact = degrees(angle)
-    for candidate in (float(f"{exact:.12g}"), exact, nextafter(exact, inf), nextafter(exact, -inf)):
-        if radians(candidate) == angle:
-            return candidate
-    return exact
-
-
-def _same(one: Any, other: Any) -> bool:
-    """Whether two models hold the same values; where they come from does not count."""
-    if isinstance(one, Structure) and isinstance(other, Structure):
-        # The factors of a tuned structure are written into its matrices.
-        one, other = (replace(m, system=m.scaled, scales=(1.0, 1.0, 1.0)) for m in (one, other))
-    if is_dataclass(one) and type(one) is type(other):
-        names = [f.name for f in fields(one) if f.name not in ("effects", "bare", "source", "caveat")]
-        return all(_same(getattr(one, name), getattr(other, name)) for name in names)
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(_same(one[k], other[k]) for k in one)
-    if isinstance(one, np.ndarray):
-        return bool(np.allclose(one, other, rtol=1e-9, atol=1e-12 * max(1e-300, float(np.abs(one).max(initial=0.0)))))
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(map(_same, one, other))
-    if isinstance(one, float | int) and isinstance(other, float | int):
-        return isclose(one, other, rel_tol=1e-9)
-    return bool(one == other)
