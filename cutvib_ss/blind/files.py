@@ -1,0 +1,217 @@
+"""Files of a trial: written whole or not at all, hashed by their content, packed for a worker on another machine."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import shutil
+import tarfile
+import tempfile
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from cutvib_ss.errors import DataFormatError
+
+PACKAGE = Path(__file__).resolve().parents[1]
+"""The package's own folder."""
+
+_NOT_CODE = {".pyc", ".pyo", ".nbi", ".nbc"}
+
+
+def now() -> str:
+    """
+    The time, to the microsecond.
+
+    Returns
+    -------
+    str
+        ISO 8601, UTC.
+    """
+    return datetime.now(UTC).isoformat(timespec="microseconds")
+
+
+def canonical(data: Any) -> bytes:
+    """
+    Data as JSON in the one form that is hashed.
+
+    Parameters
+    ----------
+    data : object
+        What JSON can hold, without NaN or Infinity.
+
+    Returns
+    -------
+    bytes
+        UTF-8, keys in order.
+
+    Examples
+    --------
+    >>> canonical({"b": 1, "a": [0.5]})
+    b'{"a":[0.5],"b":1}'
+    """
+    return json.dumps(data, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
+def digest(content: bytes) -> str:
+    """
+    SHA-256 of some bytes.
+
+    Parameters
+    ----------
+    content : bytes
+        What to hash.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
+    return hashlib.sha256(content).hexdigest()
+
+
+def folder_hash(folder: Path) -> str:
+    """
+    SHA-256 of a folder's content: the files' names and bytes, not their dates.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
+    return _hash_of(folder, [p for p in folder.rglob("*") if p.is_file()])
+
+
+def code_hash() -> str:
+    """
+    SHA-256 of the package as it runs: its modules and the data that ship with it.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits.
+    """
+    files = (p for p in PACKAGE.rglob("*") if p.is_file() and p.suffix not in _NOT_CODE)
+    return _hash_of(PACKAGE, [p for p in files if "__pycache__" not in p.parts and not p.name.startswith(".")])
+
+
+def _hash_of(root: Path, files: list[Path]) -> str:
+    total = hashlib.sha256()
+    for file in sorted(files, key=lambda p: p.relative_to(root).as_posix()):
+        total.update(file.relative_to(root).as_posix().encode() + b"\0")
+        total.update(hashlib.sha256(file.read_bytes()).digest())
+    return total.hexdigest()
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """
+    Write a file so that a reader finds the old one or the new one, never a part.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its folder exists.
+    content : bytes
+        What goes into it.
+    """
+    descriptor, draft = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(draft).replace(path)
+    except BaseException:
+        Path(draft).unlink(missing_ok=True)
+        raise
+
+
+def write_json(path: Path, data: Any) -> None:
+    """
+    Write data as indented JSON, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    data : object
+        What JSON can hold.
+    """
+    write_bytes(path, (json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode())
+
+
+def read_json(path: Path) -> Any:
+    """
+    Read JSON.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    object
+        Its content.
+
+    Raises
+    ------
+    DataFormatError
+        If it cannot be read.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataFormatError(f"{path}: cannot be read ({error.strerror})") from error
+    except ValueError as error:
+        raise DataFormatError(f"{path}: is no JSON ({error}); it was cut short or changed by hand") from error
+
+
+def packed(folder: Path) -> bytes:
+    """
+    A folder's files as one archive, without dates and owners.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+
+    Returns
+    -------
+    bytes
+        An uncompressed tar archive.
+    """
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w") as archive:
+        for file in sorted(folder.rglob("*")):
+            if file.is_file():
+                entry = tarfile.TarInfo(file.relative_to(folder).as_posix())
+                entry.size = file.stat().st_size
+                with file.open("rb") as content:
+                    archive.addfile(entry, content)
+    return buffer.getvalue()
+
+
+def unpack(archive: bytes, folder: Path) -> None:
+    """
+    Unpack an archive into a folder that appears once it is complete.
+
+    Parameters
+    ----------
+    archive : bytes
+        From `packed`.
+    folder : Path
+        Folder to be; what an interrupted attempt left beside it is cleared away.
+    """
+    draft = folder.with_name(f".{folder.name}.part")
+    shutil.rmtree(draft, ignore_errors=True)
+    with tarfile.open(fileobj=io.BytesIO(archive)) as content:
+        content.extractall(draft, filter="data")
+    draft.rename(folder)

@@ -1,0 +1,182 @@
+"""What a trial consists of: how many cases of which kind, each with its own seed, in an order that tells nothing."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+
+from cutvib_ss.errors import ParameterError
+
+Kind: TypeAlias = Literal["none", "single", "pair", "outside"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+"""No gap; one cause of the catalogue; two of them; a cause outside it."""
+
+SHARES: Mapping[str, float] = {"none": 0.30, "outside": 0.12, "pair": 0.08}
+"""Parts of a trial by default; the rest has one cause. Of 500 cases: 150, 60, 40 and 250."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """
+    A case to be made by the rig.
+
+    Parameters
+    ----------
+    seed : int
+        Of everything about the case.
+    kind : {"none", "single", "pair", "outside"}
+        What is wrong with the machine.
+    cause : str or None
+        Which cause, where the kind leaves a choice; None leaves it to the rig.
+    severity : tuple of float
+        Range from which the severity is drawn, relative to the rig's usual one.
+    """
+
+    seed: int
+    kind: Kind
+    cause: str | None
+    severity: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """
+    What was asked for: the same settings make the same cases.
+
+    Parameters
+    ----------
+    cases : int
+        Number of cases.
+    seed : int
+        Of all cases.
+    mix : mapping of str to int
+        Number of cases of each kind.
+    severity : tuple of float
+        Range of severities.
+    """
+
+    cases: int
+    seed: int
+    mix: Mapping[str, int]
+    severity: tuple[float, float] = (0.3, 2.0)
+
+    def to_dict(self) -> dict[str, Any]:
+        """
+        The settings as plain data.
+
+        Returns
+        -------
+        dict
+            By field.
+        """
+        return {**asdict(self), "severity": list(self.severity)}
+
+
+def settings(cases: int, seed: int, mix: str | None = None, severity: tuple[float, float] = (0.3, 2.0)) -> Settings:
+    """
+    Settings of a trial from what a user gives.
+
+    Parameters
+    ----------
+    cases : int
+        Number of cases.
+    seed : int
+        Of all cases.
+    mix : str, optional
+        Numbers by kind, such as ``"none=150,outside=60,pair=40"``; the rest has one cause.
+    severity : tuple of float
+        Range of severities.
+
+    Returns
+    -------
+    Settings
+        The settings.
+
+    Raises
+    ------
+    ParameterError
+        If they contradict each other.
+
+    Examples
+    --------
+    >>> settings(500, 1).mix
+    {'none': 150, 'outside': 60, 'pair': 40, 'single': 250}
+    >>> settings(12, 1, "none=3,pair=1").mix
+    {'none': 3, 'outside': 0, 'pair': 1, 'single': 8}
+    """
+    if cases < 1:
+        raise ParameterError(f"--cases {cases}: a trial has at least one case")
+    if seed < 0:
+        raise ParameterError(f"--seed {seed}: must not be negative")
+    if not 0.0 < severity[0] <= severity[1] < float("inf"):
+        raise ParameterError(f"--severity {severity[0]:g}:{severity[1]:g}: needs 0 < LO <= HI, both finite")
+    counts = {kind: round(share * cases) for kind, share in SHARES.items()} if mix is None else _counts(mix)
+    singles = cases - sum(counts.values())
+    if singles < 0:
+        raise ParameterError(f"--mix {mix}: asks for {cases - singles} cases, --cases for {cases}")
+    return Settings(cases, seed, {**counts, "single": singles}, severity)
+
+
+def _counts(mix: str) -> dict[str, int]:
+    counts = dict.fromkeys(SHARES, 0)
+    for part in mix.split(","):
+        kind, _, number = part.partition("=")
+        if kind.strip() not in counts or not number.strip().isdecimal():
+            raise ParameterError(f"--mix {mix}: give KIND=NUMBER for {', '.join(counts)}, such as none=150,outside=60")
+        counts[kind.strip()] = int(number)
+    return counts
+
+
+def requests(asked: Settings, causes: Sequence[str], outside: Sequence[str]) -> tuple[Request, ...]:
+    """
+    The cases of a trial.
+
+    Parameters
+    ----------
+    asked : Settings
+        What was asked for.
+    causes, outside : sequence of str
+        Causes that the rig can make, inside the catalogue and outside it; each comes about equally often.
+
+    Returns
+    -------
+    tuple of Request
+        In random order.
+    """
+    rng = np.random.default_rng(asked.seed)
+    seeds = np.random.SeedSequence(asked.seed).generate_state(asked.cases, np.uint64)
+    choices: dict[str, Sequence[str]] = {"single": causes, "outside": outside}
+    drawn: list[tuple[Kind, str | None]] = []
+    for kind in KINDS:
+        names = choices.get(kind, ())
+        order = rng.permutation(len(names))
+        for i in range(asked.mix[kind]):
+            drawn.append((kind, names[order[i % len(names)]] if len(names) else None))
+    return tuple(
+        Request(int(seed) >> 1, *drawn[k], asked.severity)  # fits a signed integer, for rigs in other languages
+        for seed, k in zip(seeds, rng.permutation(asked.cases), strict=True)
+    )
+
+
+def neutral_name(salt: bytes, index: int) -> str:
+    """
+    A name for a case that tells neither its kind nor its turn.
+
+    Parameters
+    ----------
+    salt : bytes
+        Secret of the trial.
+    index : int
+        The case's turn.
+
+    Returns
+    -------
+    str
+        Twelve hexadecimal digits.
+    """
+    return hmac.new(salt, str(index).encode(), hashlib.sha256).hexdigest()[:12]
