@@ -173,6 +173,26 @@ def png(figure: Figure, dpi: float = 150.0, colours: int = 256) -> bytes:
     return small.getvalue()
 
 
+def svg(figure: Figure) -> str:
+    """
+    A figure as SVG for a page: sharp at any size, and small where it has few lines.
+
+    Parameters
+    ----------
+    figure : Figure
+        The picture.
+
+    Returns
+    -------
+    str
+        The SVG file; the same figure gives the same text.
+    """
+    text = io.StringIO()
+    with mpl.rc_context(_STYLE):
+        figure.savefig(text, format="svg", metadata={"Date": None})
+    return text.getvalue()
+
+
 def position_colours(positions: Sequence[float]) -> list[Any]:
     """
     A colour for each position along the rail, spread over those that there are; one for all where there is none.

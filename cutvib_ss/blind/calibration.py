@@ -1,0 +1,397 @@
+"""
+The numbers behind the stated probabilities, fitted to opened trials and judged on others.
+
+What is fitted is the log loss of the probability on the truth: it is least where stated probabilities come true and are as sharp as
+the evidence allows. Cases to judge on come from other trials, with other seeds and severities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize
+
+from cutvib_ss.blind.cases import NONE, UNKNOWN, Causes, causes_of, truth_of
+from cutvib_ss.blind.files import code_hash, now, read_json
+from cutvib_ss.blind.seal import Trial
+from cutvib_ss.blind.statistics import calibration_error
+from cutvib_ss.errors import DataFormatError, ParameterError
+from cutvib_ss.gap.calibration import Calibration, Evidence, posterior, shipped
+from cutvib_ss.results import FloatArray
+
+SCHEMA = "cutvib-calibration/1"
+FLOOR = 1e-6
+"""Least probability that the log loss knows: one case that was wrong beyond all doubt must not outweigh the rest."""
+HOLD = 0.02
+"""Weight of a prior on the numbers, a factor of e each from where they start: it decides only what the cases do not."""
+BOUNDS: Mapping[str, tuple[float, float]] = {
+    "temperature": (0.2, 200.0),
+    "detection": (0.1, 2000.0),
+    "pairs": (1e-3, 10.0),
+    "left_over": (1.02, 5.0),
+    "sharpness": (1e-3, 1.0),
+    "of_the_gap": (1e-6, 0.1),
+    "doubt": (1e-5, 0.2),
+}
+
+
+@dataclass(frozen=True)
+class CaseEvidence:
+    """
+    One case: what the fits said, and what was true.
+
+    Parameters
+    ----------
+    name : str
+        The case.
+    truth : frozenset of (effect, place)
+        What a right answer names.
+    named : mapping of str to frozenset
+        What each candidate names.
+    evidence : Evidence
+        What the fits said.
+    """
+
+    name: str
+    truth: Causes
+    named: Mapping[str, Causes]
+    evidence: Evidence
+
+
+@dataclass(frozen=True)
+class TrialEvidence:
+    """
+    The evidence of an opened trial.
+
+    Parameters
+    ----------
+    folder : str
+        Name of its folder.
+    settings : dict
+        Cases, seed, mix and severity.
+    code_sha256 : str
+        Hash of the code that diagnosed.
+    cases : tuple of CaseEvidence
+        Its cases that were diagnosed.
+    """
+
+    folder: str
+    settings: Mapping[str, Any]
+    code_sha256: str
+    cases: tuple[CaseEvidence, ...]
+
+
+@dataclass(frozen=True)
+class Figures:
+    """
+    How good probabilities are on a set of cases.
+
+    Parameters
+    ----------
+    set : str
+        Which cases, by which numbers.
+    cases : int
+        How many.
+    log_loss : float
+        Mean of -ln of the probability on the truth.
+    right : float
+        Part whose first answer is right.
+    calibration_error : float
+        Expected calibration error of the first answers.
+    """
+
+    set: str
+    cases: int
+    log_loss: float
+    right: float
+    calibration_error: float
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """
+    Fitted numbers, with how they came about.
+
+    Parameters
+    ----------
+    before, numbers : Calibration
+        Where the fit started, and where it ended.
+    figures : tuple of Figures
+        On the cases of the fit and on those to judge, by either.
+    fitted, judged : tuple of TrialEvidence
+        The trials.
+    """
+
+    before: Calibration
+    numbers: Calibration
+    figures: tuple[Figures, ...]
+    fitted: tuple[TrialEvidence, ...]
+    judged: tuple[TrialEvidence, ...]
+
+    def changes(self) -> list[tuple[str, float, float]]:
+        """
+        Each number before and after.
+
+        Returns
+        -------
+        list of (str, float, float)
+            Name and values.
+        """
+        old, new = asdict(self.before), asdict(self.numbers)
+        return [(name, old[name], new[name]) for name in old]
+
+    def to_dict(self) -> dict[str, Any]:
+        """
+        The numbers as they are kept with the package, with the commands that remake them.
+
+        Returns
+        -------
+        dict
+            Of the schema ``cutvib-calibration/1``.
+        """
+
+        def told(trials: Sequence[TrialEvidence]) -> list[dict[str, Any]]:
+            return [
+                {"folder": t.folder, "settings": dict(t.settings), "code_sha256": t.code_sha256, "cases": len(t.cases)}
+                for t in trials
+            ]
+
+        judge = "".join(f" --judge {t.folder}" for t in self.judged)
+        return {
+            "schema": SCHEMA,
+            "made": now(),
+            "command": f"cutvib blind calibrate {' '.join(t.folder for t in self.fitted)}{judge} --out calibration.json",
+            "code_sha256": code_hash(),
+            "numbers": asdict(self.numbers),
+            "before": asdict(self.before),
+            "figures": [asdict(f) for f in self.figures],
+            "fitted_on": told(self.fitted),
+            "judged_on": told(self.judged),
+        }
+
+
+def read_evidence(folder: Path) -> TrialEvidence:
+    """
+    The evidence of a trial that has been opened.
+
+    Parameters
+    ----------
+    folder : Path
+        The trial's folder.
+
+    Returns
+    -------
+    TrialEvidence
+        Its diagnosed cases.
+
+    Raises
+    ------
+    ParameterError
+        If the trial is still sealed.
+    DataFormatError
+        If its diagnoses hold no evidence.
+    """
+    trial = Trial(folder)
+    if not trial.labels.is_file():
+        raise ParameterError(
+            f"{folder}: the seal of this trial is not open; score it first: cutvib blind score {folder}"
+        )
+    opened, commitment = read_json(trial.labels), read_json(trial.commitment)
+    cases = [
+        case_evidence(name, label, read_json(trial.diagnosis(name)))
+        for name, label in sorted(opened["labels"].items())
+        if trial.diagnosis(name).is_file()
+    ]
+    return TrialEvidence(folder.resolve().name, opened["settings"], commitment["code_sha256"], tuple(cases))
+
+
+def case_evidence(name: str, label: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> CaseEvidence:
+    """
+    The evidence of a case.
+
+    Parameters
+    ----------
+    name : str
+        The case.
+    label : dict
+        Of the rig.
+    diagnosis : dict
+        JSON of ``cutvib diagnose``, with its ``evidence``.
+
+    Returns
+    -------
+    CaseEvidence
+        The evidence.
+
+    Raises
+    ------
+    DataFormatError
+        If the diagnosis holds none.
+    """
+    kept = diagnosis.get("evidence")
+    if kept is None:
+        raise DataFormatError(f"{name}: its diagnosis holds no evidence; it was made by a version that kept none")
+    rows = kept["candidates"]
+    named = {
+        r["name"]: NONE if r["effect"] == "none" else causes_of(r["effect"], r["place"], r.get("parameters") or {})
+        for r in rows
+    }
+    evidence = Evidence(
+        log_evidence={r["name"]: float(r["log_evidence"]) for r in rows},
+        causes={n: 0 if c == NONE else len(c) for n, c in named.items()},
+        reduced=float(kept["reduced_chi2"]),
+        held={
+            r["name"]: np.inf if r["held_reduced_chi2"] is None else float(r["held_reduced_chi2"])
+            for r in rows
+            if r.get("judged", r["held_reduced_chi2"] is not None)
+        },
+    )
+    return CaseEvidence(name, truth_of(label).causes, named, evidence)
+
+
+def stated(case: CaseEvidence, numbers: Calibration) -> dict[Causes, float]:
+    """
+    Probabilities by what is named, equivalent candidates together.
+
+    Parameters
+    ----------
+    case : CaseEvidence
+        The case.
+    numbers : Calibration
+        The scales.
+
+    Returns
+    -------
+    dict
+        Probability of each answer.
+    """
+    out: dict[Causes, float] = {}
+    for name, p in posterior(case.evidence, numbers).items():
+        answer = UNKNOWN if name == "unknown" else case.named[name]
+        out[answer] = out.get(answer, 0.0) + p
+    return out
+
+
+def figures(what: str, cases: Sequence[CaseEvidence], numbers: Calibration) -> Figures:
+    """
+    How good the probabilities of some numbers are.
+
+    Parameters
+    ----------
+    what : str
+        Name of the set.
+    cases : sequence of CaseEvidence
+        The cases.
+    numbers : Calibration
+        The scales.
+
+    Returns
+    -------
+    Figures
+        On these cases.
+    """
+    answers = [stated(c, numbers) for c in cases]
+    first = [max(a, key=lambda k: a[k]) for a in answers]
+    right = [f == c.truth for f, c in zip(first, cases, strict=True)]
+    return Figures(
+        set=what,
+        cases=len(cases),
+        log_loss=_log_loss(cases, answers),
+        right=float(np.mean(right)) if right else float("nan"),
+        calibration_error=calibration_error([a[f] for a, f in zip(answers, first, strict=True)], right),
+    )
+
+
+def _log_loss(cases: Sequence[CaseEvidence], answers: Sequence[Mapping[Causes, float]]) -> float:
+    true = np.array([a.get(c.truth, 0.0) for a, c in zip(answers, cases, strict=True)])
+    return float(-np.mean(np.log(np.maximum(true, FLOOR)))) if true.size else float("nan")
+
+
+def fit_numbers(cases: Sequence[CaseEvidence], start: Calibration) -> Calibration:
+    """
+    Numbers of least log loss.
+
+    Parameters
+    ----------
+    cases : sequence of CaseEvidence
+        The cases.
+    start : Calibration
+        Where to start; what the cases do not decide stays near it.
+
+    Returns
+    -------
+    Calibration
+        The numbers, within their bounds.
+
+    Notes
+    -----
+    Nelder and Mead in the logarithms, from the start and from hotter and colder ones: the loss has kinks where the first
+    answer changes.
+    """
+    names = list(BOUNDS)
+    low, high = np.log([BOUNDS[n][0] for n in names]), np.log([BOUNDS[n][1] for n in names])
+    home = np.clip(np.log([max(getattr(start, n), 1e-12) for n in names]), low, high)
+
+    def numbers(x: FloatArray) -> Calibration:
+        return Calibration(**dict(zip(names, np.exp(np.clip(x, low, high)).tolist(), strict=True)))
+
+    def loss(x: FloatArray) -> float:
+        made = numbers(x)
+        held = HOLD * float(np.sum((x - home) ** 2)) / max(len(cases), 1)
+        return _log_loss(cases, [stated(c, made) for c in cases]) + held
+
+    best = home
+    for shift in (0.0, 1.0, -1.0):
+        # Temperature and sharpness decide which basin is found.
+        first = home + shift * np.array([n in ("temperature", "sharpness") for n in names])
+        simplex = np.vstack([first, first + 0.7 * np.eye(len(names))])
+        found = minimize(
+            loss, first, method="Nelder-Mead", options={"initial_simplex": simplex, "maxfev": 1200, "xatol": 1e-2, "fatol": 1e-5}
+        )  # fmt: skip
+        best = min(best, found.x, key=loss)
+    return numbers(best)
+
+
+def calibrate(
+    trials: Sequence[TrialEvidence], judges: Sequence[TrialEvidence] = (), start: Calibration | None = None
+) -> Calibrated:
+    """
+    Fit the numbers to opened trials and judge them on others.
+
+    Parameters
+    ----------
+    trials : sequence of TrialEvidence
+        Cases to fit on.
+    judges : sequence of TrialEvidence
+        Cases to judge on.
+    start : Calibration, optional
+        Where to start; by default what ships with the package.
+
+    Returns
+    -------
+    Calibrated
+        The numbers, with figures.
+
+    Raises
+    ------
+    ParameterError
+        If a trial is in both, by its folder or its seed and severities.
+    """
+    for judge in judges:
+        for trial in trials:
+            if judge.settings == trial.settings or judge.settings.get("seed") == trial.settings.get("seed"):
+                raise ParameterError(
+                    f"{judge.folder}: has the seed of {trial.folder}, on which the numbers are fitted; judge on another"
+                )
+    before = shipped() if start is None else start
+    fitted = [c for t in trials for c in t.cases]
+    judged = [c for t in judges for c in t.cases]
+    after = fit_numbers(fitted, before)
+    sets = [("fitted on, before", fitted, before), ("fitted on, after", fitted, after)]
+    if judged:
+        sets += [("judged on, before", judged, before), ("judged on, after", judged, after)]
+    return Calibrated(before, after, tuple(figures(*s) for s in sets), tuple(trials), tuple(judges))

@@ -1,0 +1,372 @@
+"""The score of an opened trial: rows with goals, confusion, calibration, and every case that was sure and wrong."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutvib_ss.blind.cases import NONE, UNKNOWN, Case, Causes, name_of, read_cases
+from cutvib_ss.blind.files import read_json
+from cutvib_ss.blind.rows import LARGE, SMALL, SURE, Row, confidences, excess_closed, left_over, rows
+from cutvib_ss.blind.seal import Trial, open_seal
+from cutvib_ss.blind.statistics import (
+    Bin,
+    Estimate,
+    calibration_error,
+    calibration_error_if_perfect,
+    proportion,
+    reliability,
+    risk_coverage,
+)
+from cutvib_ss.results import FloatArray
+
+SCHEMA = "cutvib-blind-score/1"
+SEVERITIES = (0.0, SMALL, 1.0, LARGE, 5.0, 15.0, math.inf)
+"""Limits of the gap over noise between which cases are counted together."""
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """
+    How often each truth got each name.
+
+    Parameters
+    ----------
+    truths, named : tuple of str
+        Rows and columns.
+    counts : ndarray, shape (truth, named)
+        Cases.
+    """
+
+    truths: tuple[str, ...]
+    named: tuple[str, ...]
+    counts: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+
+
+@dataclass(frozen=True)
+class Group:
+    """
+    Cases counted together.
+
+    Parameters
+    ----------
+    name : str
+        What they share.
+    right : Estimate
+        Part whose first answer is right.
+    probability : float
+        Mean probability on the truth.
+    """
+
+    name: str
+    right: Estimate
+    probability: float
+
+
+@dataclass(frozen=True)
+class Shrinkage:
+    """
+    How far the gap is said to shrink.
+
+    Parameters
+    ----------
+    name : str
+        The case.
+    stated, low, high : float
+        Shrinkage on held-out records, and its 95 % interval.
+    reachable : float
+        What a perfect model would reach on them: all but noise.
+    right : bool
+        Whether the first answer is the truth.
+    """
+
+    name: str
+    stated: float
+    low: float
+    high: float
+    reachable: float
+    right: bool
+
+
+@dataclass(frozen=True)
+class Score:
+    """
+    A trial's score.
+
+    Parameters
+    ----------
+    about : dict
+        When, by which code, how many cases of which kind.
+    rows : tuple of Row
+        The figures.
+    causes, places : Confusion
+        Truths against names.
+    bins : tuple of Bin
+        Reliability.
+    coverage, risk : ndarray
+        Part of wrong answers among the surest.
+    by_severity, by_cause : tuple of Group
+        Cases with one cause by size of the gap; all cases by cause.
+    cases : tuple of Case
+        All cases.
+    baselines : mapping of str to tuple of Row
+        The same figures of simpler methods.
+    """
+
+    about: Mapping[str, Any]
+    rows: tuple[Row, ...]
+    causes: Confusion
+    places: Confusion
+    bins: tuple[Bin, ...]
+    coverage: FloatArray
+    risk: FloatArray
+    by_severity: tuple[Group, ...]
+    by_cause: tuple[Group, ...]
+    cases: tuple[Case, ...]
+    baselines: Mapping[str, tuple[Row, ...]] = field(default_factory=dict)
+
+    @property
+    def shrinkage(self) -> tuple[Shrinkage, ...]:
+        """Cases with causes of the catalogue, whose diagnosis states how far it goes."""
+        inside = (_shrinkage(c) for c in self.cases if c.truth.kind in ("single", "pair"))
+        return tuple(s for s in inside if s is not None)
+
+    @property
+    def sure_and_wrong(self) -> tuple[Case, ...]:
+        """Cases whose first answer was stated with at least 0.9 and is wrong, the surest first."""
+        found = [c for c in self.cases if c.answer.confidence >= SURE and not c.right]
+        return tuple(sorted(found, key=lambda c: -c.answer.confidence))
+
+    def to_dict(self) -> dict[str, Any]:
+        """
+        The score as plain data; what is not finite becomes None.
+
+        Returns
+        -------
+        dict
+            Of the schema ``cutvib-blind-score/1``.
+        """
+        p, right = confidences(self.cases), [c.right for c in self.cases]
+        chance, bound = calibration_error_if_perfect(p)
+        data = {
+            "schema": SCHEMA,
+            "trial": dict(self.about),
+            "rows": [_row(r) for r in self.rows],
+            "confusion": {
+                name: {"truths": list(m.truths), "named": list(m.named), "counts": m.counts.tolist()}
+                for name, m in (("causes", self.causes), ("places", self.places))
+            },
+            "reliability": {
+                "calibration_error": calibration_error(p, right),
+                "if_perfect": {"mean": chance, "quantile95": bound},
+                "bins": [
+                    {"low": b.low, "high": b.high, "confidence": b.confidence, **_estimate(b.right, "right")}
+                    for b in self.bins
+                ],
+            },
+            "risk_coverage": {"coverage": self.coverage.tolist(), "risk": self.risk.tolist()},
+            "shrinkage": [vars(s) for s in self.shrinkage],
+            "by_severity": [_group(g) for g in self.by_severity],
+            "by_cause": [_group(g) for g in self.by_cause],
+            "sure_and_wrong": [c.name for c in self.sure_and_wrong],
+            "cases": [case_data(c) for c in self.cases],
+            "baselines": {name: [_row(r) for r in own] for name, own in self.baselines.items()},
+        }
+        finite: dict[str, Any] = _finite(data)
+        return finite
+
+
+def score_trial(folder: Path) -> Score:
+    """
+    Open a trial's seal and score it.
+
+    Parameters
+    ----------
+    folder : Path
+        The trial's folder.
+
+    Returns
+    -------
+    Score
+        The score.
+
+    Raises
+    ------
+    SealError
+        If the seal does not hold, or cases are not diagnosed yet.
+    """
+    trial = Trial(folder)
+    secret = open_seal(trial)
+    commitment, opening = read_json(trial.commitment), read_json(trial.opening)
+    about = {
+        "folder": folder.resolve().name,
+        "sealed": commitment["sealed"],
+        "opened": opening["opened"],
+        "version": commitment["version"],
+        "code_sha256": commitment["code_sha256"],
+        "labels_sha256": commitment["labels_sha256"],
+        "settings": secret["settings"],
+    }
+    return scored(read_cases(trial, secret["labels"]), about)
+
+
+def scored(cases: Sequence[Case], about: Mapping[str, Any]) -> Score:
+    """
+    The score of some cases.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        All cases of a trial.
+    about : mapping
+        What to say of the trial.
+
+    Returns
+    -------
+    Score
+        The score.
+    """
+    kinds = Counter(c.truth.kind for c in cases)
+    coverage, risk = risk_coverage(confidences(cases), [c.right for c in cases])
+    single = [c for c in cases if c.truth.kind == "single"]
+    return Score(
+        about={**about, "cases": len(cases), "kinds": dict(sorted(kinds.items()))},
+        rows=rows(cases),
+        causes=_confusion(cases, lambda c: _truth(c), _named),
+        places=_confusion(cases, lambda c: "+".join(sorted(c.truth.place)), lambda c: "+".join(sorted(c.answer.place))),
+        bins=reliability(confidences(cases), [c.right for c in cases]),
+        coverage=coverage,
+        risk=risk,
+        by_severity=tuple(
+            _grouped(f"{low:g}-{high:g} σ" if math.isfinite(high) else f"≥ {low:g} σ", own)
+            for low, high in pairwise(SEVERITIES)
+            if (own := [c for c in single if low <= c.truth.gap_sigma < high])
+        ),
+        by_cause=tuple(
+            _grouped(name, [c for c in cases if _truth(c) == name]) for name in sorted({_truth(c) for c in cases})
+        ),
+        cases=tuple(cases),
+    )
+
+
+def _shrinkage(case: Case) -> Shrinkage | None:
+    gap = case.answer.diagnosis.get("gap", {})
+    interval = gap.get("shrinkage_interval") or [None, None]
+    figures = (gap.get("shrinkage"), *interval, gap.get("noise_floor"), gap.get("before"))
+    if any(f is None for f in figures):
+        return None
+    stated, low, high, noise, before = (float(f) for f in figures)
+    return Shrinkage(case.name, stated, low, high, max(1.0 - noise / before, 0.0), case.right)
+
+
+def _truth(case: Case) -> str:
+    return "pair" if case.truth.kind == "pair" else case.truth.name
+
+
+def _named(case: Case) -> str:
+    first = case.answer.first
+    if first is None:
+        return "failed"
+    # Pairs are many and rare: one column for those that are right, one for others.
+    if len(first) > 1:
+        return "pair" if first == case.truth.causes else "another pair"
+    return name_of(first)
+
+
+def _confusion(cases: Sequence[Case], truth: Callable[[Case], str], named: Callable[[Case], str]) -> Confusion:
+    pairs = Counter((truth(c), named(c) or "failed") for c in cases)
+    truths = sorted({t for t, _ in pairs}, key=_last)
+    names = sorted({n for _, n in pairs} | {t for t in truths if not t.startswith("outside:")}, key=_last)
+    counts = np.array([[pairs[t, n] for n in names] for t in truths], dtype=np.int64).reshape(len(truths), len(names))
+    return Confusion(tuple(truths), tuple(names), counts)
+
+
+def _last(name: str) -> tuple[int, str]:
+    """Causes in order, then what is none."""
+    late = ("none", "pair", "another pair", "outside", "unknown", "failed")
+    head = name.split(":")[0]
+    return (late.index(head) + 1 if head in late else 0, name)
+
+
+def _grouped(name: str, cases: Sequence[Case]) -> Group:
+    stated = [c.answer.probability_of(c.truth.causes) for c in cases]
+    return Group(name, proportion([c.right for c in cases]), float(np.mean(stated)))
+
+
+def case_data(case: Case) -> dict[str, Any]:
+    """
+    One case as plain data.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+
+    Returns
+    -------
+    dict
+        What was wrong beside what was said.
+    """
+    gap = case.answer.diagnosis.get("gap", {})
+    first: Causes | None = case.answer.first
+    return {
+        "campaign": case.name,
+        "kind": case.truth.kind,
+        "truth": case.truth.name,
+        "truth_place": "+".join(sorted(case.truth.place)),
+        "gap_sigma": case.truth.gap_sigma,
+        "severity": case.truth.label.get("severity"),
+        "verdict": case.answer.verdict,
+        "named": None if first is None else name_of(first),
+        "named_place": "+".join(sorted(case.answer.place)),
+        "confidence": case.answer.confidence,
+        "probability_of_truth": case.answer.probability_of(case.truth.causes),
+        "probability_of_none": case.answer.probability_of(NONE),
+        "probability_of_unknown": case.answer.probability_of(UNKNOWN),
+        "set_size": len(case.answer.likely),
+        "right": case.right,
+        "reduced_chi2": left_over(case),
+        "excess_closed": excess_closed(case),
+        "shrinkage": gap.get("shrinkage"),
+        "shrinkage_interval": gap.get("shrinkage_interval"),
+        "seconds": case.run.get("cpu_seconds"),
+        "message": case.run.get("message") if case.answer.verdict == "failed" else "",
+    }
+
+
+def _row(row: Row) -> dict[str, Any]:
+    return {
+        "key": row.key,
+        "title": row.title,
+        "unit": row.unit,
+        **_estimate(row.estimate, "value"),
+        "goal": row.goal,
+        "at_least": row.at_least,
+        "met": row.met,
+        "note": row.note,
+    }
+
+
+def _estimate(estimate: Estimate, name: str) -> dict[str, Any]:
+    return {name: estimate.value, "interval": [estimate.low, estimate.high], "cases": estimate.cases}
+
+
+def _group(group: Group) -> dict[str, Any]:
+    return {"name": group.name, **_estimate(group.right, "right"), "probability": group.probability}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

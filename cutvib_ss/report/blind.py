@@ -1,0 +1,263 @@
+"""A sealed trial's score for reading: as lines and cells of text, as Markdown, as one page with pictures."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from cutvib_ss.blind.cases import Case, name_of
+from cutvib_ss.blind.rows import Row
+from cutvib_ss.blind.score import Group, Score, case_data
+from cutvib_ss.blind.statistics import Estimate
+from cutvib_ss.plot import blind as pictures
+from cutvib_ss.plot.style import svg
+
+_MET = {True: "yes", False: "no", None: "-"}
+
+
+def heading(score: Score) -> list[str]:
+    """
+    What the trial was.
+
+    Parameters
+    ----------
+    score : Score
+        A trial's score.
+
+    Returns
+    -------
+    list of str
+        Sentences.
+    """
+    about, s = score.about, score.about["settings"]
+    kinds = ", ".join(f"{n} {kind}" for kind, n in about["kinds"].items())
+    low, high = s["severity"]
+    mix = ",".join(f"{kind}={n}" for kind, n in s["mix"].items() if kind != "single")
+    return [
+        f"{about['cases']} cases: {kinds}.",
+        f"Command: cutvib blind run --cases {s['cases']} --seed {s['seed']} --mix {mix} --severity {low:g}:{high:g}",
+        f"Sealed {about['sealed'][:16]}, opened {about['opened'][:16]} (UTC); version {about['version']}, "
+        f"code {about['code_sha256'][:12]}.",
+    ]
+
+
+def figure(value: float, unit: str) -> str:
+    """
+    A figure of the score.
+
+    Parameters
+    ----------
+    value : float
+        The figure.
+    unit : str
+        ``"%"`` for a part of one, ``"s"``, or none.
+
+    Returns
+    -------
+    str
+        For instance ``"93.2 %"``; "-" where it is not known.
+    """
+    if not math.isfinite(value):
+        return "∞" if value > 0 else "-"
+    if unit == "%":
+        return f"{100 * value:.1f} %"
+    return (
+        f"{value:.3g} s"
+        if unit == "s"
+        else f"{value:.3f}".rstrip("0").rstrip(".")
+        if abs(value) < 10
+        else f"{value:.3g}"
+    )
+
+
+def goal(row: Row) -> str:
+    """
+    A row's goal.
+
+    Parameters
+    ----------
+    row : Row
+        The row.
+
+    Returns
+    -------
+    str
+        For instance ``"≥ 95 %"``.
+    """
+    if row.goal is None:
+        return ""
+    sign = "≥" if row.at_least else "≤" if row.goal else "="
+    number = f"{100 * row.goal:g} %" if row.unit == "%" else f"{row.goal:g}{' s' if row.unit == 's' else ''}"
+    return f"{sign} {number}"
+
+
+def interval(estimate: Estimate, unit: str) -> str:
+    """
+    A 95 % interval.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        A figure with its interval.
+    unit : str
+        As in `figure`.
+
+    Returns
+    -------
+    str
+        For instance ``"90.1-95.0 %"``; empty without cases.
+    """
+    if estimate.cases == 0:
+        return ""
+    low, high = figure(estimate.low, unit), figure(estimate.high, unit)
+    return f"{low.removesuffix(' %').removesuffix(' s')}-{high}"
+
+
+def row_cells(score: Score, row: Row) -> list[str]:
+    """
+    A row as cells: figure, goal, measured, interval, cases, met, and each baseline's figure.
+
+    Parameters
+    ----------
+    score : Score
+        The score that it belongs to.
+    row : Row
+        The row.
+
+    Returns
+    -------
+    list of str
+        Cells.
+    """
+    others = []
+    for own in score.baselines.values():
+        same = next((r for r in own if r.key == row.key), None)
+        others.append("" if same is None or same.estimate.cases == 0 else figure(same.estimate.value, row.unit))
+    e = row.estimate
+    met = _MET[row.met] if row.goal is not None else ""
+    return [row.title, goal(row), figure(e.value, row.unit), interval(e, row.unit), str(e.cases), met, *others]
+
+
+def group_cells(group: Group) -> list[str]:
+    """
+    A group of cases as cells: name, right, interval, cases.
+
+    Parameters
+    ----------
+    group : Group
+        The group.
+
+    Returns
+    -------
+    list of str
+        Cells.
+    """
+    return [group.name, figure(group.right.value, "%"), interval(group.right, "%"), str(group.right.cases)]
+
+
+def wrong_cells(case: Case) -> list[str]:
+    """
+    A case that was sure and wrong, as cells: campaign, truth, named, stated, size of the gap.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+
+    Returns
+    -------
+    list of str
+        Cells.
+    """
+    named = "-" if case.answer.first is None else name_of(case.answer.first)
+    truth = case.truth.name if case.truth.kind != "outside" else f"{case.truth.name} at {'+'.join(case.truth.place)}"
+    return [case.name, truth, named, f"{case.answer.confidence:.3f}", f"{case.truth.gap_sigma:.3g}"]
+
+
+def score_markdown(score: Score) -> str:
+    """
+    The score as a page of Markdown.
+
+    Parameters
+    ----------
+    score : Score
+        A trial's score.
+
+    Returns
+    -------
+    str
+        Goals beside figures, then the groups and the list of sure and wrong answers.
+    """
+    methods = list(score.baselines)
+    parts = ["# Latest result of the sealed trial", "", *(f"{line}  " for line in heading(score)), ""]
+    head = ["figure", "goal", "measured", "95 % interval", "cases", "met", *methods]
+    parts += _table(head, [row_cells(score, row) for row in score.rows])
+    notes = [f"- {row.title}: {row.note}." for row in score.rows if row.note]
+    parts += ["", "Notes:", "", *notes]
+    group_head = ["", "right", "95 % interval", "cases"]
+    parts += [
+        "",
+        "## By size of the gap, one cause",
+        "",
+        *_table(group_head, [group_cells(g) for g in score.by_severity]),
+    ]
+    parts += ["", "## By cause", "", *_table(group_head, [group_cells(g) for g in score.by_cause])]
+    wrong = [wrong_cells(c) for c in score.sure_and_wrong]
+    parts += ["", "## Sure and wrong", ""]
+    parts += _table(["campaign", "truth", "named", "stated", "gap [σ]"], wrong) if wrong else ["No case."]
+    return "\n".join(parts) + "\n"
+
+
+def _table(head: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
+    lines = [head, ["---"] * len(head), *cells]
+    return ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
+
+
+def score_html(score: Score) -> str:
+    """
+    The score as one self-contained page.
+
+    Parameters
+    ----------
+    score : Score
+        A trial's score.
+
+    Returns
+    -------
+    str
+        HTML with its pictures inside; nothing is loaded from anywhere.
+    """
+    environment = Environment(
+        loader=PackageLoader("cutvib_ss.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True,
+    )  # fmt: skip
+    return environment.get_template("blind.html.j2").render(
+        heading=heading(score),
+        methods=list(score.baselines),
+        rows=[(row_cells(score, row), row) for row in score.rows],
+        by_cause=[group_cells(g) for g in score.by_cause],
+        wrong=[wrong_cells(c) for c in score.sure_and_wrong],
+        cases=[case_data(c) for c in score.cases],
+        pictures={
+            "reliability": _inline(pictures.reliability_diagram(score), "r"),
+            "risk": _inline(pictures.risk_curve(score), "c"),
+            "severity": _inline(pictures.severity_curve(score), "s"),
+            "shrinkage": _inline(pictures.shrinkage_scatter(score), "k"),
+            "causes": _inline(pictures.confusion_map(score.causes, "Causes"), "m"),
+            "places": _inline(pictures.confusion_map(score.places, "Places"), "p"),
+        },
+    )
+
+
+def _inline(picture: Figure, prefix: str) -> Markup:
+    """A picture as an element of the page; its ids are made its own, for the page holds several."""
+    text = svg(picture)
+    text = text[text.index("<svg") :]
+    text = re.sub(r'\bid="', f'id="{prefix}-', text)
+    text = re.sub(r'(url\(|href=")#', rf"\1#{prefix}-", text)
+    return Markup(text)
