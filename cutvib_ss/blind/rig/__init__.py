@@ -1,0 +1,9 @@
+"""
+The virtual machine of the sealed trial: flexible multibody dynamics (exudyn), hammer blows, sensors, files.
+
+It shares no modelling code with the package that diagnoses.
+"""
+
+from cutvib_ss.blind.rig.cases import CAUSES, OUTSIDE_KINDS, Case, draw_case, write_campaign
+
+__all__ = ["CAUSES", "OUTSIDE_KINDS", "Case", "draw_case", "write_campaign"]

@@ -1,0 +1,225 @@
+"""
+The rail by finite elements: Hermite beams with or without shear (Przemieniecki's form), shafts for the twist.
+
+Node i carries deflection w, slope s and twist t. Lengths come from a mesh with nodes where something acts. The bending
+frequency of the plain rail between pins gives EI; its modes carry the damping.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, eigh
+
+from cutvib_ss.blind.rig.structure import Fittings, Rail, Twist
+
+Array = NDArray[np.float64]
+
+ELEMENTS = 64
+"""At least so many elements along the rail."""
+
+
+@dataclass(frozen=True)
+class RailMatrices:
+    """
+    The rail over its kept coordinates, in physical units.
+
+    `interface` is how many coordinates at the front are physical: deflection under the head, then the twist there (where
+    the rail twists), then the deflections of ends that are free; the others are fixed-interface modes.
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    interface: tuple[str, ...]
+
+
+def mesh(length: float, points: tuple[float, ...]) -> Array:
+    """Nodes [m] along the rail, some of them at the given y / L."""
+    cuts = np.unique(np.concatenate([[0.0, 1.0], points]))
+    counts = np.maximum(1, np.ceil(np.diff(cuts) * ELEMENTS).astype(int))
+    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(cuts[:-1], cuts[1:], counts, strict=True)]
+    return length * np.append(np.concatenate(pieces), 1.0)
+
+
+def bending_element(h: float, ei: float, mu: float, shear: float, rotary: float) -> tuple[Array, Array]:
+    """
+    Mass and stiffness over (w, s) at both ends.
+
+    `shear` is 12EI/(κGA h²) and `rotary` the inertia of rotation per length, both 0 for a slender beam.
+    """
+    p = shear
+    k = np.array(
+        [
+            [12, 6 * h, -12, 6 * h],
+            [6 * h, (4 + p) * h * h, -6 * h, (2 - p) * h * h],
+            [-12, -6 * h, 12, -6 * h],
+            [6 * h, (2 - p) * h * h, -6 * h, (4 + p) * h * h],
+        ]
+    )
+    # The shapes that make this stiffness exact, integrated: translation and rotation of the section.
+    x, weight = np.polynomial.legendre.leggauss(5)
+    x, weight = (x + 1) / 2, weight / 2
+    w = np.array(
+        [
+            1 - 3 * x**2 + 2 * x**3 + p * (1 - x),
+            h * (x - 2 * x**2 + x**3 + p * (x - x**2) / 2),
+            3 * x**2 - 2 * x**3 + p * x,
+            h * (-(x**2) + x**3 - p * (x - x**2) / 2),
+        ]
+    ) / (1 + p)
+    turn = np.array(
+        [
+            6 * (x**2 - x) / h,
+            1 - 4 * x + 3 * x**2 + p * (1 - x),
+            6 * (x - x**2) / h,
+            3 * x**2 - 2 * x + p * x,
+        ]
+    ) / (1 + p)
+    m = mu * h * (w * weight) @ w.T + rotary * h * (turn * weight) @ turn.T
+    return m, ei / (h**3 * (1 + p)) * k
+
+
+def bending(rail: Rail, nodes: Array, fittings: Fittings) -> tuple[Array, Array]:
+    """
+    Mass and stiffness of the free rail in bending over (w, s) of all nodes.
+
+    A crack gives its node a second slope, the last coordinate, for the elements on its right.
+    """
+    mu = rail.mass / rail.length
+    ei = mu * (2 * np.pi * rail.first_frequency) ** 2 * (rail.length / np.pi) ** 4
+    kga, rotary = np.inf, 0.0
+    if fittings.shear is not None:
+        kga = fittings.shear.shear_ratio * np.pi**2 * ei / rail.length**2
+        rotary = mu * ei * fittings.shear.modulus_ratio / kga  # ρI = μ EI/(EA), EA = κGA / (κG/E)
+    crack = fittings.crack
+    n = 2 * nodes.size + (crack is not None)
+    mass, stiffness = np.zeros((n, n)), np.zeros((n, n))
+    hinge = -1 if crack is None else node_at(nodes, crack.position)
+    for i, h in enumerate(np.diff(nodes)):
+        m, k = bending_element(h, ei, mu, 12 * ei / (kga * h * h), rotary)
+        dofs = np.arange(2 * i, 2 * i + 4)
+        if i == hinge:
+            dofs[1] = n - 1
+        mass[np.ix_(dofs, dofs)] += m
+        stiffness[np.ix_(dofs, dofs)] += k
+    if crack is not None:
+        slopes = np.array([2 * hinge + 1, n - 1])
+        stiffness[np.ix_(slopes, slopes)] += crack.stiffness * np.array([[1, -1], [-1, 1]])
+    return mass, stiffness
+
+
+def node_at(nodes: Array, position: float) -> int:
+    """The node at y / L."""
+    return int(np.argmin(np.abs(nodes - position * nodes[-1])))
+
+
+def twisting(twist: Twist, nodes: Array) -> tuple[Array, Array, Array]:
+    """Mass, damping and stiffness of the shaft over the twists of its inner nodes; its ends are held."""
+    length = nodes[-1]
+    density = twist.inertia / length
+    rigidity = density * (2 * twist.torsion_frequency * length) ** 2
+    n = nodes.size
+    mass, stiffness = np.zeros((n, n)), np.zeros((n, n))
+    for i, h in enumerate(np.diff(nodes)):
+        span = slice(i, i + 2)
+        # midway between lumped and consistent inertia: the error is of fourth order in h
+        mass[span, span] += density * h * np.array([[5, 1], [1, 5]]) / 12
+        stiffness[span, span] += rigidity / h * np.array([[1, -1], [-1, 1]])
+    inner = slice(1, -1)
+    damping = 2 * twist.damping_ratio / (2 * np.pi * twist.torsion_frequency) * stiffness
+    return mass[inner, inner], damping[inner, inner], stiffness[inner, inner]
+
+
+def strain_damping(mass: Array, stiffness: Array, nodes: Array, ratio: float) -> Array:
+    """
+    Damping of the same ratio in every mode of the rail between pins, against motion relative to the ends' chord.
+
+    It comes from the rate of strain (Eq. 4), so that a rail that moves as a rigid body is not damped.
+    """
+    n, last = mass.shape[0], 2 * nodes.size - 2
+    ends = np.array([0, last])
+    rest = np.setdiff1d(np.arange(n), ends)
+    squares, modes = eigh(stiffness[np.ix_(rest, rest)], mass[np.ix_(rest, rest)])
+    shapes = mass[np.ix_(rest, rest)] @ modes
+    relative = (shapes * (2 * ratio * np.sqrt(squares))) @ shapes.T
+    chord = np.tile(np.array([-1.0, 1.0]) / nodes[-1], (n, 1))  # slopes
+    chord[0 : last + 1 : 2] = np.column_stack([1 - nodes / nodes[-1], nodes / nodes[-1]])
+    away = np.zeros((rest.size, n))
+    away[np.arange(rest.size), rest] = 1.0
+    away[:, ends] -= chord[rest]
+    return np.asarray(away.T @ relative @ away)
+
+
+def rail_matrices(
+    rail: Rail, fittings: Fittings, position: float, highest: float, free_ends: tuple[str, ...] = ()
+) -> RailMatrices:
+    """
+    The rail under a head at y_b / L, by component modes up to a frequency [Hz].
+
+    Ends named in `free_ends` (``"rail_left"``, ``"rail_right"``) become physical coordinates, held by what is fitted there.
+    """
+    crack = fittings.crack
+    points = (position, *(lump.position for lump in fittings.lumps), *((crack.position,) if crack else ()))
+    nodes = mesh(rail.length, points)
+    mass, stiffness = bending(rail, nodes, fittings)
+    damping = strain_damping(mass, stiffness, nodes, rail.damping_ratio)
+    ends = {"rail_left": 0, "rail_right": 2 * nodes.size - 2}
+    for lump in fittings.lumps:
+        dof = 2 * node_at(nodes, lump.position)
+        mass[dof, dof] += lump.mass
+        damping[dof, dof] += lump.damping
+    for dof, turning in zip(ends.values(), fittings.fixity, strict=True):
+        stiffness[dof + 1, dof + 1] += turning
+    held = [dof for end, dof in ends.items() if end not in free_ends]
+    if fittings.supports:
+        s = fittings.supports
+        held = []
+        for dof, k, c in zip(ends.values(), (s.k_left, s.k_right), (s.c_left, s.c_right), strict=True):
+            stiffness[dof, dof] += k
+            damping[dof, dof] += c
+    kept = np.setdiff1d(np.arange(mass.shape[0]), held)
+    parts = [matrix[np.ix_(kept, kept)] for matrix in (mass, damping, stiffness)]
+    names = ("base", *free_ends)
+    front = np.searchsorted(kept, [2 * node_at(nodes, position), *(ends[end] for end in free_ends)])
+    if fittings.twist:
+        parts = [block_diag(a, b) for a, b in zip(parts, twisting(fittings.twist, nodes), strict=True)]
+        front = np.insert(front, 1, kept.size + node_at(nodes, position) - 1)
+        names = ("base", "twist", *free_ends)
+    if rail.truncation is not None:
+        return truncated(*parts, front, names, rail.truncation)
+    return component_modes(*parts, front, names, highest)
+
+
+def component_modes(
+    mass: Array, damping: Array, stiffness: Array, front: NDArray[np.intp], names: tuple[str, ...], highest: float
+) -> RailMatrices:
+    """Craig and Bampton's reduction: static shapes of the interface and the modes of the rest with the interface held."""
+    rest = np.setdiff1d(np.arange(mass.shape[0]), front)
+    inner = np.ix_(rest, rest)
+    squares, modes = eigh(stiffness[inner], mass[inner])
+    modes = modes[:, squares < (2 * np.pi * highest) ** 2]
+    basis = np.zeros((mass.shape[0], front.size + modes.shape[1]))
+    basis[front, np.arange(front.size)] = 1.0
+    basis[rest, : front.size] = -np.linalg.solve(stiffness[inner], stiffness[np.ix_(rest, front)])
+    basis[rest, front.size :] = modes
+    return projected(mass, damping, stiffness, basis, names)
+
+
+def truncated(
+    mass: Array, damping: Array, stiffness: Array, front: NDArray[np.intp], names: tuple[str, ...], count: int
+) -> RailMatrices:
+    """The first modes alone, turned so that the first coordinate is the deflection under the head."""
+    _, modes = eigh(stiffness, mass, subset_by_index=(0, count - 1))
+    row = modes[front[0]]
+    turn, _ = np.linalg.qr(np.column_stack([row, np.eye(count)]))
+    turn[:, 0] /= row @ turn[:, 0]
+    return projected(mass, damping, stiffness, modes @ turn[:, :count], names)
+
+
+def projected(mass: Array, damping: Array, stiffness: Array, basis: Array, names: tuple[str, ...]) -> RailMatrices:
+    """The rail over the columns of a basis."""
+    m, c, k = (basis.T @ matrix @ basis for matrix in (mass, damping, stiffness))
+    return RailMatrices((m + m.T) / 2, (c + c.T) / 2, (k + k.T) / 2, names)

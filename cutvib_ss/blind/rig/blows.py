@@ -1,0 +1,79 @@
+"""Hammer blows: what is struck where, how hard, and the force over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+Array = NDArray[np.float64]
+
+FS = 4000.0
+"""Sampling rate of the records [Hz]."""
+
+FINE = 32
+"""Steps of the simulation to a sample of the records."""
+
+BLOCK = 2.0
+"""Length of a record [s]; a little more is simulated, so that what is late has something to show."""
+
+SIMULATED = 2.1
+
+_FIRST = signal.firwin(257, 6500.0, fs=FS * FINE)
+_SECOND = signal.firwin(257, 1820.0, window=("kaiser", 7.0), fs=FS * 4)
+
+
+@dataclass(frozen=True)
+class Pulse:
+    """One contact of the hammer: instant [s], peak [N], width [s], skewness (0 is symmetric)."""
+
+    at: float
+    peak: float
+    width: float
+    skewness: float
+
+
+@dataclass(frozen=True)
+class Blow:
+    """The pulses of one blow, a second one where the hammer bounced."""
+
+    pulses: tuple[Pulse, ...]
+
+    def force(self) -> Array:
+        """Force [N] at the simulation's rate, FS x FINE, over SIMULATED."""
+        time = np.arange(round(SIMULATED * FS * FINE)) / (FS * FINE)
+        total = np.zeros(time.size)
+        for p in self.pulses:
+            phase = (time - p.at) / p.width
+            inside = (phase > 0) & (phase < 1)
+            # a half sine with rounded feet, its crest drawn forward or back
+            bent = phase[inside] ** np.exp(p.skewness)
+            total[inside] += p.peak * np.sin(np.pi * bent) ** 1.3
+        return total
+
+
+def draw_blow(rng: np.random.Generator, level: float, width: float, bounce: float) -> Blow:
+    """A blow of about a level [N] by a hammer whose tip gives about a width [s]; it bounces with probability `bounce`."""
+    peak = level * float(np.clip(1 + 0.12 * rng.standard_normal(), 0.6, 1.4))
+    # a stiffer contact under a harder blow
+    width = width * (level / 50.0) ** -0.03 * float(np.exp(0.04 * rng.standard_normal()))
+    skewness = -0.1 + 0.06 * float(rng.standard_normal())
+    at = 0.050 + 0.002 * float(rng.random())
+    pulses = [Pulse(at, peak, width, skewness)]
+    if rng.random() < bounce:
+        late = float(rng.uniform(0.012, 0.045))
+        pulses.append(Pulse(at + late, peak * float(rng.uniform(0.05, 0.3)), width * 1.1, skewness))
+    return Blow(tuple(pulses))
+
+
+def antialiased(history: Array) -> Array:
+    """A history at FS x FINE through the digitiser's filter and down to FS, along the last axis; without delay."""
+    for taps, down in ((_FIRST, FINE // 4), (_SECOND, 4)):
+        count = -(-history.shape[-1] // down)
+        delay = taps.size // 2
+        padded = np.concatenate([history, np.zeros((*history.shape[:-1], delay))], axis=-1)
+        # the filter's delay is a whole number of the kept samples: it is cut off at the front
+        history = signal.upfirdn(taps, padded, down=down)[..., delay // down :][..., :count]
+    return np.asarray(history)

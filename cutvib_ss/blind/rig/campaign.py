@@ -1,0 +1,163 @@
+"""A campaign on the virtual machine: every blow at every position and level, and what becomes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutvib_ss.blind.rig.blows import BLOCK, FINE, FS, Blow, antialiased, draw_blow
+from cutvib_ss.blind.rig.chain import frequencies, hum, recorded, sensed, smooth_error
+from cutvib_ss.blind.rig.conditions import Conditions
+from cutvib_ss.blind.rig.motion import CHANNELS, linear_answer, nonlinear_answer
+from cutvib_ss.blind.rig.multibody import Linearised, build, linearise
+from cutvib_ss.blind.rig.structure import Rig
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Streams of random numbers, one a purpose, so that none depends on how many numbers another took.
+_BLOWS, _ERRORS, _NOISE, _LATE, _OVERLOAD = range(10, 15)
+
+
+@dataclass(frozen=True)
+class Frf:
+    """Frequency responses of one record: frequencies [Hz], (channel, frequency) in m/s^2/N, coherence, blows behind them."""
+
+    freq: Array
+    data: Complex
+    coherence: Array
+    averages: int
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Every blow of a campaign, computed when asked for. Records run over positions, then levels."""
+
+    rig: Rig
+    conditions: Conditions
+    seed: int
+
+    @property
+    def records(self) -> tuple[tuple[float, float], ...]:
+        """Position and level of each record."""
+        return tuple((y, level) for y in self.conditions.positions for level in self.conditions.levels)
+
+    @cached_property
+    def blows(self) -> tuple[tuple[Blow, ...], ...]:
+        """The blows of each record."""
+        c = self.conditions
+        rng = np.random.default_rng([self.seed, _BLOWS])
+        return tuple(
+            tuple(draw_blow(rng, level, c.width, c.hit_twice) for _ in range(c.blows)) for _, level in self.records
+        )
+
+    @cached_property
+    def _machines(self) -> dict[tuple[float, Rig], Linearised]:
+        return {}
+
+    def _machine(self, record: int) -> tuple[Rig, Linearised]:
+        """The machine during a record, assembled once for each state that it is in."""
+        rig = self.rig.at(record / max(len(self.records) - 1, 1))
+        key = (self.records[record][0], record if self.rig.drift else 0)
+        if key not in self._machines:
+            self._machines[key] = linearise(build(rig, key[0]))
+        return rig, self._machines[key]
+
+    @cached_property
+    def _answers(self) -> dict[tuple[int, int], tuple[Array, Array]]:
+        return {}
+
+    def answer(self, record: int, blow: int) -> tuple[Array, Array]:
+        """Force and accelerations of one blow, filtered, at FS, before sensors: (sample,), (channel, sample)."""
+        key = (record, blow)
+        if key not in self._answers:
+            rig, machine = self._machine(record)
+            fine = self.blows[record][blow].force()
+            force = antialiased(fine)
+            if rig.linear:
+                response = linear_answer(rig, machine, force[None], FS)[0]
+            else:
+                response = antialiased(nonlinear_answer(rig, machine, fine, FS * FINE))
+            self._answers[key] = (force, response)
+        return self._answers[key]
+
+    @cached_property
+    def errors(self) -> Complex:
+        """Calibration errors that are nobody's cause: (channel, frequency of the sensors' transform)."""
+        rng = np.random.default_rng([self.seed, _ERRORS])
+        return np.array([smooth_error(rng, frequencies()) for _ in CHANNELS])
+
+    def overloaded(self) -> frozenset[tuple[int, int]]:
+        """Blows that exceed the range of a response channel."""
+        rng = np.random.default_rng([self.seed, _OVERLOAD])
+        count = len(self.records) * self.conditions.blows
+        picked = rng.choice(count, min(self.conditions.overloads, count), replace=False)
+        return frozenset(divmod(int(k), self.conditions.blows) for k in picked)
+
+    def recording(self, record: int, blow: int) -> tuple[Array, Array]:
+        """Force and responses of one blow as recorded."""
+        late = np.random.default_rng([self.seed, _LATE, record, blow]).standard_normal() * self.rig.chain.jitter
+        force, response = self.answer(record, blow)
+        shown = sensed(self.rig.chain, response, late, self.errors)
+        rng = np.random.default_rng([self.seed, _NOISE, record, blow])
+        overload = (record, blow) in self.overloaded()
+        return recorded(self.rig.chain, self.conditions, force, shown, rng, overload)
+
+    def frf(self, record: int) -> Frf:
+        """The record's frequency responses as an analyser would give them, blows with an overload rejected."""
+        spoilt = self.overloaded()
+        blows = [b for b in range(self.conditions.blows) if (record, b) not in spoilt]
+        recordings = [self.recording(record, b) for b in blows]
+        return estimated(np.array([f for f, _ in recordings]), np.array([a for _, a in recordings]))
+
+
+def estimated(forces: Array, responses: Array) -> Frf:
+    """H1 and coherence of blows, boxcar over the whole block, up to 500 Hz."""
+    freq = np.fft.rfftfreq(forces.shape[-1], 1 / FS)
+    lines = freq <= 500.0
+    f = np.fft.rfft(forces, axis=-1)[:, lines]
+    a = np.fft.rfft(responses, axis=-1)[..., lines]
+    power = np.sum(np.abs(f) ** 2, axis=0)
+    cross = np.sum(a * f[:, None].conj(), axis=0)
+    coherence = np.abs(cross) ** 2 / (power * np.sum(np.abs(a) ** 2, axis=0))
+    return Frf(freq[lines], cross / power, coherence, len(forces))
+
+
+def quiet_response(campaign: Campaign, record: int, freq: Array) -> Complex:
+    """A record's frequency responses by its first blow, without noise and calibration errors: (channel, frequency)."""
+    force, response = campaign.answer(record, 0)
+    chain = campaign.rig.chain
+    count = round(BLOCK * FS)
+    late = np.random.default_rng([campaign.seed, _LATE, record, 0]).standard_normal() * chain.jitter
+    shown = sensed(chain, response, late)
+    if chain.hum:
+        shown = shown + hum(chain, np.random.default_rng([campaign.seed, _NOISE, record, 0]))
+    window = np.exp(-chain.decay_rate * np.arange(count) / FS)
+    lines = np.round(freq * BLOCK).astype(int)
+    f, a = (np.fft.rfft(x * window, axis=-1)[..., lines] for x in (force[:count], shown))
+    return np.asarray(a / f)
+
+
+def force_power(campaign: Campaign, record: int, freq: Array) -> Array:
+    """|F|² of a record's first blow over frequency [N²], as the plain sum of its samples gives it."""
+    force = campaign.answer(record, 0)[0][: round(BLOCK * FS)]
+    return np.asarray(np.abs(np.fft.rfft(force)[np.round(freq * BLOCK).astype(int)]) ** 2)
+
+
+def conditions_label(campaign: Campaign) -> Mapping[str, object]:
+    """What of the conditions goes into the label."""
+    c = campaign.conditions
+    return {
+        "positions": list(c.positions),
+        "levels": list(c.levels),
+        "blows": c.blows,
+        "channels": list(c.channels),
+        "format": c.file_format,
+        "noise": list(c.noise),
+        "bits": c.bits,
+        "overloads": c.overloads,
+    }

@@ -1,0 +1,250 @@
+"""Cases of the trial: a machine, what is wrong with it, and how it is measured; all drawn from a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from cutvib_ss.blind.rig import files
+from cutvib_ss.blind.rig.blows import BLOCK, FS
+from cutvib_ss.blind.rig.campaign import Campaign, conditions_label, force_power, quiet_response
+from cutvib_ss.blind.rig.causes import MEASUREMENT, MECHANICAL, Parameters
+from cutvib_ss.blind.rig.conditions import Conditions, Nominal, changed, draw_conditions, draw_nominal
+from cutvib_ss.blind.rig.motion import CHANNELS
+from cutvib_ss.blind.rig.outside import OUTSIDE
+from cutvib_ss.blind.rig.structure import TOLERANCE, Rig, scattered
+
+Kind: TypeAlias = Literal["none", "single", "pair", "outside"]
+
+CAUSES = (*MECHANICAL, "modal_truncation", *MEASUREMENT)
+"""The catalogue's effects."""
+
+OUTSIDE_KINDS = tuple(OUTSIDE)
+"""Kinds outside the catalogue."""
+
+BAND = np.arange(15.0, 450.5, 0.5)
+"""Lines over which gaps are measured [Hz]."""
+
+_SCATTER_DRAWS = 3
+_SAMPLES = round(BLOCK * FS)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong: effect, place, parameters, and the machine that has this fault alone."""
+
+    effect: str
+    place: str
+    parameters: Parameters
+    rig: Rig
+
+
+@dataclass(frozen=True)
+class Case:
+    """
+    A case: the machine as built without its faults (`plain`) and with them (`rig`), its nominal, and the conditions.
+
+    Calling `label` or `write_campaign` computes what it needs; both use the same blows.
+    """
+
+    seed: int
+    kind: Kind
+    severity: float | None
+    nominal: Nominal
+    plain: Rig
+    rig: Rig
+    faults: tuple[Fault, ...]
+    conditions: Conditions
+
+    @cached_property
+    def campaign(self) -> Campaign:
+        """Every blow on the machine with its faults."""
+        return Campaign(self.rig, self.conditions, self.seed)
+
+    @cached_property
+    def ordered(self) -> tuple[Fault, ...]:
+        """The faults, that with the larger share of the gap first."""
+        if len(self.faults) < 2:
+            return self.faults
+        size = {f.effect: _distance(self._without, Campaign(f.rig, self.conditions, self.seed), 2) for f in self.faults}
+        return tuple(sorted(self.faults, key=lambda f: -size[f.effect]))
+
+    @cached_property
+    def _without(self) -> Campaign:
+        return Campaign(self.plain, self.conditions, self.seed)
+
+    @cached_property
+    def gap_sigma(self) -> float:
+        """What the faults change, over what scatter, calibration and noise change (root mean squares in 15-450 Hz)."""
+        if not self.faults:
+            return 0.0
+        if self.faults[0].effect == "modal_truncation":
+            rail = replace(self.plain.rail, truncation=self.nominal.n_modes)
+            model = Campaign(replace(self.plain, rail=rail), self.conditions, self.seed)
+            return _distance(model, self.campaign) / _spread(self.campaign)
+        return _distance(self._without, self.campaign) / _spread(self._without)
+
+    @cached_property
+    def label(self) -> dict[str, Any]:
+        """The truth, as JSON."""
+        faults = self.ordered
+        several = len(faults) > 1
+        outside = "outside:" if self.kind == "outside" else ""
+        return {
+            "effect": "+".join(outside + f.effect for f in faults) or "none",
+            "place": "+".join(f.place for f in faults) or "none",
+            "parameters": {f.effect: dict(f.parameters) for f in faults}
+            if several
+            else dict(faults[0].parameters)
+            if faults
+            else {},
+            "severity": self.severity,
+            "kind": self.kind,
+            "gap_sigma": self.gap_sigma,
+            "conditions": dict(conditions_label(self.campaign)) | {"n_modes": self.nominal.n_modes},
+        }
+
+
+def draw_case(
+    seed: int,
+    kind: Kind,
+    cause: str | None = None,
+    severity: tuple[float, float] = (0.3, 2.0),
+    conditions: Mapping[str, Any] | None = None,
+) -> Case:
+    """
+    Draw a case.
+
+    Parameters
+    ----------
+    seed : int
+        Everything follows from it.
+    kind : {"none", "single", "pair", "outside"}
+        Nothing wrong, one cause of the catalogue, two, or one that is not in it.
+    cause : str, optional
+        Effect id (two joined by ``+`` for a pair) or outside kind, instead of drawing it.
+    severity : (float, float)
+        Range of severities, drawn evenly in their logarithm; 1 is a clear fault.
+    conditions : mapping, optional
+        Fields of `Conditions` to fix instead of drawing them.
+
+    Returns
+    -------
+    Case
+        The case.
+
+    Raises
+    ------
+    ValueError
+        If the cause is not known.
+    """
+    rng = np.random.default_rng(seed)
+    nominal = draw_nominal(rng)
+    plain = scattered(Rig(nominal.head, nominal.rail), rng)
+    drawn = changed(draw_conditions(rng), dict(conditions or {}))
+    size = float(np.exp(rng.uniform(*np.log(severity))))
+    names = _names(kind, cause, rng)
+    unknown = [name for name in names if name not in (OUTSIDE_KINDS if kind == "outside" else CAUSES)]
+    if unknown:
+        raise ValueError(
+            f"{unknown[0]!r} is no {kind} cause; there are {', '.join(OUTSIDE_KINDS)}; {', '.join(CAUSES)}"
+        )
+    while True:
+        rig, faults, new_nominal = _with_faults(plain, nominal, names, size, rng)
+        places = [f.place for f in faults]
+        if len(set(places)) == len(places):
+            break
+        if cause is None:
+            names = _names(kind, cause, rng)
+    if "cross_axis" in names and "tool_z" not in drawn.channels:
+        drawn = replace(drawn, channels=CHANNELS)
+    return Case(seed, kind, size if faults else None, new_nominal, plain, rig, faults, drawn)
+
+
+def write_campaign(case: Case, folder: Path) -> None:
+    """
+    Write a case's campaign: campaign.toml, machine.toml, records/.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    folder : Path
+        Where to; made if absent. campaign.toml is written last.
+    """
+    files.write(case.campaign, case.nominal, folder)
+
+
+def _names(kind: Kind, cause: str | None, rng: np.random.Generator) -> tuple[str, ...]:
+    if kind == "none":
+        return ()
+    if cause is not None:
+        return tuple(cause.split("+"))
+    if kind == "outside":
+        return (str(rng.choice(OUTSIDE_KINDS)),)
+    if kind == "single":
+        return (str(rng.choice(CAUSES)),)
+    # hysteresis has no exact motion in time beside a nonlinear element; a truncated model is no fault of the machine
+    able = [name for name in CAUSES if name not in ("structural_damping", "modal_truncation")]
+    return tuple(str(name) for name in rng.choice(able, 2, replace=False))
+
+
+def _with_faults(
+    plain: Rig, nominal: Nominal, names: Sequence[str], size: float, rng: np.random.Generator
+) -> tuple[Rig, tuple[Fault, ...], Nominal]:
+    rig, faults = plain, []
+    for name in names:
+        if name == "modal_truncation":
+            n_modes = max(1, round(2.6 - 1.4 * np.log(size)))
+            faults.append(Fault(name, "rail", {"n_modes": nominal.n_modes}, plain))
+            nominal = replace(nominal, n_modes=n_modes)
+            continue
+        maker = ({**MECHANICAL, **MEASUREMENT} | OUTSIDE)[name]
+        state = rng.bit_generator.state
+        rig, place, parameters = maker(rig, size, rng)
+        rng.bit_generator.state = state
+        alone, _, _ = maker(plain, size, rng)
+        faults.append(Fault(name, place, parameters, alone))
+    return rig, tuple(faults), nominal
+
+
+def _picked(campaign: Campaign) -> list[int]:
+    return [CHANNELS.index(name) for name in campaign.conditions.channels]
+
+
+def _distance(without: Campaign, with_faults: Campaign, positions: int | None = None) -> float:
+    records = _some(with_faults, positions)
+    rows = _picked(with_faults)
+    change = [quiet_response(with_faults, i, BAND)[rows] - quiet_response(without, i, BAND)[rows] for i in records]
+    return float(np.sqrt(np.mean(np.abs(change) ** 2)))
+
+
+def _some(campaign: Campaign, positions: int | None) -> list[int]:
+    """Records at so many positions (all by default), at every level."""
+    levels, count = len(campaign.conditions.levels), len(campaign.conditions.positions)
+    chosen = range(count) if positions is None else np.linspace(0, count - 1, positions).round().astype(int)
+    return [int(p) * levels + k for p in chosen for k in range(levels)]
+
+
+def _spread(campaign: Campaign) -> float:
+    """Root mean square of what scatter of the values, calibration and noise do to the responses."""
+    rng = np.random.default_rng([campaign.seed, 1])
+    c, rows = campaign.conditions, _picked(campaign)
+    levels = len(c.levels)
+    first = [p * levels for p in range(len(c.positions))]
+    plain = {i: quiet_response(campaign, i, BAND)[rows] for i in first}
+    scatter = []
+    for _ in range(_SCATTER_DRAWS):
+        other = Campaign(scattered(campaign.rig, rng), c, campaign.seed)
+        scatter += [np.abs(quiet_response(other, i, BAND)[rows] - plain[i]) ** 2 for i in first]
+    noise = [
+        np.outer(np.square(c.noise)[rows], 1 / force_power(campaign, i, BAND)) * _SAMPLES / c.blows
+        for i in range(len(campaign.records))
+    ]
+    calibration = TOLERANCE["calibration"] ** 2 * np.mean([np.abs(h) ** 2 for h in plain.values()])
+    return float(np.sqrt(np.mean(scatter) + calibration + np.mean(noise)))

@@ -1,0 +1,143 @@
+"""
+How the machine answers blows.
+
+A linear machine answers in the frequency domain, on a line s = σ + iω that lets a long response die out within the period
+of the transform; a machine with nonlinear elements is integrated in time (`laws`), its linear part exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutvib_ss.blind.rig.laws import KINDS, integrate
+from cutvib_ss.blind.rig.multibody import Linearised
+from cutvib_ss.blind.rig.structure import Rig
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+CHANNELS = ("tool_x", "tool_z", "base_x")
+
+_PERIOD = 8.0
+"""Period of the transforms [s]."""
+
+_DECAY = 1.5
+"""σ [1/s]: a response is e^-12 of itself when the period is over."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """State-space modes: poles (one of each conjugate pair), ports by mode for displacement, and input to mode."""
+
+    poles: Complex
+    shapes: Complex
+    weights: Complex
+    names: tuple[str, ...]
+
+    def port(self, name: str) -> Complex:
+        """Displacement of a port in each mode; of a difference, ``"tool_x-base_x"``."""
+        one, _, other = name.partition("-")
+        row = self.shapes[self.names.index(one)]
+        return row - self.shapes[self.names.index(other)] if other else row
+
+    def input(self, name: str) -> Complex:
+        """How a force at a port drives each mode."""
+        one, _, other = name.partition("-")
+        row = self.weights[self.names.index(one)]
+        return row - self.weights[self.names.index(other)] if other else row
+
+
+def modes(machine: Linearised) -> Modes:
+    """Modes of the first-order form; real outputs are real parts over one of each conjugate pair."""
+    n = machine.mass.shape[0]
+    stiffness, damping = (np.linalg.solve(machine.mass, matrix) for matrix in (machine.stiffness, machine.damping))
+    scale = np.sqrt(np.abs(np.diag(stiffness)).max())  # velocities over it: a balanced matrix
+    state = np.block([[np.zeros((n, n)), scale * np.eye(n)], [-stiffness / scale, -damping]])
+    poles, right = np.linalg.eig(state)
+    names = tuple(machine.ports)
+    rows = np.array([machine.ports[name] for name in names])
+    forces = np.vstack([np.zeros((n, len(names))), np.linalg.solve(machine.mass, rows.T) / scale])
+    left = np.linalg.solve(right, forces)  # mode, port
+    keep = poles.imag >= 0
+    twice = np.where(poles.imag > 0, 2.0, 1.0)
+    return Modes(poles[keep], rows @ right[:n][:, keep], (twice[:, None] * left)[keep].T, names)
+
+
+def receptance(m: Modes, s: Complex, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
+    """Displacements over forces at complex frequencies: output, input, frequency."""
+    # 2 Re of one of a pair holds in time; over s the conjugate has to be written out
+    out = np.array([m.port(name) for name in outputs])
+    force = np.array([m.input(name) for name in inputs])
+    single = np.where(m.poles.imag > 0, 0.5, 1.0)
+    residue = (out[:, None] * force[None] * single).reshape(-1, m.poles.size)
+    response = residue @ (1.0 / (s[None] - m.poles[:, None]))
+    pair = m.poles.imag > 0
+    response += residue[:, pair].conj() @ (1.0 / (s[None] - m.poles[pair, None].conj()))
+    return np.asarray(response.reshape(len(outputs), len(inputs), s.size))
+
+
+def frequency_response(rig: Rig, machine: Linearised, s: Complex) -> Complex:
+    """Accelerations of the channels over the force on the tool, laws left out: channel, frequency."""
+    m = modes(machine)
+    elements = rig.fittings.viscoelastic
+    ports = ["tool_x", *(e.joint for e in elements)]
+    alpha = receptance(m, s, [*CHANNELS, *(e.joint for e in elements)], ports)
+    channels, joints = alpha[: len(CHANNELS)], alpha[len(CHANNELS) :]
+    response = channels[:, 0]
+    if elements:
+        # torque = -z θ at the joints: θ = (1 + A z)^-1 α
+        z = np.array([e.coefficient * (1j if e.order == 0 else s**e.order) * np.ones_like(s) for e in elements])
+        system = np.eye(len(elements))[:, :, None] + joints[:, 1:] * z[None]
+        theta = np.linalg.solve(system.transpose(2, 0, 1), joints[:, 0].T[..., None])[..., 0].T
+        response = response - np.einsum("cjf,jf->cf", channels[:, 1:], z * theta)
+    return np.asarray(response * s**2)
+
+
+def linear_answer(rig: Rig, machine: Linearised, forces: Array, fs: float) -> Array:
+    """Accelerations under band-limited forces (blow, sample) from rest: blow, channel, sample."""
+    count = round(_PERIOD * fs)
+    time = np.arange(forces.shape[-1]) / fs
+    s = _DECAY + 2j * np.pi * np.fft.rfftfreq(count, 1 / fs)
+    response = frequency_response(rig, machine, s)
+    spectra = np.fft.rfft(forces * np.exp(-_DECAY * time), count)
+    answer = np.fft.irfft(spectra[:, None] * response[None], count)[..., : time.size]
+    return np.asarray(answer * np.exp(_DECAY * time))
+
+
+def nonlinear_answer(rig: Rig, machine: Linearised, force: Array, fs: float) -> Array:
+    """Accelerations under one force that is linear between samples, from rest: channel, sample."""
+    m = modes(machine)
+    step = 1 / fs
+    ports = [law.port for law in rig.fittings.laws]
+    drive = np.array([m.input(name) for name in ("tool_x", *ports)]).T
+    z = m.poles * step
+    decay = np.exp(z)
+    # ∫ e^(λ(h-t)) of an input linear in t; the second form where the first would lose digits
+    small = np.abs(z) < 1e-3
+    safe = np.where(small, 1.0, z)
+    end = np.where(small, 0.5 + z / 6 + z**2 / 24, (decay - 1 - z) / safe**2) * step
+    begin = np.where(small, 1 + z / 2 + z**2 / 6, (decay - 1) / safe) * step - end
+    deflections = np.array([m.port(name) for name in ports])
+    channels = np.array([m.port(name) for name in CHANNELS])
+    # v = Σ λ·shape·x is exact away from the instant of a force; its derivative adds what the force accelerates at once
+    direct = (channels * m.poles) @ drive
+    values = np.zeros((len(ports), 4))
+    for row, law in zip(values, rig.fittings.laws, strict=True):
+        row[: len(law.values)] = law.values
+    return np.asarray(
+        integrate(
+            decay,
+            begin[:, None] * drive,
+            end[:, None] * drive,
+            np.vstack([deflections, deflections * m.poles]),
+            channels * m.poles**2,
+            np.ascontiguousarray(direct.real),
+            np.array([KINDS[law.kind] for law in rig.fittings.laws], dtype=np.int64),
+            values,
+            force,
+        )
+    )

@@ -1,0 +1,197 @@
+"""
+The machine as a multibody system in exudyn.
+
+The head is a tree of joints and point masses with its real geometry; the rail's finite elements share the coordinates of
+its base. Exudyn's axes: x is the machine's Z, y its X (down), so that link angles turn about exudyn's z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import exudyn as exu
+import numpy as np
+from exudyn import itemInterface as item
+from numpy.typing import NDArray
+
+from cutvib_ss.blind.rig.beam import rail_matrices
+from cutvib_ss.blind.rig.structure import Rig
+
+Array = NDArray[np.float64]
+
+HIGHEST = 6000.0
+"""Component modes of the rail are kept up to this frequency [Hz]."""
+
+_POSITION = exu.OutputVariableType.Position
+
+_STEP = 1e-5
+"""Step of the central differences that give the rows of ports [m or rad]: errors of 1e-10."""
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """
+    The machine about its rest: M, C, K and rows of ports over its coordinates.
+
+    Ports: ``tool_x``, ``tool_z``, ``head_x``, ``head_z``, ``base_x``, ``joint1``, ``joint2``, and ends of the rail that are free.
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    ports: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Machine:
+    """An assembled exudyn system: its markers, the coordinates that are ports, and how many its tree has (they come first)."""
+
+    system: exu.MainSystem
+    markers: Mapping[str, int]
+    coordinates: Mapping[str, int]
+    tree_size: int
+
+
+def build(rig: Rig, position: float, highest: float = HIGHEST) -> Machine:
+    """
+    Assemble the machine with the head at y_b / L.
+
+    Nonlinear laws and viscoelastic joints are left to who integrates it; their ports are there.
+    """
+    head, fittings = rig.head, rig.fittings
+    free_ends = tuple(sorted({law.port for law in fittings.laws if law.port.startswith("rail_")}))
+    rail = rail_matrices(rig.rail, fittings, position, highest, free_ends)
+    system = exu.SystemContainer().AddSystem()
+
+    # The tree: base in X, then twist and guide where there are any, then the two links.
+    prismatic, revolute = exu.JointType.PrismaticY, exu.JointType.RevoluteZ
+    angles = np.deg2rad([head.theta01_deg, head.theta02_deg])
+    links: list[tuple[exu.JointType, list[float], float, float, float, float]] = [
+        (prismatic, [0.0] * 3, 0.0, 0.0, 0.0, 0.0)
+    ]
+    eccentric = [0.0, 0.0, 0.0]
+    if fittings.twist:
+        links.append((revolute, [0.0] * 3, 0.0, 0.0, 0.0, 0.0))
+        eccentric = [fittings.twist.eccentricity, 0.0, 0.0]
+    if fittings.guide:
+        links.append((prismatic, eccentric, 0.0, *fittings.guide, 0.0))
+        eccentric = [0.0, 0.0, 0.0]
+    links.append((revolute, eccentric, head.m1, head.k1, head.c1, angles[0]))
+    links.append((revolute, [head.l1, 0.0, 0.0], head.m2, head.k2, head.c2, angles[1]))
+    n = len(links)
+    kinds, offsets, masses, springs, dampers, rest = zip(*links, strict=True)
+    centres = [[0.0] * 3] * (n - 2) + [[head.l1, 0.0, 0.0], [head.l2, 0.0, 0.0]]
+    tree_node = _coordinates(system, list(rest))
+    tree = system.AddObject(
+        item.ObjectKinematicTree(
+            nodeNumber=tree_node,
+            jointTypes=list(kinds),
+            linkParents=list(range(-1, n - 1)),
+            jointTransformations=exu.Matrix3DList([np.eye(3)] * n),
+            jointOffsets=exu.Vector3DList([list(offset) for offset in offsets]),
+            linkInertiasCOM=exu.Matrix3DList([np.zeros((3, 3))] * n),
+            linkCOMs=exu.Vector3DList(centres),
+            linkMasses=list(masses),
+            jointPControlVector=list(springs),
+            jointDControlVector=list(dampers),
+            jointPositionOffsetVector=list(rest),
+            jointVelocityOffsetVector=[0.0] * n,
+        )
+    )
+
+    # The rail shares base and twist with the tree; the rest of its coordinates are its own.
+    shared = 2 if fittings.twist else 1
+    own = rail.mass.shape[0] - shared
+    rail_node = _coordinates(system, [0.0] * own)
+    order = np.concatenate([np.arange(shared), np.arange(n, n + own)])
+    spread = [np.zeros((n + own, n + own)) for _ in range(3)]
+    for target, source in zip(spread, (rail.mass, rail.damping, rail.stiffness), strict=True):
+        target[np.ix_(order, order)] = source
+    system.AddObject(
+        item.ObjectGenericODE2(
+            nodeNumbers=[tree_node, rail_node], massMatrix=spread[0], dampingMatrix=spread[1], stiffnessMatrix=spread[2]
+        )
+    )
+
+    def on_link(link: int, x: float) -> int:
+        at = item.MarkerKinematicTreeRigid(objectNumber=tree, linkNumber=link, localPosition=[x, 0.0, 0.0])
+        return int(system.AddMarker(at))
+
+    first, second = np.cumsum(angles)
+    shift = np.array([fittings.twist.eccentricity if fittings.twist else 0.0, 0.0, 0.0])
+    elbow = shift + head.l1 * np.array([np.cos(first), np.sin(first), 0.0])
+    where = {"base": np.zeros(3), "head": elbow, "ground": np.zeros(3)}
+    where["tool"] = elbow + head.l2 * np.array([np.cos(second), np.sin(second), 0.0])
+    ground = system.AddNode(item.NodePointGround())
+    markers = {
+        "tool": on_link(n - 1, head.l2),
+        "head": on_link(n - 2, head.l1),
+        "base": on_link(0, 0.0),
+        "ground": int(system.AddMarker(item.MarkerNodePosition(nodeNumber=ground))),
+    }
+
+    def spring(pair: tuple[int, int], axis: str, stiffness: float, damping: float, offset: Array) -> None:
+        along = np.array([0.0, 1.0, 0.0] if axis == "x" else [1.0, 0.0, 0.0])
+        system.AddObject(
+            item.CartesianSpringDamper(
+                markerNumbers=list(pair), stiffness=stiffness * along, damping=damping * along, offset=offset
+            )
+        )
+
+    for s in fittings.springs:
+        one, other = s.ends
+        spring((markers[other], markers[one]), s.axis, s.stiffness, s.damping, where[one] - where[other])
+    for o in fittings.oscillators:
+        node = system.AddNode(item.NodePoint(referenceCoordinates=where[o.place]))
+        system.AddObject(item.ObjectMassPoint(physicsMass=o.mass, nodeNumber=node))
+        bob = int(system.AddMarker(item.MarkerNodePosition(nodeNumber=node)))
+        w = 2 * np.pi * o.frequency
+        spring((markers[o.place], bob), o.axis, o.mass * w * w, 2 * o.damping_ratio * w * o.mass, np.zeros(3))
+    joints = {f"joint{i + 1}": _coordinate_marker(system, tree_node, n - 2 + i) for i in range(2)}
+    if fittings.coupling:
+        pair = [joints["joint1"], joints["joint2"]]
+        system.AddObject(item.CoordinateSpringDamper(markerNumbers=pair, stiffness=fittings.coupling))
+    ends = {name: n + i for i, name in enumerate(rail.interface[shared:])}
+    system.Assemble()
+    return Machine(system, markers, {"joint1": n - 2, "joint2": n - 1} | ends, n)
+
+
+def linearise(machine: Machine) -> Linearised:
+    """M, C and K about the rest, and the rows of all ports."""
+    system = machine.system
+    # numerical differences inside exudyn: stiffness to 1e-7 of itself
+    mass, stiffness, damping = system.ComputeLinearizedSystem()[:3]
+    count = mass.shape[0]
+    rest = np.array(system.systemData.GetODE2Coordinates())
+    rows = {name: np.zeros(count) for name in ("tool_x", "tool_z", "head_x", "head_z", "base_x")}
+    for i in range(machine.tree_size):
+        moved = []
+        for step in (_STEP, -_STEP):
+            coordinates = rest.copy()
+            coordinates[i] += step
+            system.systemData.SetODE2Coordinates(coordinates)
+            moved.append({name: np.array(system.GetMarkerOutput(m, _POSITION)) for name, m in machine.markers.items()})
+        for place in ("tool", "head", "base"):
+            slope = (moved[0][place] - moved[1][place]) / (2 * _STEP)
+            rows[f"{place}_x"][i] = slope[1]
+            if place != "base":
+                rows[f"{place}_z"][i] = slope[0]
+    system.systemData.SetODE2Coordinates(rest)
+    rows |= {name: np.eye(count)[i] for name, i in machine.coordinates.items()}
+    return Linearised(mass, damping, stiffness, rows)
+
+
+def _coordinates(system: exu.MainSystem, reference: list[float]) -> int:
+    zeros = [0.0] * len(reference)
+    node = item.NodeGenericODE2(
+        referenceCoordinates=reference,
+        initialCoordinates=zeros,
+        initialCoordinates_t=zeros,
+        numberOfODE2Coordinates=len(reference),
+    )
+    return int(system.AddNode(node))
+
+
+def _coordinate_marker(system: exu.MainSystem, node: int, coordinate: int) -> int:
+    return int(system.AddMarker(item.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate)))

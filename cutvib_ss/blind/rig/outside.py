@@ -1,0 +1,128 @@
+"""
+Causes that are not in the catalogue, as unlike each other as they come: other couplings, laws, places, things that change.
+
+Made as in `causes`; the place is the catalogue's name of where it sits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from cutvib_ss.blind.rig.causes import SWING, TYPICAL, Made, Maker, about, joint, with_law
+from cutvib_ss.blind.rig.motion import CHANNELS
+from cutvib_ss.blind.rig.structure import Crack, Law, Oscillator, Rig, Spring, Supports, Viscoelastic
+
+
+def mains_hum(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """50 Hz and harmonics on the responses."""
+    size = about(rng, 0.15) * severity
+    p = {f"amplitude{k}": size * float(rng.uniform(0.3, 1.0)) / k**0.5 for k in range(1, 8)}
+    return rig.measured(hum=tuple(p.values())), "measurement", p
+
+
+def fractional_damper(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """A rubber-like torque c (iω)^α in a joint."""
+    place, k = joint(rig, rng)
+    order = float(rng.uniform(0.3, 0.6))
+    coefficient = about(rng, 0.15) * severity * k / TYPICAL**order
+    element = Viscoelastic(place, coefficient, order)
+    return rig.fitted(viscoelastic=(element,)), place, {"coefficient": coefficient, "order": order}
+
+
+def rattling_support(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """A pillar on which an end of the rail only rests: it lifts off and lands."""
+    k = about(rng, 6e7, 0.4)
+    preload = about(rng, 12.0, 0.5) / severity
+    end = str(rng.choice(["rail_left", "rail_right"]))
+    other = 1e10  # as good as a pin
+    sides = {"rail_left": (k, other), "rail_right": (other, k)}[end]
+    supports = Supports(*sides, *(0.02 * np.sqrt(s * 30.0) if s == k else 0.0 for s in sides))
+    rattling = with_law(rig.fitted(supports=supports), Law(end, "lift_off", (k, preload)))
+    return rattling, "rail_ends", {"stiffness": k, "preload": preload, "end": end}
+
+
+_WARMING = {"joint1": ("k1", 0.08), "joint2": ("k2", 0.08), "rail": ("first_frequency", 0.05)}
+
+
+def warming(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """A value that changes from record to record, as the machine warms up."""
+    place = str(rng.choice(list(_WARMING)))
+    name, size = _WARMING[place]
+    change = -about(rng, size) * severity
+    return replace(rig, drift={name: change}), place, {"parameter": name, "change": change}
+
+
+def saturating_sensor(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """A charge amplifier that saturates softly."""
+    limit = about(rng, 60.0) / severity
+    return rig.measured(saturation=dict.fromkeys(CHANNELS, limit)), "measurement", {"limit": limit}
+
+
+def z_pendulum(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """A mass that swings along the machine."""
+    place = str(rng.choice(["tool", "head"]))
+    mass = about(rng, {"tool": 0.02, "head": 1.0}[place]) * severity
+    p = {"mass": mass, "frequency": float(rng.uniform(120.0, 320.0)), "damping_ratio": float(rng.uniform(0.01, 0.05))}
+    return rig.fitted(oscillators=(Oscillator(place, "z", **p),)), place, p
+
+
+def joint_coupling(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """A hose that couples the two joints: a spring on the difference of their angles."""
+    stiffness = about(rng, 0.08) * severity * rig.head.k2
+    return rig.fitted(coupling=stiffness), "joint2", {"stiffness": stiffness}
+
+
+def crack(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """A crack in the rail: it bends more at one point."""
+    position = float(rng.uniform(0.2, 0.8))
+    mu = rig.rail.mass / rig.rail.length
+    ei = mu * (2 * np.pi * rig.rail.first_frequency) ** 2 * (rig.rail.length / np.pi) ** 4
+    stiffness = ei / rig.rail.length * about(rng, 18.0) / severity
+    return rig.fitted(crack=Crack(position, stiffness)), "rail", {"position": position, "stiffness": stiffness}
+
+
+def cable_pull(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """A cable between tool and base whose stiffness grows as it is drawn taut."""
+    travel = 0.096 * SWING["joint2"]
+    k2 = about(rng, 0.6) * severity * rig.head.k2 / rig.head.l2**2 / travel
+    return with_law(rig, Law("tool_x-base_x", "cable", (k2,))), "tool", {"stiffness2": k2}
+
+
+def trigger_jitter(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """Force and responses on two devices that start together only about."""
+    jitter = about(rng, 1.2e-4) * severity
+    return rig.measured(jitter=jitter), "measurement", {"jitter": jitter}
+
+
+def saturating_damper(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """A damper whose torque levels off with the rate (a relief valve)."""
+    place, _ = joint(rig, rng, 0.4)
+    rate = 0.15 * SWING[place] * TYPICAL
+    torque = about(rng, 1.5) * severity * rig.value("c" + place[-1]) * rate
+    return with_law(rig, Law(place, "saturating_damper", (torque, rate))), place, {"torque": torque, "rate": rate}
+
+
+def side_spring(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """A hose that holds the tool along the machine."""
+    k = about(rng, 8e4) * severity
+    return rig.fitted(springs=(Spring(("tool", "ground"), "z", k, 5.0),)), "tool", {"stiffness": k}
+
+
+def loose_mount(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+    """An accelerometer on a mount that resonates."""
+    resonance = about(rng, 1100.0, 0.2) * severity**-0.5
+    p = {"frequency": resonance, "damping_ratio": float(rng.uniform(0.02, 0.1))}
+    return rig.measured(mounts={"tool_x": (p["frequency"], p["damping_ratio"])}), "measurement", p
+
+
+OUTSIDE: Mapping[str, Maker] = {
+    f.__name__: f
+    for f in (
+        mains_hum, fractional_damper, rattling_support, warming, saturating_sensor, z_pendulum, joint_coupling, crack,
+        cable_pull, trigger_jitter, saturating_damper, side_spring, loose_mount,
+    )
+}  # fmt: skip
+"""Every kind outside the catalogue."""
