@@ -149,7 +149,7 @@ def requests(asked: Settings, causes: Sequence[str], outside: Sequence[str]) -> 
         In random order.
     """
     rng = np.random.default_rng(asked.seed)
-    seeds = np.random.SeedSequence(asked.seed).generate_state(asked.cases, np.uint64)
+    seeds = np.random.SeedSequence(asked.seed).generate_state(asked.cases, np.uint32)
     choices: dict[str, Sequence[str]] = {"single": causes, "outside": outside}
     drawn: list[tuple[Kind, str | None]] = []
     for kind in KINDS:
@@ -157,9 +157,9 @@ def requests(asked: Settings, causes: Sequence[str], outside: Sequence[str]) -> 
         order = rng.permutation(len(names))
         for i in range(asked.mix[kind]):
             drawn.append((kind, names[order[i % len(names)]] if len(names) else None))
+    dealt = [drawn[k] for k in rng.permutation(asked.cases)]
     return tuple(
-        Request(int(seed) >> 1, *drawn[k], asked.severity)  # fits a signed integer, for rigs in other languages
-        for seed, k in zip(seeds, rng.permutation(asked.cases), strict=True)
+        Request(int(seed), kind, cause, asked.severity) for seed, (kind, cause) in zip(seeds, dealt, strict=True)
     )
 
 

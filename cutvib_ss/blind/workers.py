@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeVar
 
@@ -281,18 +282,16 @@ def _wait_here(futures: Iterable[Any]) -> Iterable[Any]:
 
 
 def _wait_there(futures: Iterable[Any]) -> Iterable[Any]:
-    from distributed import wait as wait_there
-
-    done: Iterable[Any] = wait_there(list(futures), return_when="FIRST_COMPLETED").done
+    done: Iterable[Any] = import_module("distributed").wait(list(futures), return_when="FIRST_COMPLETED").done
     return done
 
 
 def _client(scheduler: str) -> Any:
     try:
-        from distributed import Client
+        distributed = import_module("distributed")
     except ImportError:
         raise ParameterError('--scheduler needs Dask: pip install "cutvib_ss[cluster]"') from None
     try:
-        return Client(scheduler, timeout=20)
+        return distributed.Client(scheduler, timeout=20)
     except (OSError, ValueError) as error:
         raise ParameterError(f"--scheduler {scheduler}: no Dask scheduler answers there ({error})") from error

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import typer
 
 from cutvib_ss.cli.absorbers import absorber_check_command, absorber_design_command
+from cutvib_ss.cli.blind import blind_calibrate_command, blind_run_command, blind_score_command
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.demo import demo_command
 from cutvib_ss.cli.models import bode_command, frf_command, modes_command, paper_command, schedule_command
@@ -26,6 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 absorber = typer.Typer(help="The tuned vibration absorber over the workspace.", rich_markup_mode="rich")
+blind = typer.Typer(help="The sealed trial of the diagnosis on a virtual machine.", rich_markup_mode="rich")
 
 
 def _version(asked: bool) -> None:
@@ -53,6 +55,13 @@ def absorber_root(context: typer.Context) -> None:
         typer.echo(context.get_help())
 
 
+@blind.callback(invoke_without_command=True)
+def blind_root(context: typer.Context) -> None:
+    """The sealed trial of the diagnosis on a virtual machine."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
 app.command("demo", epilog="Example: cutvib demo --out my-demo")(demo_command)
 app.command("diagnose", epilog="Example: cutvib diagnose my-campaign --json out.json --report out.html")(
     diagnose_command
@@ -71,6 +80,14 @@ absorber.command("check", epilog="Example: cutvib absorber check --frequency 215
 )
 absorber.command("design", epilog="Example: cutvib absorber design --mass 0.1 --position 0.25 --position 0.5")(
     absorber_design_command
+)
+app.add_typer(blind, name="blind")
+blind.command("run", epilog="Example: cutvib blind run --cases 12 --seed 1 --out my-trial --jobs 2")(blind_run_command)
+blind.command("score", epilog="Example: cutvib blind score my-trial --json score.json --report score.html")(
+    blind_score_command
+)
+blind.command("calibrate", epilog="Example: cutvib blind calibrate trial-a trial-b --judge trial-c --out numbers.json")(
+    blind_calibrate_command
 )
 
 

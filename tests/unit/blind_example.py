@@ -84,7 +84,8 @@ def outcome(found: dict[str, Any] | None, status: str = "done", **more: Any) -> 
 
 def says_none(archive: bytes) -> Outcome:
     """A diagnosis that never sees a gap."""
-    assert "campaign.toml" in tarfile.open(fileobj=io.BytesIO(archive)).getnames()
+    with tarfile.open(fileobj=io.BytesIO(archive)) as content:
+        assert "campaign.toml" in content.getnames()
     return outcome(
         diagnosis([("none", "none", 0.98), ("added_mass", "tool", 0.01), ("unknown", "rail", 0.01)], "no_gap")
     )

@@ -156,7 +156,7 @@ def test_a_rig_that_fails_is_asked_again_and_the_label_says_so(tmp_path: Path) -
 
 
 def test_other_settings_do_not_mix_into_a_trial(trial: Trial) -> None:
-    with pytest.raises(ParameterError, match="other settings .*--seed 3"):
+    with pytest.raises(ParameterError, match=r"other settings .*--seed 3"):
         run_trial(replace(ASKED, seed=4), trial.folder, TOOLS)
 
 

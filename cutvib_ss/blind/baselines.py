@@ -1,0 +1,308 @@
+"""
+Simpler methods in the same trial, so that its figures mean something.
+
+Nearest signature
+    The campaigns of other, opened trials whose errors look most alike name the cause.
+Classifier
+    A random forest on features of the campaigns, trained on the same.
+Untuned χ²
+    Every cause fitted to the model as given, nothing re-tuned and no calibration error allowed: the least χ² wins.
+BIC
+    The diagnosis' own tuned fits, weighed by Schwarz's criterion: no held-out records, no "unknown", no calibration.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields, replace
+from functools import partial
+from importlib import import_module
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from cutvib_ss.blind.cases import NONE, UNKNOWN, Answer, Case, Causes, Entry, causes_of, read_cases
+from cutvib_ss.blind.features import CHANNELS, SIGNATURE, features
+from cutvib_ss.blind.files import packed, read_json, unpack, write_bytes
+from cutvib_ss.blind.rows import rows
+from cutvib_ss.blind.score import Score
+from cutvib_ss.blind.seal import Trial
+from cutvib_ss.blind.workers import diagnosed, spread
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.gap.verdict import SET, SURE
+from cutvib_ss.model_files import read_machine, write_machine
+from cutvib_ss.results import FloatArray
+
+Odds: TypeAlias = Mapping[Causes, float]
+
+NEIGHBOURS = 5
+"""Campaigns that vote in the lookup."""
+TREES = 400
+UNTUNED = 1e-6
+"""Tolerance of a model that may not be re-tuned."""
+
+
+def with_baselines(score: Score, folder: Path, train: Sequence[Path], jobs: int = 1) -> Score:
+    """
+    A score with the figures of the simpler methods beside it.
+
+    Parameters
+    ----------
+    score : Score
+        Of the trial.
+    folder : Path
+        The trial's folder.
+    train : sequence of Path
+        Opened trials to learn from.
+    jobs : int
+        Campaigns at a time.
+
+    Returns
+    -------
+    Score
+        The same, with baselines.
+
+    Raises
+    ------
+    ParameterError
+        If a trial to learn from is sealed or is the same one, or scikit-learn is not installed.
+    """
+    for other in train:
+        if not Trial(other).labels.is_file():
+            raise ParameterError(
+                f"{other}: the seal of this trial is not open; score it first: cutvib blind score {other}"
+            )
+        if other.resolve() == folder.resolve():
+            raise ParameterError(f"{other}: is the trial to be scored; the baselines must learn from another")
+    known = [
+        (Trial(other).campaigns / c.name, c.truth.causes)
+        for other in train
+        for c in read_cases(Trial(other), read_json(Trial(other).labels)["labels"])
+    ]
+    campaigns = [Trial(folder).campaigns / c.name for c in score.cases]
+    seen = _all_features([*(k for k, _ in known), *campaigns], jobs)
+    learnt, asked, truths = seen[: len(known)], seen[len(known) :], [t for _, t in known]
+    found = {
+        "nearest signature": nearest_signature(learnt, truths, asked),
+        "classifier": forest(learnt, truths, asked),
+    }
+    if all("evidence" in c.answer.diagnosis for c in score.cases if c.answer.entries):
+        found["untuned χ²"] = [least_chi2(d) for d in untuned(folder, [c.name for c in score.cases], jobs)]
+        found["BIC"] = [bic(c.answer.diagnosis) for c in score.cases]
+    return replace(score, baselines={name: rows(answered(score.cases, odds)) for name, odds in found.items()})
+
+
+def answered(cases: Sequence[Case], odds: Sequence[Odds]) -> tuple[Case, ...]:
+    """
+    Cases with the answers of another method.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        The cases.
+    odds : sequence of mapping
+        Probability of each answer, for each case; empty where the method has none.
+
+    Returns
+    -------
+    tuple of Case
+        The same truths.
+    """
+    return tuple(replace(c, answer=answer(o), run={}) for c, o in zip(cases, odds, strict=True))
+
+
+def answer(odds: Odds) -> Answer:
+    """
+    Probabilities as the diagnosis would give them.
+
+    Parameters
+    ----------
+    odds : mapping of frozenset to float
+        Probability of each answer.
+
+    Returns
+    -------
+    Answer
+        With a verdict by the diagnosis' own thresholds.
+    """
+    ranked = sorted(odds.items(), key=lambda item: -item[1])
+    if not ranked:
+        return Answer("failed", (), frozenset(), frozenset(), {})
+    first, p = ranked[0]
+    total = np.cumsum([q for _, q in ranked])
+    likely = ranked[: int(np.searchsorted(total, SET - 1e-9)) + 1]
+    verdict = {NONE: "no_gap", UNKNOWN: "unknown"}.get(first, "explained" if p >= SURE else "ambiguous")
+    places = frozenset(place for _, place in first)
+    return Answer(verdict, tuple(Entry(c, q, np.nan) for c, q in ranked), frozenset(c for c, _ in likely), places, {})
+
+
+def nearest_signature(learnt: FloatArray, truths: Sequence[Causes], asked: FloatArray) -> list[Odds]:
+    """
+    The causes of the campaigns whose errors look most alike, in shape and whatever their size.
+
+    Parameters
+    ----------
+    learnt : ndarray, shape (campaign, feature)
+        Features of labelled campaigns.
+    truths : sequence of frozenset
+        Their causes.
+    asked : ndarray, shape (case, feature)
+        Features of the cases.
+
+    Returns
+    -------
+    list of mapping
+        Votes of the nearest, by cosine.
+    """
+    mean, spread_of = learnt.mean(axis=0), learnt.std(axis=0) + 1e-9
+    # Of each channel its signature alone.
+    width = learnt.shape[1] // len(CHANNELS)
+    used = np.concatenate([np.arange(SIGNATURE) + k * width for k in range(len(CHANNELS))])
+
+    def directions(x: FloatArray) -> FloatArray:
+        scaled = ((x - mean) / spread_of)[:, used]
+        return np.asarray(scaled / (np.linalg.norm(scaled, axis=1, keepdims=True) + 1e-12))
+
+    alike = directions(asked) @ directions(learnt).T
+    out: list[Odds] = []
+    for row in alike:
+        near = np.argsort(-row, kind="stable")[:NEIGHBOURS]
+        weight = np.exp(10.0 * (row[near] - row[near[0]]))
+        votes: dict[Causes, float] = {}
+        for k, w in zip(near, weight / weight.sum(), strict=True):
+            votes[truths[k]] = votes.get(truths[k], 0.0) + float(w)
+        out.append(votes)
+    return out
+
+
+def forest(learnt: FloatArray, truths: Sequence[Causes], asked: FloatArray) -> list[Odds]:
+    """
+    A random forest's votes.
+
+    Parameters
+    ----------
+    learnt : ndarray, shape (campaign, feature)
+        Features of labelled campaigns.
+    truths : sequence of frozenset
+        Their causes.
+    asked : ndarray, shape (case, feature)
+        Features of the cases.
+
+    Returns
+    -------
+    list of mapping
+        Share of the trees for each answer.
+
+    Raises
+    ------
+    ParameterError
+        If scikit-learn is not installed.
+    """
+    try:
+        ensemble = import_module("sklearn.ensemble")
+    except ImportError:
+        raise ParameterError('the classifier needs scikit-learn: pip install "cutvib_ss[trial]"') from None
+    names = list(dict.fromkeys(truths))
+    trees = ensemble.RandomForestClassifier(TREES, min_samples_leaf=2, random_state=0)
+    trees.fit(learnt, [names.index(t) for t in truths])
+    votes = trees.predict_proba(asked)
+    return [{names[k]: float(p) for k, p in zip(trees.classes_, row, strict=True) if p > 0} for row in votes]
+
+
+def least_chi2(diagnosis: Mapping[str, Any] | None) -> Odds:
+    """
+    Probabilities by χ² alone, as if noise were all that separates model and measurement.
+
+    Parameters
+    ----------
+    diagnosis : dict or None
+        JSON with its evidence.
+
+    Returns
+    -------
+    mapping
+        Probability of each answer; empty without a diagnosis.
+    """
+    return _softmax(diagnosis, lambda row, data: -row["chi2"] / 2)
+
+
+def bic(diagnosis: Mapping[str, Any] | None) -> Odds:
+    """
+    Probabilities by Schwarz's criterion, χ² + k ln n.
+
+    Parameters
+    ----------
+    diagnosis : dict or None
+        JSON with its evidence.
+
+    Returns
+    -------
+    mapping
+        Probability of each answer; empty without a diagnosis.
+    """
+    return _softmax(diagnosis, lambda row, data: -(row["chi2"] + row["unknowns"] * np.log(data)) / 2)
+
+
+def _softmax(diagnosis: Mapping[str, Any] | None, score: Callable[[Mapping[str, Any], int], float]) -> Odds:
+    evidence = (diagnosis or {}).get("evidence")
+    if evidence is None:
+        return {}
+    # What was only bounded on few lines has no χ² on all of them.
+    listed = [r for r in evidence["candidates"] if r["chi2"] is not None]
+    values = np.array([score(r, evidence["data"]) for r in listed])
+    weight = np.exp(values - values.max())
+    odds: dict[Causes, float] = {}
+    for r, p in zip(listed, weight / weight.sum(), strict=True):
+        named = NONE if r["effect"] == "none" else causes_of(r["effect"], r["place"], r.get("parameters") or {})
+        odds[named] = odds.get(named, 0.0) + float(p)
+    return odds
+
+
+def untuned(folder: Path, names: Sequence[str], jobs: int) -> list[Mapping[str, Any] | None]:
+    """
+    Diagnoses of a trial's campaigns with a model whose values may not move; they are kept, so that a second call is quick.
+
+    Parameters
+    ----------
+    folder : Path
+        The trial's folder.
+    names : sequence of str
+        The cases.
+    jobs : int
+        At a time.
+
+    Returns
+    -------
+    list of dict or None
+        None where there is no diagnosis.
+    """
+    kept = folder / "baselines" / "untuned"
+    kept.mkdir(parents=True, exist_ok=True)
+    missing = [name for name in names if not (kept / f"{name}.json").is_file()]
+    tasks = ((name, partial(_held, Trial(folder).campaigns / name)) for name in missing)
+    for name, found in spread(diagnosed, tasks, jobs, None):
+        write_bytes(kept / f"{name}.json", found.diagnosis or b"null")
+    return [read_json(kept / f"{name}.json") for name in names]
+
+
+def _held(campaign: Path) -> bytes:
+    """The campaign with a model whose tolerances are next to nothing."""
+    with tempfile.TemporaryDirectory(prefix="cutvib-") as name:
+        copy = Path(name) / "campaign"
+        unpack(packed(campaign), copy)
+        machine: Any = read_machine(copy / "machine.toml")  # of either kind: both have tolerances
+        nothing = {f.name: UNTUNED for f in fields(machine.tolerance)}
+        write_machine(replace(machine, tolerance=replace(machine.tolerance, **nothing)), copy / "machine.toml")
+        return packed(copy)
+
+
+def _all_features(campaigns: Sequence[Path], jobs: int) -> FloatArray:
+    if jobs == 1:
+        return np.array([features(c) for c in campaigns])
+    # Not forked: threads of the numerical libraries would be copied in the middle of their work.
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        return np.array(list(pool.map(features, campaigns, chunksize=4)))

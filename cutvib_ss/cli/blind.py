@@ -1,0 +1,168 @@
+"""Commands of the sealed trial."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cutvib_ss.cli.options import JsonOption
+from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, working, write_all
+from cutvib_ss.errors import ParameterError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from cutvib_ss.blind.score import Score
+
+_TrialArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the trial.")]
+_SuffixError = "give a name that ends in .html (a page) or .md (a table)"
+
+
+def blind_run_command(
+    cases: Annotated[int, typer.Option("--cases", metavar="N", help="Number of cases.")],
+    seed: Annotated[int, typer.Option("--seed", metavar="S", help="Of all cases: same settings, same cases.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of the trial; the labels go to DIR.sealed beside it.")
+    ],
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Cases at a time.")] = 1,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do the work.")
+    ] = None,
+    mix: Annotated[
+        str | None,
+        typer.Option(
+            "--mix",
+            metavar="KIND=N,…",
+            help="Cases with none, outside or pair; the rest has one cause. Default: 30, 12 and 8 % of all.",
+        ),
+    ] = None,
+    severity: Annotated[
+        str, typer.Option("--severity", metavar="LO:HI", help="Range of severities, relative to the rig's usual ones.")
+    ] = "0.3:2",
+    timeout: Annotated[
+        float, typer.Option("--timeout", min=1.0, metavar="S", help="A diagnosis of more seconds has failed.")
+    ] = 1800.0,
+) -> None:
+    """Make campaigns on a virtual machine, seal what is wrong with it, diagnose them. The same command again resumes."""
+    from cutvib_ss.blind.plan import settings
+    from cutvib_ss.blind.trial import package_tools, run_trial
+
+    asked = settings(cases, seed, mix, _range(severity))
+    trial = run_trial(asked, out, package_tools(), jobs, scheduler, timeout, _progress)
+    console = results()
+    say(console, f"{cases} cases diagnosed; sealed by {trial.commitment}")
+    say(console, f"labels: {trial.sealed}; open them with `cutvib blind score {out}`")
+
+
+def blind_score_command(
+    trial: _TrialArgument,
+    json: JsonOption = None,
+    report: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--report", metavar="FILE", help="Write the score as a page (.html) or a table (.md); may be repeated."
+        ),
+    ] = None,
+    train: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--baselines",
+            metavar="DIR",
+            help="Opened trial from which simpler methods learn, to be scored beside; may be repeated.",
+        ),
+    ] = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time that the baselines read.")] = 1,
+) -> None:
+    """Open the seal, once, and score the diagnoses."""
+    from cutvib_ss.blind.score import score_trial
+
+    pages = report or []
+    for page in pages:
+        if page.suffix.lower() not in (".html", ".md"):
+            raise ParameterError(f"--report {page}: {_SuffixError}")
+    check_outputs(json, *pages)
+    with working("scoring"):
+        found = score_trial(trial)
+    if train:
+        from cutvib_ss.blind.baselines import with_baselines
+
+        with working("training and running the baselines"):
+            found = with_baselines(found, trial, train, jobs)
+    if pages:
+        from cutvib_ss.report.blind import score_html, score_markdown
+
+        with working("writing the report"):
+            texts = {p: score_html(found) if p.suffix.lower() == ".html" else score_markdown(found) for p in pages}
+        write_all({page: _writer(text) for page, text in texts.items()})
+    if not give_json(found.to_dict(), json):
+        _print_score(found, results())
+
+
+def blind_calibrate_command(
+    trials: Annotated[list[Path], typer.Argument(metavar="DIR…", help="Opened trials to fit on.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the numbers go.")],
+    judge: Annotated[
+        list[Path] | None,
+        typer.Option("--judge", metavar="DIR", help="Opened trial, of other seeds, to judge on; may be repeated."),
+    ] = None,
+) -> None:
+    """Fit the numbers behind the stated probabilities to opened trials, and judge them on others."""
+    from cutvib_ss.blind.calibration import calibrate, read_evidence
+
+    check_outputs(out)
+    with working("fitting"):
+        found = calibrate([read_evidence(t) for t in trials], [read_evidence(t) for t in judge or []])
+    give_json(found.to_dict(), str(out))
+    console = results()
+    rows = [[name, f"{before:.4g}", f"{after:.4g}"] for name, before, after in found.changes()]
+    show(console, "Numbers behind the probabilities", ["", "before", "fitted"], rows, "l")
+    say(console, "")
+    figures = [
+        [f.set, str(f.cases), f"{f.log_loss:.3f}", f"{100 * f.right:.1f} %", f"{f.calibration_error:.3f}"]
+        for f in found.figures
+    ]
+    show(console, "", ["", "cases", "log loss", "right first", "calibration error"], figures, "l")
+
+
+def _range(text: str) -> tuple[float, float]:
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise ParameterError(f"--severity {text}: give LO:HI, for instance 0.3:2") from None
+    return low, high
+
+
+def _progress(stage: str, done: int, total: int) -> None:
+    if done in (0, total) or done % max(1, total // 20) == 0:
+        say(messages(), f"{stage}: {done} of {total}")
+
+
+def _writer(text: str):  # type: ignore[no-untyped-def]
+    return lambda draft: draft.write_text(text, encoding="utf-8")
+
+
+def _print_score(found: Score, console: Console) -> None:
+    from cutvib_ss.report.blind import group_cells, heading, row_cells, wrong_cells
+
+    for line in heading(found):
+        say(console, line)
+    say(console, "")
+    methods = list(found.baselines)
+    table = [row_cells(found, row) for row in found.rows]
+    columns = ["figure", "goal", "measured", "95 % interval", "cases", "met", *methods]
+    show(console, "Score", columns, table, "llrrrl")
+    say(console, "")
+    show(console, "By size of the gap, one cause", ["gap", "right", "95 % interval", "cases"],
+         [group_cells(g) for g in found.by_severity], "l")  # fmt: skip
+    say(console, "")
+    show(
+        console, "By cause", ["truth", "right", "95 % interval", "cases"], [group_cells(g) for g in found.by_cause], "l"
+    )
+    say(console, "")
+    wrong = [wrong_cells(c) for c in found.sure_and_wrong]
+    if wrong:
+        show(console, "Sure and wrong", ["campaign", "truth", "named", "stated", "gap [σ]"], wrong, "lll")
+    else:
+        say(console, "No case was sure and wrong.")
