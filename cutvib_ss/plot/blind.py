@@ -8,7 +8,7 @@ from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
 from cutvib_ss.blind.score import Confusion, Score
-from cutvib_ss.plot.style import CORRECTED, GREY, GRID, INK, MEASURED, NOMINAL, TUNED, drawing
+from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, NOMINAL, TUNED, drawing
 
 
 def reliability_diagram(score: Score) -> Figure:
@@ -93,8 +93,9 @@ def severity_curve(score: Score) -> Figure:
                   label="mean probability on the truth")  # fmt: skip
         axes.set_xticks(x, [f"{g.name}\n{g.right.cases} cases" for g in groups])
         axes.set(ylim=(0, 1.02), xlabel="gap over noise", ylabel="[-]", title="By size of the gap, one cause")
-        axes.legend(loc="lower right")
         axes.grid(axis="x", visible=False)
+        handles, labels = axes.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -137,7 +138,7 @@ def _outline_right(axes: Axes, confusion: Confusion) -> None:
         if right in confusion.named:
             c = confusion.named.index(right)
             x, y = [c - 0.5, c + 0.5, c + 0.5, c - 0.5, c - 0.5], [r - 0.5, r - 0.5, r + 0.5, r + 0.5, r - 0.5]
-            axes.plot(x, y, color=GRID if confusion.counts[r, c] else NOMINAL, lw=0.9)
+            axes.plot(x, y, color=INK if confusion.counts[r, c] else NOMINAL, lw=0.9)
 
 
 def shrinkage_scatter(score: Score) -> Figure:

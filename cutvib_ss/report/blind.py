@@ -63,7 +63,7 @@ def figure(value: float, unit: str) -> str:
         For instance ``"93.2 %"``; "-" where it is not known.
     """
     if not math.isfinite(value):
-        return "∞" if value > 0 else "-"
+        return "-"
     if unit == "%":
         return f"{100 * value:.1f} %"
     return (
@@ -115,6 +115,10 @@ def interval(estimate: Estimate, unit: str) -> str:
     if estimate.cases == 0:
         return ""
     low, high = figure(estimate.low, unit), figure(estimate.high, unit)
+    if not math.isfinite(estimate.high):
+        return f"≥ {low}" if math.isfinite(estimate.low) else "unbounded"
+    if not math.isfinite(estimate.low):
+        return f"≤ {high}"
     return f"{low.removesuffix(' %').removesuffix(' s')}-{high}"
 
 
