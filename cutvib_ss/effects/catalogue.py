@@ -14,6 +14,7 @@ from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.modal_truncation import ModalTruncation
 from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
+from cutvib_ss.effects.rail_shear import RailShear
 from cutvib_ss.effects.rail_torsion import RailTorsion
 from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.effects.support_compliance import SupportCompliance
@@ -34,6 +35,7 @@ EFFECTS: Mapping[str, type[Effect]] = MappingProxyType(
             ModalTruncation,
             ParameterShift,
             RailAddedMass,
+            RailShear,
             RailTorsion,
             StructuralDamping,
             SupportCompliance,

@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.machine import Machine
-from cutvib_ss.response.condensed import CondensedModel, as_laplace, as_positions
+from cutvib_ss.response.axes import as_laplace, as_positions
+from cutvib_ss.response.condensed import CondensedModel
+from cutvib_ss.response.derivatives import ResponseDerivatives
 from cutvib_ss.results import QUANTITY_OF_FORM, ComplexArray, Form, FrequencyResponse, Quantity
 from cutvib_ss.slots import Path
 from cutvib_ss.structure import Structure
@@ -156,6 +158,8 @@ class ChainedResponse:
         self.orders = [DERIVATIVE_ORDER[q] for q in quantities]
         self._shape = (positions.size, len(self.outputs), len(self.inputs), s.size)
         self._bare: dict[tuple[str, str], ComplexArray] = {}
+        self._changes: dict[str, ResponseDerivatives] = {}
+        self._factors = [self._factor(k) for k in range(len(self.outputs))]
 
     def _receptance(self, output: str, input: str) -> ComplexArray:
         if (output, input) not in self._bare:
@@ -185,7 +189,7 @@ class ChainedResponse:
                 value = self._receptance(output, input)
                 if self._leaks(output):
                     value = value + self.chain.cross_axis * self._receptance("tool_x", input)
-                np.multiply(self._factor(k), value, out=out[:, k, i])
+                np.multiply(self._factors[k], value, out=out[:, k, i])
         return out
 
     def derivative(self, path: Path) -> ComplexArray:
@@ -207,30 +211,40 @@ class ChainedResponse:
         ParameterError
             If the response has no derivative to that value.
         """
+        if path[0] != "chain":
+            parts = [self._mechanical(path, input) for input in self.inputs]
+            return parts[0][:, :, None] if len(parts) == 1 else np.stack(parts, axis=2)
         out = np.zeros(self._shape, dtype=np.complex128)
         for k, output in enumerate(self.outputs):
-            factor = self._factor(k)
             for i, input in enumerate(self.inputs):
-                out[:, k, i] = factor * self._one(path, k, output, input)
+                out[:, k, i] = self._by_chain(path, k, output, input)
         return out
 
-    def _one(self, path: Path, k: int, output: str, input: str) -> ComplexArray | float:
-        cross = self.chain.cross_axis
-        if path[0] != "chain":
-            change = self.model.derivative(path, output, input)
-            return change + cross * self.model.derivative(path, "tool_x", input) if self._leaks(output) else change
-        value = self._receptance(output, input)
+    def _mechanical(self, path: Path, input: str) -> ComplexArray:
+        """Derivative of one input's responses to a value of the mechanics, shape (position, output, frequency)."""
+        # What leaks into an output is one more output, with that one's factor.
+        leaks = [k for k, output in enumerate(self.outputs) if self._leaks(output)]
+        if input not in self._changes:
+            factors = self._factors + [self.chain.cross_axis * self._factors[k] for k in leaks]
+            signals = self.outputs + ("tool_x",) * len(leaks)
+            self._changes[input] = ResponseDerivatives(self.model, signals, input, factors)
+        change, count = self._changes[input].derivative(path), len(self.outputs)
+        for extra, k in enumerate(leaks, start=count):
+            change[:, k] += change[:, extra]
+        return change[:, :count]
+
+    def _by_chain(self, path: Path, k: int, output: str, input: str) -> ComplexArray | float:
+        """Derivative of one response to a value of the chain, shape (position, frequency)."""
         if path == ("chain", "cross_axis"):
-            return self._receptance("tool_x", input) if output == "tool_z" else 0.0
+            return self._factors[k] * self._receptance("tool_x", input) if output == "tool_z" else 0.0
+        value = self._receptance(output, input)
         if self._leaks(output):
-            value = value + cross * self._receptance("tool_x", input)
+            value = value + self.chain.cross_axis * self._receptance("tool_x", input)
+        value = self._factors[k] * value
         channel = self.chain.channel(output)
         if path == ("chain", "decay_rate"):
-            change = self.model.derivative(("s",), output, input)
-            if self._leaks(output):
-                change = change + cross * self.model.derivative(("s",), "tool_x", input)
             order: ComplexArray = self.orders[k] / self.s if self.orders[k] else 0 * self.s
-            return change + (order - channel.delay) * value
+            return self._mechanical(("s",), input)[:, k] + (order - channel.delay) * value
         if path[:2] == ("chain", "channels"):
             if path[2] != output:
                 return 0.0

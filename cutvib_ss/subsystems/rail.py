@@ -8,7 +8,8 @@ Ends that give are *released*: w gains the two rigid motions h(y)ᵀu = (1 - y/L
 coupled to the modes, with the end springs on u. Sines and rigid motions together are complete, and the pinned rail is
 the limit of rigid springs. Of a mode's damping a stated share resists what the rigid motions have of its shape,
 2 ∫ sin(rπy/L) h dy/L · u, as well as the elastic part. Ends that resist turning are springs on the end slopes
-Σ (rπ/L) a_r (and the alternating sum at y = L). Twist is a second field ψ(y, t), held at the ends
+Σ (rπ/L) a_r (and the alternating sum at y = L). A rail that also shears has two modes for each sine, and cross-sections
+that turn by less than the slope (`cutvib_ss.subsystems.pinned_modes`). Twist is a field of its own, held at the ends
 (`cutvib_ss.subsystems.twist`).
 """
 
@@ -26,6 +27,7 @@ from cutvib_ss.mechanical import SecondOrder
 from cutvib_ss.parameters import RailParameters, check_number, check_position
 from cutvib_ss.results import FloatArray
 from cutvib_ss.subsystems.elements import SpringDamperMass
+from cutvib_ss.subsystems.pinned_modes import PinnedModes, euler_bernoulli, timoshenko
 from cutvib_ss.subsystems.twist import TWIST_ELEMENTS, twist_modes, twist_shapes
 
 
@@ -58,6 +60,24 @@ class EndSupports:
             check_number(name, getattr(self, name), 0.0)
         if check_number("rigid_damping", self.rigid_damping, 0.0) > 1.0:
             raise ParameterError(f"rigid_damping = {self.rigid_damping} is a share: it must lie between 0 and 1")
+
+
+@dataclass(frozen=True)
+class Shear:
+    """
+    Shear deformation and rotary inertia (Timoshenko), in place of bending alone.
+
+    Parameters
+    ----------
+    ratio : float
+        κGA L²/(π² EI): stiffness of the first mode against shear over that against bending. The first frequency of the rail's
+        parameters goes on standing for EI, so that shear lowers every frequency, the first about 0.67/ratio.
+    """
+
+    ratio: float
+
+    def __post_init__(self) -> None:
+        check_number("shear ratio", self.ratio, 0.0, strict=True)
 
 
 @dataclass(frozen=True)
@@ -102,7 +122,7 @@ class RailAttachment:
     position : float
         y / L of the point; 0 or 1 for the slope at an end.
     slope : bool
-        Whether it acts on the slope there instead of on the displacement.
+        Whether it acts on the slope there (of the cross-section, where the rail shears) instead of on the displacement.
     """
 
     element: SpringDamperMass
@@ -129,56 +149,28 @@ class Rail:
         A rail that twists.
     attachments : tuple of RailAttachment
         Elements along it.
+    shear : Shear, optional
+        A rail that shears.
     """
 
     parameters: RailParameters
     supports: EndSupports | None = None
     torsion: Torsion | None = None
     attachments: tuple[RailAttachment, ...] = field(default=())
+    shear: Shear | None = None
 
+    @property
+    def modes(self) -> PinnedModes:
+        """Its modes between pins."""
+        if self.shear is None:
+            return euler_bernoulli(self.parameters.n_modes)
+        return timoshenko(self.parameters.n_modes, self.shear.ratio)[0]
 
-def sine_shapes(position: ArrayLike, n_modes: int) -> FloatArray:
-    """
-    sin(rπ y/L) of the modes r = 1 … n_modes.
-
-    Parameters
-    ----------
-    position : array_like, shape (position,)
-        y / L.
-    n_modes : int
-        Number of modes.
-
-    Returns
-    -------
-    ndarray, shape (position, mode)
-        Shapes of unit amplitude.
-    """
-    y = np.atleast_1d(np.asarray(position, dtype=float))
-    shapes: FloatArray = np.sin(np.pi * np.outer(y, np.arange(1, n_modes + 1)))
-    return shapes
-
-
-def slope_shapes(position: float, length: float, n_modes: int) -> FloatArray:
-    """
-    Slope (rπ/L) cos(rπ y/L) of the modes.
-
-    Parameters
-    ----------
-    position : float
-        y / L.
-    length : float
-        L [m].
-    n_modes : int
-        Number of modes.
-
-    Returns
-    -------
-    ndarray, shape (mode,)
-        Slopes [1/m] of modes of unit amplitude.
-    """
-    r = np.arange(1, n_modes + 1)
-    slopes: FloatArray = np.pi * r / length * np.cos(np.pi * r * position)
-    return slopes
+    @property
+    def modes_by_shear(self) -> PinnedModes:
+        """Derivatives of their values to the shear ratio; only where the rail shears."""
+        assert self.shear is not None
+        return timoshenko(self.parameters.n_modes, self.shear.ratio)[1]
 
 
 def mode_shapes(p: RailParameters, position: ArrayLike) -> FloatArray:
@@ -197,7 +189,7 @@ def mode_shapes(p: RailParameters, position: ArrayLike) -> FloatArray:
     ndarray, shape (position, mode)
         φ_r = √(2/μL) sin(rπy/L) [1/√kg].
     """
-    shapes: FloatArray = np.sqrt(2.0 / p.mass) * sine_shapes(position, p.n_modes)
+    shapes: FloatArray = np.sqrt(2.0 / p.mass) * euler_bernoulli(p.n_modes).deflections(position)
     return shapes
 
 
@@ -215,30 +207,8 @@ def natural_frequencies(p: RailParameters) -> FloatArray:
     ndarray, shape (mode,)
         r² f_1 [Hz].
     """
-    frequencies: FloatArray = p.first_frequency * np.arange(1.0, p.n_modes + 1) ** 2
+    frequencies: FloatArray = p.first_frequency * euler_bernoulli(p.n_modes).frequency
     return frequencies
-
-
-RIGID_INERTIA = np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]])
-"""∫ h hᵀ dy / L of the rigid motions h = (1 - y/L, y/L)."""
-
-
-def rigid_coupling(n_modes: int) -> FloatArray:
-    """
-    Inertial coupling of the sine modes with the two rigid motions.
-
-    Parameters
-    ----------
-    n_modes : int
-        Number of modes.
-
-    Returns
-    -------
-    ndarray, shape (mode, 2)
-        ∫ sin(rπy/L) h(y) dy / L = (1, (-1)^(r+1)) / (rπ).
-    """
-    r = np.arange(1, n_modes + 1)
-    return np.column_stack([1.0 / (np.pi * r), (-1.0) ** (r + 1) / (np.pi * r)])
 
 
 def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
@@ -255,20 +225,22 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     Returns
     -------
     SecondOrder
-        Degrees of freedom η_1 … η_m (mass-normalised), then the ends' motions and the twist's coordinates where there are any.
+        Degrees of freedom η_1 … η_m (mass-normalised), then the upper branch ``shear0`` … where the rail shears, the ends'
+        motions and the twist's coordinates where there are any.
 
     Notes
     -----
     Eq. 9. Where the ends give, a share κ (``rigid_damping``) of each mode's damping also resists what the rigid motions have of
-    its shape: with g_r = e_r + κ √(μL/2) 2 c_r on the ends, c_r the row of `rigid_coupling`, C = Σ 2ζω_r g_r g_rᵀ.
+    its shape: with g_r = e_r + κ √(μL/2) 2 c_r on the ends, c_r the row of `PinnedModes.coupling`, C = Σ 2ζω_r g_r g_rᵀ.
     For κ > 0 the sum on the ends' own motion grows with the number of modes, so that ``c_left`` and ``c_right`` also stand for what
     the modes above n_modes would add there.
     """
     p = model.parameters
-    m = p.n_modes
+    modes = model.modes
+    m = modes.number.size
     scale = np.sqrt(2.0 / p.mass)
-    w = 2 * np.pi * natural_frequencies(p)
-    dofs = [f"eta{r}" for r in range(1, m + 1)]
+    w = 2 * np.pi * p.first_frequency * modes.frequency
+    dofs = [f"eta{r}" for r in range(1, p.n_modes + 1)] + [f"shear{r}" for r in range(m - p.n_modes)]
     ends = ["rail_left", "rail_right"] if model.supports else []
     twists = [f"twist{r}" for r in range(1, TWIST_ELEMENTS)] if model.torsion else []
     n = m + len(ends) + len(twists)
@@ -278,8 +250,8 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     stiffness[elastic, elastic] = w**2
     if model.supports:
         u = slice(m, m + 2)
-        mass[u, u] = p.mass * RIGID_INERTIA
-        mass[:m, u] = scale * p.mass * rigid_coupling(m)
+        mass[u, u] = p.mass * modes.rigid_inertia
+        mass[:m, u] = scale * p.mass * modes.coupling
         mass[u, :m] = mass[:m, u].T
         share = model.supports.rigid_damping
         damping[:m, u] = share * (damping[:m, :m] @ mass[:m, u])
@@ -297,7 +269,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         stiffness[t, t] = wt**2 * squares
 
     def row(y: float, slope: bool = False) -> FloatArray:
-        elastic_part = slope_shapes(y, p.length, m) if slope else sine_shapes(y, m)[0]
+        elastic_part = modes.rotations(y) / p.length if slope else modes.deflections(y)[0]
         rigid_part = np.array([-1.0, 1.0]) / p.length if slope else np.array([1.0 - y, y])
         return np.concatenate([scale * elastic_part, rigid_part[: len(ends)], np.zeros(len(twists))])
 

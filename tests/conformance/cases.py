@@ -20,6 +20,7 @@ from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.modal_truncation import ModalTruncation
 from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
+from cutvib_ss.effects.rail_shear import RailShear
 from cutvib_ss.effects.rail_torsion import RailTorsion
 from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.effects.support_compliance import SupportCompliance
@@ -69,7 +70,7 @@ MACHINE_SHIFTS = {
 
 RIGID = 1e-12
 """Severity of effects that vanish only in a limit: 1/severity is a stiffness or inertia."""
-LIMITS = ("guide_compliance", "support_compliance", "rail_torsion")
+LIMITS = ("guide_compliance", "support_compliance", "rail_torsion", "rail_shear")
 """Those effects."""
 
 Build = Callable[[Any, float], Effect]
@@ -143,6 +144,7 @@ def _choices(model: Model, effect: str, place: str) -> Iterator[tuple[str, Calla
                 "guide_compliance": lambda s: GuideCompliance(place, 5e7 / s, 500.0),
                 "modal_truncation": lambda s: ModalTruncation(place, 4 + round(3 * s)),
                 "rail_added_mass": lambda s: RailAddedMass(place, 0.31, 4.0 * s, 30.0 * s),
+                "rail_shear": lambda s: RailShear(place, 20.0 / s),
                 "rail_torsion": lambda s: RailTorsion(place, 0.05, 0.8 / s, 180.0, 0.02),
                 "structural_damping": lambda s: StructuralDamping(place, 0.08 * s),
                 "support_compliance": lambda s: SupportCompliance(place, 3e7 / s, 1e8 / s, 400.0, 900.0),

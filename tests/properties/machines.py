@@ -11,7 +11,7 @@ from cutvib_ss.parameters import HeadParameters, RailParameters
 from cutvib_ss.slots import ChannelChain, MeasurementChain
 from cutvib_ss.structure import Structure
 from cutvib_ss.subsystems.elements import Attachment, Guide, SpringDamperMass, SprungMass
-from cutvib_ss.subsystems.rail import EndSupports, Rail, RailAttachment, Torsion
+from cutvib_ss.subsystems.rail import EndSupports, Rail, RailAttachment, Shear, Torsion
 
 FREQ = np.array([3.0, 24.6, 77.7, 151.3, 211.9, 240.4, 333.3, 480.1])
 """Frequencies of the comparisons [Hz]."""
@@ -87,6 +87,7 @@ def rails(draw: st.DrawFn, torsion: bool = True) -> Rail:
             | st.builds(RailAttachment, springs, st.sampled_from([0.0, 1.0]), st.just(True)),
             max_size=2,
         ).map(tuple)),
+        shear=draw(st.none() | st.builds(Shear, reals(3.0, 300.0))),
     )  # fmt: skip
 
 
@@ -126,6 +127,7 @@ def full_machines(draw: st.DrawFn) -> Machine:
                 RailAttachment(some, draw(st.floats(0.05, 0.95))),
                 RailAttachment(SpringDamperMass(draw(reals(1e3, 1e6))), 1.0, True),
             ),
+            Shear(draw(reals(3.0, 300.0))),
         ),
         attachments=(
             Attachment("tool_x", SprungMass(draw(reals(0.01, 2.0)), draw(reals(20.0, 400.0)), draw(reals(0.005, 0.2)))),

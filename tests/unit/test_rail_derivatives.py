@@ -9,7 +9,7 @@ from cutvib_ss.machine import published_machine
 from cutvib_ss.response.frequency import ChainedResponse
 from cutvib_ss.slots import with_value
 from cutvib_ss.subsystems.elements import SpringDamperMass
-from cutvib_ss.subsystems.rail import EndSupports, RailAttachment
+from cutvib_ss.subsystems.rail import EndSupports, RailAttachment, Shear
 
 CHANNELS = ("tool_x", "tool_z", "base_x")
 S = 2j * np.pi * np.linspace(10.0, 400.0, 150)
@@ -23,12 +23,14 @@ def responses(machine):
     ("path", "value"),
     [(("rail", "supports", "rigid_damping"), 0.4), (("rail", "attachments", 0, "position"), 0.3)],
 )
-def test_derivative(path, value):
+@pytest.mark.parametrize("shear", [None, Shear(15.0)])
+def test_derivative(path, value, shear):
     machine = published_machine()
     rail = replace(
         machine.rail,
         supports=EndSupports(4e7, 9e6, 100.0, 200.0, 0.4),
         attachments=(RailAttachment(SpringDamperMass(stiffness=1e5), 0.3, slope=True),),
+        shear=shear,
     )
     machine = replace(machine, rail=rail)
     up, down = (responses(with_value(machine, path, value + h)).data() for h in (1e-5, -1e-5))

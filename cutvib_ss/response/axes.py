@@ -1,0 +1,69 @@
+"""Positions and frequencies of a response, checked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.machine import Machine
+from cutvib_ss.parameters import check_number, check_position
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.structure import Structure
+
+
+def as_positions(model: Machine | Structure, positions: object) -> FloatArray:
+    """
+    Positions as an array, checked against the kind of model.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    positions : float, array_like or None
+        y_b / L, strictly inside (0, 1); None or NaN for a structure.
+
+    Returns
+    -------
+    ndarray, shape (position,)
+        The positions; one NaN for a structure.
+
+    Raises
+    ------
+    ParameterError
+        If a machine has none, one lies outside the rail, or a structure is given one.
+    """
+    if not model.has_position:
+        if positions is not None and not np.isnan(np.asarray(positions, dtype=float)).all():
+            raise ParameterError("a second_order model has no position")
+        return np.array([np.nan])
+    if positions is None:
+        raise ParameterError("the response of a cutting machine needs a position y_b / L, strictly inside (0, 1)")
+    values = np.atleast_1d(np.asarray(positions, dtype=float))
+    return np.array([check_position(float(y)) for y in values.ravel()])
+
+
+def as_laplace(freq: object, decay_rate: float) -> tuple[FloatArray, ComplexArray]:
+    """
+    Frequencies [Hz] and s = σ + j2πf.
+
+    Parameters
+    ----------
+    freq : array_like, shape (frequency,)
+        Frequencies [Hz].
+    decay_rate : float
+        σ [1/s].
+
+    Returns
+    -------
+    freq, s : ndarray, shape (frequency,)
+        Both.
+
+    Raises
+    ------
+    ParameterError
+        If a frequency is negative or not finite.
+    """
+    f = np.atleast_1d(np.asarray(freq, dtype=float))
+    if f.ndim != 1 or not np.isfinite(f).all() or (f < 0).any():
+        raise ParameterError("frequencies must be finite, at least 0 Hz, in one list")
+    return f, check_number("decay_rate", decay_rate) + 2j * np.pi * f

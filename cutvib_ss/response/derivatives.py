@@ -1,0 +1,344 @@
+"""
+Derivatives of condensed responses to the model's values.
+
+With X = b + Φ u the whole motion of the head (held, and following its base) and R the force on the rail, reciprocity gives, for a
+change of rows, of the head's dynamic stiffness E, or of the rail's receptance A under the head and a at its own ports,
+
+    dH_qp = dqᵀ X_p + X_qᵀ dp - X_qᵀ dE X_p + R_qᵀ dA R_p + da_qᵀ R_p + R_qᵀ da_p + da_qp.
+
+b and Φ depend on frequency alone, u and R on position too. So the head's part is
+
+    dH_qp = α_q + β_qᵀ u_p + u_qᵀ γ,   α_q = dqᵀ b_p + b_qᵀ dp - b_qᵀ dE b_p,   β_q = Φᵀ (dq - dE b_q),   γ = Φᵀ (dp - dE X_p),
+
+with α and β over frequency, and γ the same for all outputs. Where dE = z r rᵀ alone changes it is -z (rᵀX_q)(rᵀX_p), one
+product for all values of what sits at r.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TypeAlias, cast
+
+import numpy as np
+
+from cutvib_ss.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.response.condensed import CondensedModel, Row
+from cutvib_ss.response.rail_derivatives import RailPair
+from cutvib_ss.response.rail_receptance import RailField
+from cutvib_ss.response.stacked import dot, mixed
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.slots import Path, value_at
+from cutvib_ss.structure import Structure
+from cutvib_ss.subsystems.elements import SpringDamperMass, SprungMass
+from cutvib_ss.subsystems.head import head_row_derivatives
+
+Rows: TypeAlias = dict[str, FloatArray]
+# A part of dE: its factor over frequency, and a symmetric matrix or the row r of r rᵀ.
+Part: TypeAlias = tuple[ComplexArray | float, FloatArray]
+
+
+class ResponseDerivatives:
+    """
+    Derivatives of the responses from one input to some outputs.
+
+    Parameters
+    ----------
+    condensed : CondensedModel
+        The model at positions and frequencies.
+    outputs : sequence of str
+        Signals.
+    input : str
+        Signal or port of the force.
+    factors : sequence of ndarray, optional
+        What each output's receptance is multiplied by, shape (frequency,); one by default.
+    """
+
+    def __init__(
+        self,
+        condensed: CondensedModel,
+        outputs: Sequence[str],
+        input: str,
+        factors: Sequence[ComplexArray] | None = None,
+    ) -> None:
+        self.condensed, self.outputs, self.input = condensed, tuple(outputs), input
+        self.model, self.s = condensed.model, condensed.s
+        one = np.ones(self.s.size, dtype=np.complex128)
+        self.factors: ComplexArray = np.array([one] * len(self.outputs) if factors is None else factors)
+        self._answers = [condensed.answer(name) for name in self.outputs]
+        self._driven = condensed.answer(input)
+        self._pairs: dict[tuple[int, int], RailPair] = {}
+        self._products: dict[bytes, ComplexArray] = {}
+        # Of the outputs, with their factors: axes (…, position, output, frequency).
+        self._held: ComplexArray = np.stack([a.blocked for a in self._answers], axis=1) * self.factors
+        self._motion: ComplexArray = np.stack([a.motion for a in self._answers], axis=2) * self.factors
+
+    @cached_property
+    def _force(self) -> ComplexArray:
+        return np.asarray(np.stack([a.force for a in self._answers], axis=2) * self.factors)
+
+    @cached_property
+    def _driven_motion(self) -> ComplexArray:
+        """X of the input, shape (n, position, frequency)."""
+        out = self._driven.blocked[:, None]
+        for i, u in enumerate(self._driven.motion):
+            out = out + self.condensed.following[:, i, None] * u
+        return out
+
+    def derivative(self, path: Path) -> ComplexArray:
+        """
+        Derivative of the responses to one of the model's values.
+
+        Parameters
+        ----------
+        path : tuple of str and int
+            The value's path, as `slots.value_at` takes it, or ``("s",)`` for the Laplace variable itself, on which the factors
+            are taken not to depend.
+
+        Returns
+        -------
+        ndarray, shape (position, output, frequency)
+            The derivative.
+        """
+        d_rows = self._row_changes(path)
+        moves = [
+            (c, move)
+            for c, name in enumerate(self.outputs)
+            if (move := self._row_change(path, name, d_rows)) is not None
+        ]
+        driven = self._row_change(path, self.input, d_rows)
+        parts = self._stiffness_parts(path, d_rows)
+        out: ComplexArray | None = None
+        if len(parts) == 1 and parts[0][1].ndim == 1 and not moves and driven is None:
+            out = self._by_element(*parts[0])
+        elif parts or moves or driven is not None:
+            out = self._by_head(parts, moves, driven)
+        if self.condensed.interface:
+            out = self._with_rail(out, path)
+        shape = len(self.condensed.positions), len(self.outputs), self.s.size
+        return np.zeros(shape, dtype=np.complex128) if out is None else out
+
+    def _by_element(self, factor: ComplexArray | float, row: FloatArray) -> ComplexArray:
+        """-z (rᵀX_q)(rᵀX_p); a new array."""
+        key = row.tobytes()
+        if key not in self._products:
+            following, driven = self.condensed.following, _read(row, self._driven_motion)
+            if self.condensed.interface:
+                out = self._motion[0] * _read(row, following[:, 0])
+                for i in range(1, len(self._motion)):
+                    out += self._motion[i] * _read(row, following[:, i])
+                out += _read(row, self._held)
+                out *= -driven[:, None]
+            else:
+                out = -driven[:, None] * _read(row, self._held)
+            self._products[key] = out
+        return factor * self._products[key]
+
+    def _by_head(self, parts: Sequence[Part], moves: Sequence[tuple[int, Row]], driven: Row | None) -> ComplexArray:
+        """α + βᵀ u_p + u_qᵀ γ; a new array."""
+        following, motion, blocked = self.condensed.following, self._driven.motion, self._driven.blocked
+        count = len(motion)
+        alpha = np.zeros((len(self.outputs), self.s.size), dtype=np.complex128)
+        beta = np.zeros((count, *alpha.shape), dtype=np.complex128)
+        gamma = np.zeros((count, *motion.shape[1:]), dtype=np.complex128)
+        for factor, part in parts:
+            matrix = np.outer(part, part) if part.ndim == 1 else part
+            held, moved = -factor * mixed(matrix, self._held), -factor * mixed(matrix, self._driven_motion)
+            alpha += dot(held, blocked[:, None])
+            for i in range(count):
+                beta[i] += dot(held, following[:, i, None])
+                gamma[i] += dot(moved, following[:, i, None])
+        for c, move in moves:
+            alpha[c] += self.factors[c] * _read(move, blocked)
+            for i in range(count):
+                beta[i, c] += self.factors[c] * _read(move, following[:, i])
+        if driven is not None:
+            alpha += _read(driven, self._held)
+            for i in range(count):
+                gamma[i] += _read(driven, following[:, i])
+        if not count:
+            return alpha[None]
+        out: ComplexArray = beta[0] * motion[0][:, None]
+        out += alpha
+        for i in range(1, count):
+            out += beta[i] * motion[i][:, None]
+        for i in range(count):
+            out += self._motion[i] * gamma[i][:, None]
+        return out
+
+    # -- the head -----------------------------------------------------------------------------------------------------------
+
+    def _row_changes(self, path: Path) -> Rows:
+        """How the head's rows move with a value."""
+        model = self.model
+        if not isinstance(model, Machine):
+            return {}
+        torsion = model.rail.torsion
+        twist, e = torsion is not None, torsion.eccentricity if torsion else 0.0
+        if path[0] == "head":
+            return head_row_derivatives(model.head, str(path[1]), twist, e)
+        if path == ("rail", "torsion", "eccentricity"):
+            rows = self.condensed.rows.items()
+            return {name: np.array([0.0, 0.0, 0.0, row[2]]) for name, row in rows if row[2] and name != "base"}
+        return {}
+
+    def _row_change(self, path: Path, name: str, d_rows: Rows) -> Row | None:
+        if isinstance(self.model, Structure) and name == "force" and self.model.input_quantity == "acceleration":
+            return self._base_inertia_change(self.model, path)
+        if not d_rows or self.condensed.is_rail(name):
+            return None
+        return d_rows.get(CUTTING_SIGNALS.get(name, name))
+
+    def _base_inertia_change(self, model: Structure, path: Path) -> Row | None:
+        carried = self.condensed.row(model.input_port)
+        if path == ("scales", 0):
+            return -(model.system.mass @ carried)
+        if path[0] != "attachments" and path != ("s",):
+            return None
+        out = np.zeros((carried.size, self.s.size), dtype=np.complex128)
+        for k, a in enumerate(model.attachments):
+            if path == ("s",) or path[1] == k:
+                p, name = self.condensed.row(a.port), "s" if path == ("s",) else str(path[-1])
+                out -= np.multiply.outer(p * (p @ carried), _apparent_mass_change(a.element, name, self.s))
+        return out
+
+    def _stiffness_parts(self, path: Path, d_rows: Rows) -> list[Part]:
+        """dE, how the head's dynamic stiffness moves with a value."""
+        model, s = self.model, self.s
+        system = self.condensed.system
+        parts: list[Part] = []
+        if path == ("s",):
+            parts += [(1.0, system.damping), (2 * s, system.mass)]
+        elif path[0] == "scales" and isinstance(model, Structure):
+            matrix = (model.system.mass, model.system.damping, model.system.stiffness)[int(path[1])]
+            parts.append(((s * s, s, 1.0)[int(path[1])], matrix))
+        elif path[0] == "head" and isinstance(model, Machine):
+            parts += self._head_parts(model, str(path[1]), d_rows)
+        elif path == ("rail", "torsion", "eccentricity"):
+            parts.append((s * s, self._mass_change(d_rows)))
+        for k, a in enumerate(model.attachments):
+            p, dp = self.condensed.row(a.port), d_rows.get(a.port)
+            if path == ("s",) or path[:2] == ("attachments", k):
+                parts.append((a.element.derivative("s" if path == ("s",) else str(path[-1]), s), p))
+            if dp is not None:
+                parts.append((a.element.dynamic_stiffness(s), np.outer(dp, p) + np.outer(p, dp)))
+        return parts
+
+    def _head_parts(self, model: Machine, name: str, d_rows: Rows) -> list[Part]:
+        s, rows = self.s, self.condensed.rows
+        if name in ("k1", "k2", "c1", "c2"):
+            return [(s if name[0] == "c" else 1.0, rows["joint" + name[1]])]
+        if name in ("m1", "m2"):
+            x, z = ("head_x", "head_z") if name == "m1" else ("tool_x", "tool_z")
+            return [(s * s, np.outer(rows[x], rows[x]) + np.outer(rows[z], rows[z]))]
+        return [(s * s, self._mass_change(d_rows))]
+
+    def _mass_change(self, d_rows: Rows) -> FloatArray:
+        assert isinstance(self.model, Machine)
+        h, rows = self.model.head, self.condensed.rows
+        total = np.zeros((len(self.condensed.system.dofs),) * 2)
+        for mass, port in ((h.m1, "head_x"), (h.m1, "head_z"), (h.m2, "tool_x"), (h.m2, "tool_z")):
+            if port in d_rows:
+                total += mass * (np.outer(d_rows[port], rows[port]) + np.outer(rows[port], d_rows[port]))
+        return total
+
+    # -- the rail -----------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _fields(self) -> list[RailField | None]:
+        """Fields of the outputs, then of the input, then of the base."""
+        return [*(a.field for a in self._answers), self._driven.field, self.condensed.base_field]
+
+    @cached_property
+    def _under_head(self) -> RailPair:
+        return RailPair(self.condensed.base_field, self.condensed.base_field)
+
+    def _pair(self, left: int, right: int) -> RailPair | None:
+        """Two of those fields; None where either is not of the rail."""
+        a, b = self._fields[left], self._fields[right]
+        if a is None or b is None:
+            return None
+        if (left, right) not in self._pairs:
+            self._pairs[left, right] = RailPair(a, b)
+        return self._pairs[left, right]
+
+    def _with_rail(self, out: ComplexArray | None, path: Path) -> ComplexArray | None:
+        """The head's part and what the guide, the rail and its twist add."""
+        model = self.model
+        assert isinstance(model, Machine)
+        every = path == ("s",)
+        d_bending: ComplexArray | None = None
+        direct: list[tuple[int, ComplexArray]] = []
+        if model.guide is not None and (every or path[0] == "guide"):
+            d_bending = model.guide.derivative(str(path[-1]), self.s)[None]
+        if every or (path[0] == "rail" and path[1] != "torsion"):
+            name = path if every else _rail_name(path)
+            driven, base = len(self.outputs), len(self.outputs) + 1
+            d_bending = _plus(d_bending, self._under_head.derivative(name))
+            # One field carries each port: what reaches it through the head's base, plus its own.
+            by_input = self._derivative(base, driven, name)
+            if by_input is not None:
+                out = _plus(out, self._force[0] * by_input[:, None])
+            for c in range(len(self.outputs)):
+                by_output, both = self._derivative(c, base, name), self._derivative(c, driven, name)
+                if by_output is not None:
+                    direct.append((c, by_output * self._driven.force[0]))
+                if both is not None:
+                    direct.append((c, both))
+        if d_bending is not None:
+            out = _plus(out, self._force[0] * (d_bending * self._driven.force[0])[:, None])
+        if model.rail.torsion and (every or (path[:2] == ("rail", "torsion") and path[2] != "eccentricity")):
+            d_twist = self.condensed.twist.derivative(str(path[-1])) * self._driven.force[1]
+            out = _plus(out, self._force[1] * d_twist[:, None])
+        if path == ("rail", "parameters", "mass"):
+            direct += self._normalisation(value_at(model, path))
+        if out is not None:
+            for c, change in direct:
+                out[:, c] += self.factors[c] * change
+        return out
+
+    def _derivative(self, left: int, right: int, name: Path) -> ComplexArray | None:
+        pair = self._pair(left, right)
+        return None if pair is None else pair.derivative(name)
+
+    def _normalisation(self, mass: float) -> list[tuple[int, ComplexArray]]:
+        """A modal coordinate is normalised by the rail's mass, so its own row moves too."""
+        found = []
+        for c, output in enumerate(self.outputs):
+            modal = sum(name.startswith("eta") for name in (output, self.input))
+            if modal:
+                found.append((c, modal / (2 * mass) * self.condensed.receptance(output, self.input)))
+        return found
+
+
+def _plus(total: ComplexArray | None, more: ComplexArray) -> ComplexArray:
+    return more if total is None else total + more
+
+
+def _read(row: Row, motion: ComplexArray) -> ComplexArray:
+    """A row applied to motions, shape (n, …, frequency)."""
+    if row.ndim == 2:
+        return dot(row.reshape(len(row), *[1] * (motion.ndim - 2), -1), motion)
+    used = np.flatnonzero(row)
+    if used.size == 0:
+        return np.zeros(motion.shape[1:], dtype=np.complex128)
+    if used.size == 1 and row[used[0]] == 1.0:
+        return cast(ComplexArray, motion[used[0]])
+    return dot(row[used], motion[used])
+
+
+def _rail_name(path: Path) -> Path:
+    """A rail path as `RailPair.derivative` takes it."""
+    if path[1] == "parameters":
+        return path[2:]
+    if path[1] == "attachments":
+        return ("attachments", path[2], path[-1])
+    return path[1:]
+
+
+def _apparent_mass_change(element: SpringDamperMass | SprungMass, name: str, s: ComplexArray) -> ComplexArray:
+    """Derivative of `condensed.apparent_mass`."""
+    if isinstance(element, SprungMass):
+        change = element.derivative(name, s) / s**2
+        return change - 2 * element.dynamic_stiffness(s) / s**3 if name == "s" else change
+    return (1.0 if name == "mass" else 0.0) + 0 * s

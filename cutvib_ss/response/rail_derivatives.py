@@ -1,0 +1,201 @@
+"""
+Derivatives of the rail's receptance to its values.
+
+From D v = p, with v the motion for a unit force at p: d(v_lᵀ p_r) = dp_lᵀ v_r + v_lᵀ dp_r - v_lᵀ dD v_r. Each value moves one
+kind of D's energy, stored, dissipated or kinetic, so that a few sums over the modes serve all of them.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from cutvib_ss.response.rail_receptance import RailField, RailPort
+from cutvib_ss.response.stacked import dot, mixed
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.slots import Path
+from cutvib_ss.subsystems.pinned_modes import PinnedModes
+
+
+class RailPair:
+    """
+    The derivatives of the receptance between two ports.
+
+    Parameters
+    ----------
+    left, right : RailField
+        Fields of the port where motion is read, and of the one where the force acts.
+    """
+
+    def __init__(self, left: RailField, right: RailField) -> None:
+        self.rail, self.left, self.right = left.rail, left, right
+
+    def derivative(self, name: Path) -> ComplexArray:
+        """
+        Derivative of the receptance to one of the rail's values.
+
+        Parameters
+        ----------
+        name : tuple of str and int
+            ``("mass",)``, ``("first_frequency",)``, ``("damping_ratio",)``, ``("length",)``, ``("shear", "ratio")``, ``("s",)``,
+            ``("supports", "k_left")`` …, or ``("attachments", k, "position")`` and the like.
+
+        Returns
+        -------
+        ndarray, shape (position, frequency)
+            The derivative; a modal coordinate's own normalisation by the mass is left out.
+        """
+        out = -self._beam(name)
+        if self.rail.released:
+            out = out - self._supports(name)
+        for k in range(len(self.rail.attached)):
+            out = out - self._attachment(k, name)
+        if name[0] == "shear":
+            out = out + self._ports_under_shear()
+        return out
+
+    # -- the beam itself ----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _by_shear(self) -> PinnedModes:
+        return self.rail.model.modes_by_shear
+
+    @cached_property
+    def _sums(self) -> tuple[ComplexArray, ComplexArray]:
+        """Σ (1, w², w w') a_l a_r and Σ (w, w') d_l d_r over the modes, w' being the derivative to the shear ratio."""
+        rail, w = self.rail, self.rail.w
+        undamped, damped = [np.ones(w.size), w**2], [w]
+        if rail.model.shear is not None:
+            moved = 2 * np.pi * rail.model.parameters.first_frequency * self._by_shear.frequency
+            undamped.append(w * moved)
+            damped.append(moved)
+        n, weights = len(undamped), np.array(undamped + damped)
+        if rail.pinned:
+            shapes = self.left.port.elastic * self.right.port.elastic
+            sums = mixed(weights[:, None] * shapes, rail.flexibility_squared)
+            return sums[:n], sums[n:]
+        elastic = self.left.elastic * self.right.elastic
+        if self.left.damped is self.left.elastic:
+            sums = mixed(weights, elastic)
+            return sums[:n], sums[n:]
+        return mixed(weights[:n], elastic), mixed(weights[n:], self.left.damped * self.right.damped)
+
+    @cached_property
+    def _kinetic(self) -> ComplexArray:
+        """v_lᵀ M v_r of the beam."""
+        out: ComplexArray = self.rail.half * self._sums[0][0]
+        return out + self._carried(self.rail.modes) if self.rail.released else out
+
+    def _carried(self, modes: PinnedModes) -> ComplexArray:
+        """What rigid motion and the modes carry of each other, and of themselves."""
+        u, v = self.left.rigid, self.right.rigid
+        total = dot(mixed(modes.coupling.T, self.left.elastic), v) + dot(mixed(modes.coupling.T, self.right.elastic), u)
+        out: ComplexArray = self.rail.model.parameters.mass * (total + dot(u, mixed(modes.rigid_inertia, v)))
+        return out
+
+    def _beam(self, name: Path) -> ComplexArray:
+        """v_lᵀ dD v_r of the beam without ends and attachments."""
+        p, s, half = self.rail.model.parameters, self.rail.s, self.rail.half
+        undamped, damped = self._sums
+        if name[0] == "first_frequency":
+            value: ComplexArray = (2 * half / p.first_frequency) * (undamped[1] + (p.damping_ratio * s) * damped[0])
+        elif name[0] == "damping_ratio":
+            value = (2 * half * s) * damped[0]
+        elif name[0] == "mass":
+            dissipated = (2 * half * p.damping_ratio / p.mass * s) * damped[0]
+            value = half / p.mass * undamped[1] + dissipated + (s * s / p.mass) * self._kinetic
+        elif name[0] == "s":
+            value = 2 * half * p.damping_ratio * damped[0] + 2 * s * self._kinetic
+        elif name[0] == "shear":
+            value = 2 * half * (undamped[2] + (p.damping_ratio * s) * damped[1])
+            if self.rail.released:
+                value = value + self._shear_of_released()
+        else:
+            value = np.zeros((1, s.size), dtype=np.complex128)
+        return value
+
+    def _shear_of_released(self) -> ComplexArray:
+        """What shear moves of the coupling between modes and rigid motion."""
+        s, supports = self.rail.s, self.rail.model.supports
+        assert supports is not None
+        out = s * s * self._carried(self._by_shear)
+        if supports.rigid_damping:
+            moved = 2 * self._by_shear.coupling
+            out = out + supports.rigid_damping * self._dissipated(
+                mixed(moved, self.left.rigid), mixed(moved, self.right.rigid)
+            )
+        return out
+
+    def _dissipated(self, left: ComplexArray, right: ComplexArray) -> ComplexArray:
+        """Work of the modal damping when the motion that it resists moves by these."""
+        p, s = self.rail.model.parameters, self.rail.s
+        both = left * self.right.damped + self.left.damped * right
+        out: ComplexArray = (2 * self.rail.half * p.damping_ratio * s) * mixed(self.rail.w, both)
+        return out
+
+    def _ports_under_shear(self) -> ComplexArray:
+        out: ComplexArray = np.zeros((1, self.rail.s.size), dtype=np.complex128)
+        for moving, other in ((self.left, self.right), (self.right, self.left)):
+            if moving.port.position is not None:
+                row = self._by_shear.deflections(moving.port.position)
+                out = out + self.rail.product(self._step(row), other)
+        return out
+
+    def _step(self, elastic: FloatArray, rigid: FloatArray | None = None) -> RailField:
+        """The field of a row's change."""
+        still = np.zeros((elastic.shape[0], 2))
+        return self.rail.field(RailPort(elastic, still if rigid is None else rigid))
+
+    # -- what is added to it ------------------------------------------------------------------------------------------------
+
+    def _supports(self, name: Path) -> ComplexArray | float:
+        supports, s = self.rail.model.supports, self.rail.s
+        assert supports is not None
+        ends = self.left.rigid * self.right.rigid
+        if name[0] == "s":
+            both: ComplexArray = supports.c_left * ends[0] + supports.c_right * ends[1]
+            return both
+        if name[0] != "supports":
+            return 0.0
+        if name[1] == "rigid_damping":
+            return self._dissipated(self.left.shared, self.right.shared)
+        what, side = str(name[1]).split("_")
+        end: ComplexArray = ends[("left", "right").index(side)]
+        return s * end if what == "c" else end
+
+    def _attachment(self, k: int, name: Path) -> ComplexArray | float:
+        a, s, rail = self.rail.model.attachments[k], self.rail.s, self.rail
+        own = name[:2] == ("attachments", k)
+        step = self._attachment_step(k, name)
+        if step is None and not own and name[0] != "s":
+            return 0.0
+        left, right = self._at_attachments[k]
+        if step is None:
+            return a.element.derivative(str(name[-1]), s) * (left * right)
+        both = rail.product(step, self.left) * right + left * rail.product(step, self.right)
+        return a.element.dynamic_stiffness(s) * both
+
+    @cached_property
+    def _at_attachments(self) -> list[tuple[ComplexArray, ComplexArray]]:
+        """Motion of each attachment's port in both fields."""
+        fields = [self.rail.field(port) for port in self.rail.attached]
+        return [(self.rail.product(at, self.left), self.rail.product(at, self.right)) for at in fields]
+
+    def _attachment_step(self, k: int, name: Path) -> RailField | None:
+        """How an attachment's row moves; None where it does not."""
+        rail, a, at = self.rail, self.rail.model.attachments[k], self.rail.attached[k]
+        length, modes = rail.model.parameters.length, rail.modes
+        turn = np.pi * modes.number
+        if name == ("attachments", k, "position"):
+            if a.slope:
+                return self._step((-turn * modes.rotation * np.sin(turn * a.position))[None] / length)
+            return self._step((turn * modes.deflection * np.cos(turn * a.position))[None], np.array([[-1.0, 1.0]]))
+        if name[0] == "length" and a.slope:
+            # Slope rows go with 1/L.
+            return self._step(-at.elastic / length, -at.rigid / length)
+        if name[0] == "shear":
+            moved = self._by_shear
+            row = moved.rotations(a.position) / length if a.slope else moved.deflections(a.position)[0]
+            return self._step(row[None])
+        return None

@@ -1,0 +1,82 @@
+"""Linear algebra on stacks of small matrices, frequency last."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutvib_ss.results import ComplexArray, FloatArray
+
+
+def mixed(weights: FloatArray, stack: ComplexArray) -> ComplexArray:
+    """
+    Real combinations of the entries of a complex stack, as one product of real matrices.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (..., k)
+        Weights.
+    stack : ndarray of complex, shape (k, ...)
+        What is combined.
+
+    Returns
+    -------
+    ndarray of complex
+        Shape of ``weights`` without its last axis, then of ``stack`` without its first.
+
+    Notes
+    -----
+    numpy would promote the weights to complex and take twice as long.
+    """
+    parts = np.ascontiguousarray(stack).reshape(stack.shape[0], -1).view(np.float64)
+    product: ComplexArray = (weights.reshape(-1, weights.shape[-1]) @ parts).view(np.complex128)
+    return product.reshape(weights.shape[:-1] + stack.shape[1:])
+
+
+def inverse(matrices: ComplexArray) -> ComplexArray:
+    """
+    Inverses of a stack of matrices; up to two by two in closed form.
+
+    Parameters
+    ----------
+    matrices : ndarray of complex, shape (n, n, frequency)
+        The matrices.
+
+    Returns
+    -------
+    ndarray of complex, shape (n, n, frequency)
+        Their inverses.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a matrix larger than that is singular.
+    """
+    n = matrices.shape[0]
+    if n == 1:
+        one: ComplexArray = 1.0 / matrices
+        return one
+    if n == 2:
+        (a, b), (c, d) = matrices
+        two: ComplexArray = np.array([[d, -b], [-c, a]]) * (1.0 / (a * d - b * c))
+        return two
+    return np.ascontiguousarray(np.moveaxis(np.linalg.inv(np.moveaxis(matrices, -1, 0)), 0, -1))
+
+
+def dot(left: FloatArray | ComplexArray, right: FloatArray | ComplexArray) -> ComplexArray:
+    """
+    Sum of products over the first axis, the others broadcast.
+
+    Parameters
+    ----------
+    left, right : ndarray, shape (n, ...)
+        The factors; n of at least one, and small.
+
+    Returns
+    -------
+    ndarray
+        Σ_i left_i right_i.
+    """
+    total: ComplexArray = left[0] * right[0]
+    for i in range(1, len(left)):
+        total = total + left[i] * right[i]
+    return total
