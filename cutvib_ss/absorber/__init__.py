@@ -10,19 +10,31 @@ from cutvib_ss.absorber.coupling import (
     printed_absorber,
     sherman_morrison,
 )
-from cutvib_ss.absorber.study import WORKING_FREQUENCY, AbsorberStudy, check_absorber, parametric_study
+from cutvib_ss.absorber.design import AbsorberDesign, design_absorbers, mass_front
+from cutvib_ss.absorber.force import WORKING_FREQUENCY, HarmonicForce
+from cutvib_ss.absorber.study import AbsorberStudy, check_absorber, parametric_study
+from cutvib_ss.absorber.tolerance import EXACT, AbsorberTolerance
+from cutvib_ss.absorber.workspace import WorkspaceCheck, workspace_check
 
 __all__ = [
+    "EXACT",
     "WORKING_FREQUENCY",
+    "AbsorberDesign",
     "AbsorberStudy",
+    "AbsorberTolerance",
+    "HarmonicForce",
     "MountedAbsorber",
+    "WorkspaceCheck",
     "absorbed_response",
     "absorber_of",
     "attach_absorber",
     "attach_absorbers",
     "check_absorber",
+    "design_absorbers",
     "dynamic_stiffness",
+    "mass_front",
     "parametric_study",
     "printed_absorber",
     "sherman_morrison",
+    "workspace_check",
 ]

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import pi
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from cutvib_ss.absorber.coupling import attach_absorber, dynamic_stiffness
+from cutvib_ss.absorber.coupling import attach_absorber
+from cutvib_ss.absorber.force import WORKING_FREQUENCY, HarmonicForce
+from cutvib_ss.absorber.workspace import Workspace
 from cutvib_ss.machine import Machine
 from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import AbsorberCheck, FloatArray, FrequencyResponse, read_only
-
-WORKING_FREQUENCY = 217.0
-"""Fundamental frequency of the cutting tool's force [Hz] (Section 2)."""
 
 _PEAK_PROMINENCE = 0.02
 """A peak stands out of its surroundings by this part of the largest value."""
@@ -65,9 +63,10 @@ def check_absorber(
     positions: ArrayLike = (1 / 3, 1 / 2),
     working_frequency: float = WORKING_FREQUENCY,
     freq: ArrayLike | None = None,
+    port: str = "tool_x",
 ) -> AbsorberCheck:
     """
-    What an absorber on the tool in X does over the workspace (Fig. 20).
+    What an absorber does to the tool's accelerance XX over the workspace (Fig. 20).
 
     Parameters
     ----------
@@ -81,6 +80,8 @@ def check_absorber(
         Frequency of the tool's force [Hz].
     freq : array_like, shape (frequency,), optional
         Frequencies of the responses and their peaks [Hz]; 150 to 300 Hz by default.
+    port : str
+        Where it sits, and in which direction it works; on the tool in X by default.
 
     Returns
     -------
@@ -88,7 +89,7 @@ def check_absorber(
         Accelerance XX at the working frequency before and after, the responses around it, and their peaks.
     """
     lines = np.arange(150.0, 300.0 + 0.125, 0.25) if freq is None else freq
-    with_it = attach_absorber(machine, absorber)
+    with_it = attach_absorber(machine, absorber, port)
     near = [frequency_response(m, positions, lines, outputs=("tool_x",)) for m in (machine, with_it)]
     there = [
         np.abs(frequency_response(m, positions, [working_frequency], outputs=("tool_x",)).data[:, 0, 0, 0])
@@ -106,6 +107,7 @@ def parametric_study(
     tuning: Sequence[float] | FloatArray | None = None,
     damping_ratio: Sequence[float] | FloatArray | None = None,
     working_frequency: float = WORKING_FREQUENCY,
+    port: str = "tool_x",
 ) -> AbsorberStudy:
     """
     Absorbers of one mass over tunings and dampings, each judged by its worst position (the study behind Table 7).
@@ -124,6 +126,8 @@ def parametric_study(
         Damping ratios; 0.01 to 0.05 in steps of 0.005 by default.
     working_frequency : float
         Frequency of the tool's force [Hz].
+    port : str
+        Where the absorber sits, and in which direction it works; on the tool in X by default.
 
     Returns
     -------
@@ -132,21 +136,17 @@ def parametric_study(
 
     Notes
     -----
-    At the driving point Eq. 23 is a' = a / (1 + z a), so the whole grid costs one frequency response a position.
+    By Eq. 23 the whole grid costs one frequency response a position.
     """
     tunings = np.arange(210.0, 250.5) if tuning is None else np.asarray(tuning, dtype=float)
     dampings = np.arange(10, 51, 5) / 1000 if damping_ratio is None else np.asarray(damping_ratio, dtype=float)
-    frf = frequency_response(machine, positions, [working_frequency], form="receptance", outputs=("tool_x",))
-    driving = frf.data[:, 0, 0, 0]
-    grid = [[AbsorberParameters(float(f), float(zeta), mass) for zeta in dampings] for f in tunings]
-    z = np.array([[dynamic_stiffness(a, [working_frequency])[0] for a in row] for row in grid])
-    to_acceleration = (2 * pi * working_frequency) ** 2
-    left = to_acceleration * np.abs(driving / (1.0 + z[..., None] * driving))
-    worst = left.max(axis=-1)
+    workspace = Workspace(machine, (port,), positions, HarmonicForce.tone(working_frequency))
+    grid = np.stack(np.broadcast_arrays(tunings[:, None], dampings, mass), axis=-1)
+    worst = workspace.values(grid.reshape(-1, 1, 3), [0]).max(axis=(1, 2)).reshape(grid.shape[:2])
     i, j = np.unravel_index(int(np.argmin(worst)), worst.shape)
-    best = replace(grid[i][j], source="parametric study")
-    before = to_acceleration * np.abs(driving)
-    return AbsorberStudy(working_frequency, frf.positions, tunings, dampings, before, worst, best)
+    best = AbsorberParameters(float(tunings[i]), float(dampings[j]), mass, source="parametric study")
+    before = workspace.values(np.empty((1, 0, 3)), [])[0].max(axis=-1)
+    return AbsorberStudy(working_frequency, workspace.positions, tunings, dampings, before, worst, best)
 
 
 def _peaks(frf: FrequencyResponse) -> tuple[tuple[float, ...], ...]:
