@@ -20,7 +20,7 @@ from cutvib_ss.blind.files import code_hash, now, read_json
 from cutvib_ss.blind.seal import Trial
 from cutvib_ss.blind.statistics import calibration_error
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.gap.calibration import Calibration, Evidence, posterior, shipped
+from cutvib_ss.gap.calibration import Calibration, Evidence, posterior, posteriors, shipped
 from cutvib_ss.results import FloatArray
 
 SCHEMA = "cutvib-calibration/1"
@@ -300,15 +300,37 @@ def figures(what: str, cases: Sequence[CaseEvidence], numbers: Calibration) -> F
     return Figures(
         set=what,
         cases=len(cases),
-        log_loss=_log_loss(cases, answers),
+        log_loss=_Batch(cases).log_loss(numbers),
         right=float(np.mean(right)) if right else float("nan"),
         calibration_error=calibration_error([a[f] for a, f in zip(answers, first, strict=True)], right),
     )
 
 
-def _log_loss(cases: Sequence[CaseEvidence], answers: Sequence[Mapping[Causes, float]]) -> float:
-    true = np.array([a.get(c.truth, 0.0) for a, c in zip(answers, cases, strict=True)])
-    return float(-np.mean(np.log(np.maximum(true, FLOOR)))) if true.size else float("nan")
+class _Batch:
+    """Many cases as arrays, padded to the longest list of candidates."""
+
+    def __init__(self, cases: Sequence[CaseEvidence]) -> None:
+        width = max((len(c.named) for c in cases), default=0)
+        shape = (len(cases), width)
+        self.log_evidence, self.held = np.full(shape, -np.inf), np.full(shape, np.nan)
+        self.acting, self.true = np.zeros(shape), np.zeros((len(cases), width + 1))
+        self.reduced = np.array([c.evidence.reduced for c in cases])
+        self.tuned = np.array([c.evidence.held["none"] for c in cases])
+        for i, c in enumerate(cases):
+            for k, name in enumerate(c.evidence.log_evidence):
+                self.log_evidence[i, k] = c.evidence.log_evidence[name]
+                self.acting[i, k] = c.evidence.causes[name]
+                left = c.evidence.held.get(name)
+                self.held[i, k] = np.nan if left is None else left if np.isfinite(left) else np.inf
+                self.true[i, k] = c.named[name] == c.truth
+            self.true[i, width] = c.truth == UNKNOWN
+
+    def log_loss(self, numbers: Calibration) -> float:
+        """Mean of -ln of the probability on the truth."""
+        if not self.reduced.size:
+            return float("nan")
+        shares = posteriors(self.log_evidence, self.acting, self.held, self.reduced, self.tuned, numbers)
+        return float(-np.mean(np.log(np.maximum(np.sum(shares * self.true, axis=1), FLOOR))))
 
 
 def fit_numbers(cases: Sequence[CaseEvidence], start: Calibration) -> Calibration:
@@ -339,10 +361,10 @@ def fit_numbers(cases: Sequence[CaseEvidence], start: Calibration) -> Calibratio
     def numbers(x: FloatArray) -> Calibration:
         return Calibration(**dict(zip(names, np.exp(np.clip(x, low, high)).tolist(), strict=True)))
 
+    batch = _Batch(cases)
+
     def loss(x: FloatArray) -> float:
-        made = numbers(x)
-        held = HOLD * float(np.sum((x - home) ** 2)) / max(len(cases), 1)
-        return _log_loss(cases, [stated(c, made) for c in cases]) + held
+        return batch.log_loss(numbers(x)) + HOLD * float(np.sum((x - home) ** 2)) / max(len(cases), 1)
 
     best = home
     for shift in (0.0, 1.0, -1.0):

@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from cutvib_ss.results import FloatArray
 
 FILE = Path(__file__).parent / "data" / "calibration.json"
 """Where the fitted numbers are kept; `cutvib blind calibrate` writes it."""
@@ -90,7 +93,7 @@ class Evidence:
     log_evidence: Mapping[str, float]
     causes: Mapping[str, int]
     reduced: float
-    held: Mapping[str, float]
+    held: Mapping[str, float] = field(default_factory=dict)
 
 
 def posterior(evidence: Evidence, numbers: Calibration) -> dict[str, float]:
@@ -109,14 +112,11 @@ def posterior(evidence: Evidence, numbers: Calibration) -> dict[str, float]:
     dict of str to float
         By candidate, and ``"unknown"``; they sum to one.
     """
-    odds = tempered(evidence, numbers)
-    judged = [name for name in odds if name in evidence.held]
-    best = max(judged, key=lambda name: odds[name])
-    unknown = probability_unknown(evidence.held[best], evidence.held["none"], numbers)
-    even = numbers.doubt / (len(odds) + 1)
-    out = {name: (1.0 - numbers.doubt) * (1.0 - unknown) * p + even for name, p in odds.items()}
-    out["unknown"] = (1.0 - numbers.doubt) * unknown + even
-    return out
+    log_evidence, acting = _arrays(evidence)
+    judged = {name: left if np.isfinite(left) else np.inf for name, left in evidence.held.items()}
+    held = np.array([judged.get(name, np.nan) for name in evidence.log_evidence])
+    shares = posteriors(log_evidence, acting, held, np.float64(evidence.reduced), judged["none"], numbers)
+    return dict(zip([*evidence.log_evidence, "unknown"], shares.tolist(), strict=True))
 
 
 def tempered(evidence: Evidence, numbers: Calibration) -> dict[str, float]:
@@ -126,7 +126,7 @@ def tempered(evidence: Evidence, numbers: Calibration) -> dict[str, float]:
     Parameters
     ----------
     evidence : Evidence
-        Of a campaign.
+        Of a campaign; nothing need be judged yet.
     numbers : Calibration
         The scales.
 
@@ -135,15 +135,62 @@ def tempered(evidence: Evidence, numbers: Calibration) -> dict[str, float]:
     dict of str to float
         By candidate; they sum to one.
     """
-    heat = numbers.temperature * max(1.0, evidence.reduced)
-    names = list(evidence.log_evidence)
-    acting = np.array([evidence.causes[name] for name in names])
-    singles = max(int(np.sum(acting == 1)), 1)
+    odds = _odds(*_arrays(evidence), np.float64(evidence.reduced), numbers)
+    return dict(zip(evidence.log_evidence, odds.tolist(), strict=True))
+
+
+def posteriors(
+    log_evidence: FloatArray,
+    acting: FloatArray,
+    held: FloatArray,
+    reduced: ArrayLike,
+    tuned: ArrayLike,
+    numbers: Calibration,
+) -> FloatArray:
+    """
+    Probabilities of many campaigns at once.
+
+    Parameters
+    ----------
+    log_evidence : ndarray, shape (..., candidate)
+        Minus infinity where a campaign has fewer candidates than others.
+    acting : ndarray, shape (..., candidate)
+        How many causes act together in each: 0, 1 or 2.
+    held : ndarray, shape (..., candidate)
+        Reduced χ² on held-out records; NaN where not judged.
+    reduced, tuned : array_like, shape (...)
+        Reduced χ² of the best candidate on what it was fitted to, and of the re-tuned model on held-out records.
+    numbers : Calibration
+        The scales.
+
+    Returns
+    -------
+    ndarray, shape (..., candidate + 1)
+        Shares of the candidates, then that of "unknown".
+    """
+    odds = _odds(log_evidence, acting, reduced, numbers)
+    best = np.argmax(np.where(np.isnan(held), -1.0, odds), axis=-1)
+    left = np.take_along_axis(held, best[..., None], axis=-1)[..., 0]
+    unknown = _unknown(left, np.asarray(tuned, dtype=np.float64), numbers)[..., None]
+    shares = np.concatenate([(1.0 - unknown) * odds, unknown], axis=-1)
+    real = np.concatenate([np.isfinite(log_evidence), np.ones_like(unknown, dtype=bool)], axis=-1)
+    return np.asarray((1.0 - numbers.doubt) * shares + numbers.doubt * real / real.sum(axis=-1, keepdims=True))
+
+
+def _arrays(evidence: Evidence) -> tuple[FloatArray, FloatArray]:
+    names = evidence.log_evidence
+    return np.array([names[n] for n in names]), np.array([float(evidence.causes[n]) for n in names])
+
+
+def _odds(log_evidence: FloatArray, acting: FloatArray, reduced: ArrayLike, numbers: Calibration) -> FloatArray:
+    heat = numbers.temperature * np.maximum(1.0, reduced)[..., None]
+    real = np.isfinite(log_evidence)
+    singles = np.maximum(np.sum(real & (acting == 1), axis=-1, keepdims=True), 1)
     # Half on none; of the other half, pairs share a part as if all pairs of causes had been tried.
-    prior = np.log([0.5, 0.5 / singles, 0.5 * numbers.pairs / singles**2])[np.minimum(acting, 2)]
-    score = np.array([evidence.log_evidence[name] for name in names]) / heat + prior - acting * numbers.detection / heat
-    weight = np.exp(score - score.max())
-    return dict(zip(names, (weight / weight.sum()).tolist(), strict=True))
+    prior = np.log(np.select([acting == 0, acting == 1], [0.5, 0.5 / singles], 0.5 * numbers.pairs / singles**2))
+    score = (log_evidence - acting * numbers.detection) / heat + prior
+    weight = np.exp(score - score.max(axis=-1, keepdims=True))
+    return np.asarray(weight / weight.sum(axis=-1, keepdims=True))
 
 
 def probability_unknown(reduced: float, tuned: float, numbers: Calibration) -> float:
@@ -164,9 +211,12 @@ def probability_unknown(reduced: float, tuned: float, numbers: Calibration) -> f
     float
         0 to 1; 1 where the reduced χ² is not finite.
     """
-    if not np.isfinite(reduced):
-        return 1.0
-    centre = numbers.left_over + numbers.of_the_gap * max(tuned - 1.0, 0.0)
-    # Relative to the centre, so that a wide margin does not make a sharper edge.
-    step = (reduced - centre) / (numbers.sharpness * centre / numbers.left_over)
-    return float(1.0 / (1.0 + np.exp(-np.clip(step, -60.0, 60.0))))
+    return float(_unknown(np.float64(reduced), np.float64(tuned), numbers))
+
+
+def _unknown(reduced: ArrayLike, tuned: FloatArray | np.float64, numbers: Calibration) -> FloatArray:
+    centre = numbers.left_over + numbers.of_the_gap * np.clip(tuned - 1.0, 0.0, 1e9)
+    # Relative to the centre, so that a wide margin does not make a sharper edge. What is not finite is beyond all edges.
+    left = np.where(np.isfinite(reduced), reduced, 1e12)
+    step = (left - centre) / (numbers.sharpness * centre / numbers.left_over)
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(step, -60.0, 60.0))))
