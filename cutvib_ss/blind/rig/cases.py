@@ -200,7 +200,7 @@ def _with_faults(
     rig, faults = plain, []
     for name in names:
         if name == "modal_truncation":
-            n_modes = max(1, round(2.6 - 1.4 * np.log(size)))
+            n_modes = max(1, round(2.2 - 1.2 * np.log(size)))
             faults.append(Fault(name, "rail", {"n_modes": nominal.n_modes}, plain))
             nominal = replace(nominal, n_modes=n_modes)
             continue

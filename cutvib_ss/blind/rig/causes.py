@@ -78,7 +78,7 @@ def support_compliance(rig: Rig, severity: float, rng: np.random.Generator) -> M
 
 def end_fixity(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Rotational springs at the rail's ends."""
-    p = {side: about(rng, 3e4, 0.7) * severity for side in ("k_left", "k_right")}
+    p = {side: about(rng, 1.2e5, 0.7) * severity for side in ("k_left", "k_right")}
     return rig.fitted(fixity=(p["k_left"], p["k_right"])), "rail_ends", p
 
 
@@ -86,7 +86,7 @@ def rail_added_mass(rig: Rig, severity: float, rng: np.random.Generator) -> Made
     """A cable carrier on the rail."""
     p = {
         "position": float(rng.uniform(0.12, 0.88)),
-        "mass": about(rng, 4.0) * severity,
+        "mass": about(rng, 6.0) * severity,
         "damping": float(rng.uniform(0.0, 80.0)) * severity,
     }
     return rig.fitted(lumps=(*rig.fittings.lumps, Lump(**p))), "rail", p
@@ -109,7 +109,7 @@ def local_resonator(rig: Rig, severity: float, rng: np.random.Generator) -> Made
     """A panel or hose on tool or head."""
     place = str(rng.choice(["tool", "head"]))
     p = {
-        "mass": about(rng, {"tool": 0.015, "head": 0.5}[place]) * severity,
+        "mass": about(rng, {"tool": 0.045, "head": 2.0}[place]) * severity,
         "frequency": float(np.exp(rng.uniform(np.log(80.0), np.log(380.0)))),
         "damping_ratio": float(rng.uniform(0.01, 0.05)),
     }
@@ -120,20 +120,20 @@ def added_mass(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A mass that the model lacks."""
     place = str(rng.choice(["tool", "head"]))
     name = {"tool": "m2", "head": "m1"}[place]
-    mass = about(rng, {"tool": 0.05, "head": 1.5}[place]) * severity
+    mass = about(rng, {"tool": 0.04, "head": 3.5}[place]) * severity
     return rig.scaled({name: 1 + mass / rig.value(name)}), place, {"mass": mass}
 
 
 def tool_contact(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Belt or cloth holds the tool."""
-    p = {"stiffness": about(rng, 6e4) * severity, "damping": float(rng.uniform(0.0, 20.0)) * severity}
+    p = {"stiffness": about(rng, 2.2e5) * severity, "damping": float(rng.uniform(0.0, 40.0)) * severity}
     spring = Spring(("tool", "ground"), "x", p["stiffness"], p["damping"])
     return rig.fitted(springs=(*rig.fittings.springs, spring)), "tool", p
 
 
 _SHIFTS = {
-    "k1": ("joint1", 0.08), "c1": ("joint1", 0.5), "k2": ("joint2", 0.08), "c2": ("joint2", 0.5), "l1": ("head", 0.03),
-    "l2": ("tool", 0.03), "mass": ("rail", 0.06), "first_frequency": ("rail", 0.05), "damping_ratio": ("rail", 0.9),
+    "k1": ("joint1", 0.08), "c1": ("joint1", 0.9), "k2": ("joint2", 0.05), "c2": ("joint2", 0.6), "l1": ("head", 0.06),
+    "l2": ("tool", 0.015), "mass": ("rail", 0.25), "first_frequency": ("rail", 0.08), "damping_ratio": ("rail", 1.0),
 }  # fmt: skip
 
 
@@ -155,10 +155,21 @@ def structural_damping(rig: Rig, severity: float, rng: np.random.Generator) -> M
     return rig.fitted(viscoelastic=(*rig.fittings.viscoelastic, lossy)), place, {"loss_factor": loss}
 
 
+_BY_JOINT = {
+    "cubic": {"joint1": 0.8, "joint2": 0.05},
+    "gap": {"joint1": 0.05, "joint2": 0.025},
+    "friction": {"joint1": 0.05, "joint2": 0.025},
+    "slip": {"joint1": 0.35, "joint2": 0.15},
+    "bilinear": {"joint1": 0.45, "joint2": 0.18},
+    "quadratic": {"joint1": 4.0, "joint2": 1.5},
+}
+"""Sizes at severity 1: of changes of torque over that of the spring, of a clearance over the swing, and so on."""
+
+
 def cubic_stiffness(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A joint that hardens or softens."""
     place, k = joint(rig, rng, 0.4)
-    stiffness = either(rng) * about(rng, 0.25, 0.2) * severity * k / SWING[place] ** 2
+    stiffness = either(rng) * about(rng, _BY_JOINT["cubic"][place], 0.2) * severity * k / SWING[place] ** 2
     # a softening joint must not give way under the hardest blow (200 N)
     stiffness = max(stiffness, -0.12 * k / SWING[place] ** 2)
     return with_law(rig, Law(place, "cubic", (stiffness,))), place, {"stiffness3": stiffness}
@@ -167,21 +178,21 @@ def cubic_stiffness(rig: Rig, severity: float, rng: np.random.Generator) -> Made
 def freeplay(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Clearance in a joint."""
     place, k = joint(rig, rng, 0.4)
-    gap = about(rng, 0.03) * severity * SWING[place]
+    gap = about(rng, _BY_JOINT["gap"][place]) * severity * SWING[place]
     return with_law(rig, Law(place, "freeplay", (gap, k))), place, {"gap": gap}
 
 
 def dry_friction(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Coulomb friction: it sticks, with an elastic reach far below the joint's motion."""
     place, k = joint(rig, rng, 0.4)
-    torque = about(rng, 0.03) * severity * k * SWING[place]
+    torque = about(rng, _BY_JOINT["friction"][place]) * severity * k * SWING[place]
     return with_law(rig, Law(place, "jenkins", (torque, STICKING * k))), place, {"torque": torque}
 
 
 def joint_slip(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A spring in parallel with the joint's that slips (Jenkins)."""
     place, k = joint(rig, rng, 0.4)
-    stiffness = float(rng.uniform(0.15, 0.35)) * k * severity
+    stiffness = about(rng, _BY_JOINT["slip"][place]) * k * severity
     torque = float(rng.uniform(0.05, 0.4)) * stiffness * SWING[place]
     p = {"stiffness": stiffness, "slip_torque": torque}
     return with_law(rig, Law(place, "jenkins", (torque, stiffness))), place, p
@@ -190,7 +201,7 @@ def joint_slip(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
 def bilinear_stiffness(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A joint stiffer one way than the other."""
     place, k = joint(rig, rng, 0.4)
-    asymmetry = float(np.clip(either(rng) * about(rng, 0.15) * severity, -0.6, 0.6))
+    asymmetry = float(np.clip(either(rng) * about(rng, _BY_JOINT["bilinear"][place]) * severity, -0.8, 0.8))
     return with_law(rig, Law(place, "bilinear", (asymmetry * k,))), place, {"asymmetry": asymmetry}
 
 
@@ -198,7 +209,7 @@ def quadratic_damping(rig: Rig, severity: float, rng: np.random.Generator) -> Ma
     """Damping that grows with the rate."""
     place, _ = joint(rig, rng, 0.4)
     c = rig.value("c" + place[-1])
-    coefficient = about(rng, 0.8) * severity * c / (SWING[place] * TYPICAL)
+    coefficient = about(rng, _BY_JOINT["quadratic"][place]) * severity * c / (SWING[place] * TYPICAL)
     return with_law(rig, Law(place, "quadratic_damping", (coefficient,))), place, {"coefficient": coefficient}
 
 
@@ -211,7 +222,7 @@ def _channels(rng: np.random.Generator) -> tuple[str, tuple[str, ...]]:
 def channel_delay(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Responses late against the force."""
     name, channels = _channels(rng)
-    delay = either(rng) * about(rng, 8e-5) * severity
+    delay = either(rng) * about(rng, 1.6e-4) * severity
     chain = rig.measured(delays=dict.fromkeys(channels, delay))
     return chain, "measurement", {"delay": delay, "channel": name}
 
@@ -219,20 +230,20 @@ def channel_delay(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
 def calibration_error(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A sensitivity that is wrong."""
     name, channels = _channels(rng)
-    gain = float(np.exp(either(rng) * about(rng, 0.08) * severity))
+    gain = float(np.exp(either(rng) * about(rng, 0.18) * severity))
     chain = rig.measured(gains=dict.fromkeys(channels, gain))
     return chain, "measurement", {"channel": name, "gain": gain}
 
 
 def cross_axis(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """X leaks into Z."""
-    fraction = either(rng) * about(rng, 0.1) * severity
+    fraction = either(rng) * about(rng, 0.22) * severity
     return rig.measured(cross_axis=fraction), "measurement", {"fraction": fraction}
 
 
 def window_damping(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """An exponential window that nobody took out."""
-    rate = about(rng, 5.0) * severity
+    rate = about(rng, 14.0) * severity
     return rig.measured(decay_rate=rate), "measurement", {"decay_rate": rate}
 
 

@@ -21,9 +21,11 @@ def smooth_error(rng: np.random.Generator, freq: Array) -> Complex:
     """
     A channel's calibration error over frequency: 1 + ε, smooth and complex, of the tolerance's size.
 
-    ε is a few slow cosines of log-frequency, real and imaginary part independent; a phase error tends to 0 at 0 Hz.
+    ε is a few slow cosines, real and imaginary part independent, over an axis between log-frequency (an amplifier's corner,
+    low down) and frequency (a resonance far above); the phase error tends to 0 at 0 Hz.
     """
-    x = np.log2(np.maximum(freq, 5.0) / 5.0) / np.log2(FS / 10.0)
+    corner = float(np.exp(rng.uniform(np.log(30.0), np.log(1000.0))))
+    x = np.log1p(freq / corner) / np.log1p(FS / 2 / corner)
     shapes = np.cos(np.pi * np.arange(_TERMS)[:, None] * x[None]) * np.sqrt([1.0, 2.0, 2.0, 2.0, 2.0])[:, None]
     share = np.array([0.7, 0.5, 0.35, 0.25, 0.15])
     share *= TOLERANCE["calibration"] / np.linalg.norm(share)

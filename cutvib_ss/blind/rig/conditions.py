@@ -18,7 +18,7 @@ class Nominal:
 
     head: Head = field(default_factory=Head)
     rail: Rail = field(default_factory=Rail)
-    n_modes: int = 20
+    n_modes: int = 40
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Conditions:
 
 def draw_nominal(rng: np.random.Generator) -> Nominal:
     """The published machine, or another of its kind."""
-    n_modes = int(rng.choice([12, 16, 20, 20, 20, 24]))
+    n_modes = int(rng.choice([32, 40, 40, 50]))
     if rng.random() < 0.6:
         return Nominal(n_modes=n_modes)
 

@@ -18,7 +18,7 @@ from cutvib_ss.blind.rig.structure import Crack, Law, Oscillator, Rig, Spring, S
 
 def mains_hum(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """50 Hz and harmonics on the responses."""
-    size = about(rng, 0.15) * severity
+    size = about(rng, 0.4) * severity
     p = {f"amplitude{k}": size * float(rng.uniform(0.3, 1.0)) / k**0.5 for k in range(1, 8)}
     return rig.measured(hum=tuple(p.values())), "measurement", p
 
@@ -27,7 +27,7 @@ def fractional_damper(rig: Rig, severity: float, rng: np.random.Generator) -> Ma
     """A rubber-like torque c (iω)^α in a joint."""
     place, k = joint(rig, rng)
     order = float(rng.uniform(0.3, 0.6))
-    coefficient = about(rng, 0.15) * severity * k / TYPICAL**order
+    coefficient = about(rng, {"joint1": 0.25, "joint2": 0.1}[place]) * severity * k / TYPICAL**order
     element = Viscoelastic(place, coefficient, order)
     return rig.fitted(viscoelastic=(element,)), place, {"coefficient": coefficient, "order": order}
 
@@ -44,7 +44,7 @@ def rattling_support(rig: Rig, severity: float, rng: np.random.Generator) -> Mad
     return rattling, "rail_ends", {"stiffness": k, "preload": preload, "end": end}
 
 
-_WARMING = {"joint1": ("k1", 0.08), "joint2": ("k2", 0.08), "rail": ("first_frequency", 0.05)}
+_WARMING = {"joint1": ("k1", 0.3), "joint2": ("k2", 0.1), "rail": ("first_frequency", 0.12)}
 
 
 def warming(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
@@ -62,16 +62,18 @@ def saturating_sensor(rig: Rig, severity: float, rng: np.random.Generator) -> Ma
 
 
 def z_pendulum(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
-    """A mass that swings along the machine."""
-    place = str(rng.choice(["tool", "head"]))
-    mass = about(rng, {"tool": 0.02, "head": 1.0}[place]) * severity
-    p = {"mass": mass, "frequency": float(rng.uniform(120.0, 320.0)), "damping_ratio": float(rng.uniform(0.01, 0.05))}
-    return rig.fitted(oscillators=(Oscillator(place, "z", **p),)), place, p
+    """A mass on the tool that swings along the machine (the head hardly moves that way)."""
+    p = {
+        "mass": about(rng, 0.015) * severity,
+        "frequency": float(rng.uniform(120.0, 320.0)),
+        "damping_ratio": float(rng.uniform(0.01, 0.05)),
+    }
+    return rig.fitted(oscillators=(Oscillator("tool", "z", **p),)), "tool", p
 
 
 def joint_coupling(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A hose that couples the two joints: a spring on the difference of their angles."""
-    stiffness = about(rng, 0.08) * severity * rig.head.k2
+    stiffness = about(rng, 0.04) * severity * rig.head.k2
     return rig.fitted(coupling=stiffness), "joint2", {"stiffness": stiffness}
 
 
@@ -80,14 +82,14 @@ def crack(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     position = float(rng.uniform(0.2, 0.8))
     mu = rig.rail.mass / rig.rail.length
     ei = mu * (2 * np.pi * rig.rail.first_frequency) ** 2 * (rig.rail.length / np.pi) ** 4
-    stiffness = ei / rig.rail.length * about(rng, 18.0) / severity
+    stiffness = ei / rig.rail.length * about(rng, 9.0) / severity
     return rig.fitted(crack=Crack(position, stiffness)), "rail", {"position": position, "stiffness": stiffness}
 
 
 def cable_pull(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A cable between tool and base whose stiffness grows as it is drawn taut."""
     travel = 0.096 * SWING["joint2"]
-    k2 = about(rng, 0.6) * severity * rig.head.k2 / rig.head.l2**2 / travel
+    k2 = about(rng, 1.8) * severity * rig.head.k2 / rig.head.l2**2 / travel
     return with_law(rig, Law("tool_x-base_x", "cable", (k2,))), "tool", {"stiffness2": k2}
 
 
@@ -101,19 +103,19 @@ def saturating_damper(rig: Rig, severity: float, rng: np.random.Generator) -> Ma
     """A damper whose torque levels off with the rate (a relief valve)."""
     place, _ = joint(rig, rng, 0.4)
     rate = 0.15 * SWING[place] * TYPICAL
-    torque = about(rng, 1.5) * severity * rig.value("c" + place[-1]) * rate
+    torque = about(rng, {"joint1": 5.0, "joint2": 1.5}[place]) * severity * rig.value("c" + place[-1]) * rate
     return with_law(rig, Law(place, "saturating_damper", (torque, rate))), place, {"torque": torque, "rate": rate}
 
 
 def side_spring(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A hose that holds the tool along the machine."""
-    k = about(rng, 8e4) * severity
+    k = about(rng, 5e4) * severity
     return rig.fitted(springs=(Spring(("tool", "ground"), "z", k, 5.0),)), "tool", {"stiffness": k}
 
 
 def loose_mount(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """An accelerometer on a mount that resonates."""
-    resonance = about(rng, 1100.0, 0.2) * severity**-0.5
+    resonance = about(rng, 700.0, 0.1) * severity**-0.5
     p = {"frequency": resonance, "damping_ratio": float(rng.uniform(0.02, 0.1))}
     return rig.measured(mounts={"tool_x": (p["frequency"], p["damping_ratio"])}), "measurement", p
 
