@@ -16,6 +16,7 @@ import control
 import numpy as np
 
 from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.laws import LAWS
 from cutvib_ss.mechanical import Channel, SecondOrder
 from cutvib_ss.parameters import check_number
 from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
@@ -114,14 +115,34 @@ class NonlinearElement:
     port : str
         Name of the port.
     law : str
-        Effect id of the law in the catalogue.
+        Name of the law, one of `cutvib_ss.laws.LAWS`.
     parameters : mapping of str to float
         The law's parameters [SI].
+
+    Raises
+    ------
+    ParameterError
+        If there is no such law, or its parameters are not those given.
     """
 
     port: str
     law: str
     parameters: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        if self.law not in LAWS:
+            raise ParameterError(f"no law {self.law!r}; there are {', '.join(LAWS)}")
+        names = LAWS[self.law].units
+        if set(self.parameters) != set(names):
+            raise ParameterError(f"{self.law} has the parameters {', '.join(names)}; {', '.join(self.parameters)} given")
+        for name in names:
+            check_number(f"{self.law}: {name}", self.parameters[name])
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The parameters in the order in which the law takes them."""
+        return tuple(self.parameters[name] for name in LAWS[self.law].units)
 
 
 @runtime_checkable

@@ -135,16 +135,32 @@ class Structure:
             2n states, signals named.
         """
         system = self.second_order(position, viscous_at)
-        ports_in = {name: self.input_port if name == "force" else name for name in inputs}
-        if self.input_quantity == "acceleration" and "force" in ports_in:
-            drive = -(system.mass @ self._influence(system))
-            system = replace(system, ports={**system.ports, "base inertia": drive})
-            ports_in["force"] = "base inertia"
+        system = replace(system, ports={**system.ports, "force": self.drive(system)})
+        ports_in = {name: name for name in inputs}
         reads: dict[str, tuple[str, Quantity]] = {}
         for name in tuple(self.channels) if outputs is None else outputs:
             channel = self.channels.get(name, Channel(name, "displacement"))
             reads[name] = (channel.port, quantity or channel.quantity)
         return through_chain(self.chain, system.state_space(ports_in, reads, name="structure"), pade_order)
+
+    def drive(self, system: SecondOrder) -> FloatArray:
+        """
+        How a unit of the ``force`` channel pushes each degree of freedom.
+
+        Parameters
+        ----------
+        system : SecondOrder
+            The structure with what is attached to it, from `second_order`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Row of the input port; for a structure on a shaker the inertia forces of a unit base acceleration.
+        """
+        if self.input_quantity == "force":
+            return system.port(self.input_port)
+        forces: FloatArray = -(system.mass @ self._influence(system))
+        return forces
 
     def _influence(self, system: SecondOrder) -> FloatArray:
         """How every degree of freedom moves with the base; a sprung mass is carried along by its foot."""

@@ -1,0 +1,264 @@
+"""
+Responses in time to a measured force, with nonlinear forces at ports.
+
+The linear part is exact: a force that is band-limited between its samples passes through the modal sum at s = σ + jω, the
+histories being weighted by e^(-σt), which keeps off resonances; what the transform wraps around is a free response, known mode by
+mode, and is taken away. Only the nonlinear forces are stepped: the modes that they drive are advanced exactly over a fine step,
+the forces being implicit at its end (`cutvib_ss.response.compiled`). What the forces do to the channels is again a product with
+the modal sum, cut at the Nyquist frequency as a digitiser's filter would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import fft
+
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.laws import LAWS
+from cutvib_ss.response.modal_form import ModalForm, modal_form
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.slots import NonlinearElement
+
+__all__ = ["ModalForm", "Stepped", "modal_form", "step"]
+
+_WRAP = 3.0
+"""Decay exponent of every mode over the transform's length, at least: small, since the weights magnify rounding by e^3."""
+_TAPER = 32
+"""Samples over which forces fade in before the record and out beyond it, so that its ends do not ring."""
+_CHUNK = 1 << 15
+"""Instants of a free response that are computed at once."""
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """
+    Responses in time.
+
+    Parameters
+    ----------
+    responses : ndarray, shape (blow, channel, sample)
+        Channels, each in its quantity.
+    motions : ndarray, shape (blow, element, sample)
+        Displacement of each nonlinear element's port.
+    forces : ndarray, shape (blow, element, sample)
+        Force of each nonlinear element against that motion.
+    ran_away : ndarray of bool, shape (blow,)
+        Whether a softening law let the motion run away; its force is zero from there on.
+    """
+
+    responses: FloatArray
+    motions: FloatArray
+    forces: FloatArray
+    ran_away: np.ndarray
+
+
+def step(
+    form: ModalForm,
+    force: ArrayLike,
+    fs: float,
+    elements: Sequence[NonlinearElement] = (),
+    oversample: int = 4,
+    initial: ArrayLike | None = None,
+) -> Stepped:
+    """
+    Responses to a sampled force that is band-limited between its samples, from rest or an initial state.
+
+    Parameters
+    ----------
+    form : ModalForm
+        The model at its position.
+    force : array_like, shape (blow, sample)
+        What a campaign's ``force`` channel holds [N, or m/s^2 of the base].
+    fs : float
+        Sampling frequency [Hz].
+    elements : sequence of NonlinearElement
+        Nonlinear elements, one for each of the form's ports.
+    oversample : int
+        Steps of the nonlinear forces in a sample.
+    initial : array_like, shape (2 n,) or (blow, 2 n), optional
+        Displacement, then velocity, of the model's degrees of freedom at the first sample; at rest by default.
+
+    Returns
+    -------
+    Stepped
+        Responses, and the elements' motions and forces, at the samples, without what lies above fs/2.
+
+    Raises
+    ------
+    ParameterError
+        If shapes do not fit.
+    """
+    f = np.asarray(force, dtype=np.float64)
+    if f.ndim != 2 or not f.size or not np.isfinite(f).all():
+        raise ParameterError(f"force has shape {f.shape}; give finite numbers of shape (blow, sample)")
+    if not (fs > 0.0 and oversample >= 1):
+        raise ParameterError(f"fs = {fs} and oversample = {oversample} must be positive")
+    if [e.port for e in elements] != list(form.ports):
+        raise ParameterError(f"the elements sit at {[e.port for e in elements]}, the form's ports are {form.ports}")
+    return _Run(form, f, fs, tuple(elements), oversample, _initial(form, initial, len(f))).result()
+
+
+def _initial(form: ModalForm, initial: ArrayLike | None, blows: int) -> ComplexArray | None:
+    if initial is None:
+        return None
+    state = np.atleast_2d(np.asarray(initial, dtype=np.float64))
+    if state.shape[1] != 2 * len(form.dofs) or len(state) not in (1, blows):
+        raise ParameterError(
+            f"initial has shape {state.shape}; give displacement and velocity of {', '.join(form.dofs)}"
+        )
+    modes: ComplexArray = np.broadcast_to(state, (blows, state.shape[1])) @ form.from_state.T
+    return modes
+
+
+class _Run:
+    """One call of `step`: what its parts share."""
+
+    def __init__(
+        self,
+        form: ModalForm,
+        force: FloatArray,
+        fs: float,
+        elements: tuple[NonlinearElement, ...],
+        oversample: int,
+        initial: ComplexArray | None,
+    ) -> None:
+        self.form, self.fs, self.elements, self.fine = form, fs, elements, oversample
+        self.samples = force.shape[1]
+        self.initial = initial
+        self.force = np.hstack([force, force[:, -1:] * _fade(_TAPER)])
+        self.run = self.samples + _TAPER
+        self.size = 2 * int(fft.next_fast_len((self.run + _TAPER + 1) // 2, real=True))
+        slowest = float(np.min(-form.poles.real))
+        self.rate = max(0.0, _WRAP * fs / self.size - slowest)
+        lines = np.arange(self.size // 2 + 1)
+        self.s = np.asarray(self.rate + 2j * np.pi * fs / self.size * lines, dtype=np.complex128)
+        self.receptance = form.receptance(self.s)
+        # Mode k at the first sample is the mean over all lines, the conjugate ones too, of drive · force/(s - p_k).
+        ends = np.ones(self.s.size)
+        ends[[0, -1]] = 0.5
+        self.at_start = [(ends / self.size / (s - form.poles[:, None])).T for s in (self.s, self.s.conj())]
+
+    def _weight(self, samples: int, fine: int) -> FloatArray:
+        return np.asarray(np.exp(-self.rate / (self.fs * fine) * np.arange(samples)))
+
+    def _transform(self, history: FloatArray, fine: int) -> ComplexArray:
+        """Spectrum of histories on the fine or coarse grid, the lines of the coarse one."""
+        padded = np.zeros((*history.shape[:-1], self.size * fine))
+        run = history.shape[-1]
+        np.multiply(history, self._weight(run, fine), out=padded[..., :run])
+        # What goes before the first sample stands at the end of the transform's period, where it is earlier by one.
+        before = _fade(_TAPER * fine)
+        early = before / self._weight(before.size + 1, fine)[1:]
+        padded[..., -before.size :] = history[..., :1] * early[::-1]
+        spectrum: ComplexArray = fft.rfft(padded, axis=-1)[..., : self.s.size] / fine
+        return spectrum
+
+    def _history(self, spectrum: ComplexArray, samples: int, fine: int = 1) -> FloatArray:
+        size = self.size * fine
+        if fine > 1:
+            spectrum = spectrum.copy()
+            spectrum[..., -1] *= 0.5  # on the finer grid the coarse Nyquist line has a twin
+        history: FloatArray = fft.irfft(spectrum, size, axis=-1)[..., :samples] * fine
+        history /= self._weight(samples, fine)
+        return history
+
+    def _wrapped(self, spectrum: ComplexArray, drives: ComplexArray) -> ComplexArray:
+        """Modes that a force's transform leaves at the first sample, shape (blow, mode)."""
+        upper, lower = self.at_start
+        modes: ComplexArray = drives * (spectrum @ upper + spectrum.conj() @ lower)
+        return modes
+
+    def _free(self, modes: ComplexArray, orders: FloatArray) -> FloatArray:
+        """Free responses of all outputs, shape (blow, output, sample)."""
+        rows = self.form.shapes * self.form.poles ** orders[:, None]
+        each = (modes[:, None, :] * rows).reshape(-1, modes.shape[1])
+        parts = np.hstack([each.real, -each.imag])
+        out = np.empty((len(modes), len(rows), self.samples))
+        for k in range(0, self.samples, _CHUNK):
+            t = np.arange(k, min(self.samples, k + _CHUNK)) / self.fs
+            turn = np.exp(self.form.poles[:, None] * t)
+            out[..., k : k + t.size] = (parts @ np.vstack([turn.real, turn.imag])).reshape(*out.shape[:2], -1)
+        return out
+
+    def result(self) -> Stepped:
+        form, n = self.form, len(self.form.outputs)
+        force = self._transform(self.force, 1)
+        # What is in the transforms and not in the responses; less what is in these and not in the transforms.
+        surplus = self._wrapped(force, form.drives[:, 0])
+        if self.initial is not None:
+            surplus = surplus - self.initial
+        spectrum = np.empty((len(force), len(form.shapes), self.s.size), dtype=np.complex128)
+        for k in range(len(form.shapes)):
+            np.multiply(force, self.receptance[k, 0], out=spectrum[:, k])
+        resisting, away = np.zeros((len(force), 0, self.s.size), dtype=np.complex128), np.zeros(len(force), dtype=bool)
+        if self.elements:
+            resisting, away = self._nonlinear(spectrum[:, n:], surplus)
+            for e in range(len(self.elements)):
+                surplus = surplus - self._wrapped(resisting[:, e], form.drives[:, 1 + e])
+                for k in range(len(form.shapes)):
+                    spectrum[:, k] -= self.receptance[k, 1 + e] * resisting[:, e]
+        orders = np.array([*form.orders, *(0 for _ in form.ports)])
+        for k, order in enumerate(orders):
+            if order:
+                spectrum[:, k] *= self.s**order
+        shown = self._history(spectrum, self.samples) - self._free(surplus, orders)
+        return Stepped(shown[:, :n], shown[:, n:], self._history(resisting, self.samples), away)
+
+    def _nonlinear(self, linear: ComplexArray, surplus: ComplexArray) -> tuple[ComplexArray, np.ndarray]:
+        """Spectra of the nonlinear forces, shape (blow, element, frequency)."""
+        from cutvib_ss.response import compiled  # numba takes half a second to import
+
+        form, fine, instants = self.form, self.fine, self.run * self.fine
+        h = 1.0 / (self.fs * fine)
+        rows = form.shapes[len(form.outputs) :]
+        motion = np.stack([self._history(linear * self.s**k, instants, fine) for k in range(2)], axis=1)
+        modes = np.abs(form.poles) * h < np.pi
+        turn, pushes = _held(form.poles[modes], form.drives[modes, 1:].T, h)
+        beyond = ~modes
+        still = (rows[:, beyond] * -1.0 / form.poles[beyond]) @ form.drives[beyond, 1:]
+        values = np.zeros((len(self.elements), 2))
+        for row, e in zip(values, self.elements, strict=True):
+            row[: len(e.values)] = e.values
+        begin = surplus[:, modes]
+        reads = np.stack([_conjugate_split(rows[:, modes] * form.poles[modes] ** k) for k in range(2)])
+        codes = np.array([list(LAWS).index(e.law) for e in self.elements])
+        forces, away = compiled.interact(
+            motion, np.stack([begin.real, begin.imag], axis=1), h, _split(turn), np.stack([_split(p) for p in pushes]), reads,
+            np.stack([still.real, np.zeros(still.shape)]), codes, values, np.zeros((len(linear), len(values))),
+        )  # fmt: skip
+        forces[..., -_TAPER * fine :] *= _fade(_TAPER * fine)
+        spectrum = self._transform(forces, fine)
+        # Spectrum of the force's course between instants over that of its values there.
+        x = np.where(self.s == 0.0, 1e-9, self.s * h)
+        linear_course = (np.sinh(x / 2) / (x / 2)) ** 2
+        constant = np.expm1(x) / x
+        for k, e in enumerate(self.elements):
+            spectrum[:, k] *= constant if e.law == "dry_friction" else linear_course
+        return spectrum, away
+
+
+def _fade(samples: int) -> FloatArray:
+    """From nearly one to nearly nothing."""
+    return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.arange(1, samples + 1) / (samples + 1)))
+
+
+def _held(poles: ComplexArray, drives: ComplexArray, h: float) -> tuple[ComplexArray, ComplexArray]:
+    """Factor of each mode over a step, and its change by both ends of a linear course of each drive, shape (2, drive, mode)."""
+    x = poles * h
+    near = np.abs(x) < 1e-3
+    safe = np.where(near, 1.0, x)
+    first = np.where(near, 1 + x / 2 + x**2 / 6 + x**3 / 24, np.expm1(safe) / safe)
+    second = np.where(near, 0.5 + x / 6 + x**2 / 24 + x**3 / 120, (np.expm1(safe) - safe) / safe**2)
+    return np.exp(x), h * np.stack([(first - second) * drives, second * drives])
+
+
+def _split(values: ComplexArray) -> FloatArray:
+    return np.ascontiguousarray([values.real, values.imag])
+
+
+def _conjugate_split(values: ComplexArray) -> FloatArray:
+    return np.ascontiguousarray([values.real, -values.imag])
