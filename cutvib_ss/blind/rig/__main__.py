@@ -1,0 +1,5 @@
+"""``python -m cutvib_ss.blind.rig``: see `cutvib_ss.blind.rig.bulk`."""
+
+from cutvib_ss.blind.rig.bulk import main
+
+main()
