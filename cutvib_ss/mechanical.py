@@ -76,15 +76,16 @@ class SecondOrder:
             if float(np.abs(matrix - matrix.T).max(initial=0.0)) > 1e-9 * float(np.abs(matrix).max(initial=0.0)):
                 raise ParameterError(f"{name} is not symmetric")
             object.__setattr__(self, name, matrix)
-        rows = {}
-        for port, given in self.ports.items():
-            row = read_only(given, np.float64)
+        rows = {port: np.asarray(given, dtype=np.float64) for port, given in self.ports.items()}
+        for port, row in rows.items():
             if row.shape != (n,):
                 raise ParameterError(f"port {port!r} has {row.size} entries; there are {n} degrees of freedom")
-            if not np.isfinite(row).all():
+        # One table for all: systems are built by the thousand, and checks row by row would be most of the work.
+        table = read_only(np.array(list(rows.values())).reshape(len(rows), n))
+        for port, finite in zip(rows, np.isfinite(table).all(axis=1), strict=True):
+            if not finite:
                 raise ParameterError(f"port {port!r} holds a value that is not finite")
-            rows[port] = row
-        object.__setattr__(self, "ports", MappingProxyType(rows))
+        object.__setattr__(self, "ports", MappingProxyType(dict(zip(rows, table, strict=True))))
 
     def port(self, name: str) -> FloatArray:
         """
@@ -246,8 +247,13 @@ class SecondOrder:
             out[:n, :n] += mine
             return (out + out.T) / 2
 
-        mine = {name: np.concatenate([row, np.zeros(extra)]) for name, row in self.ports.items()}
-        theirs = {prefix + name: row @ transform for name, row in other.ports.items() if prefix + name not in mine}
+        wider = np.zeros((len(self.ports), n + extra))
+        wider[:, :n] = list(self.ports.values())
+        mine = dict(zip(self.ports, wider, strict=True))
+        carried = np.array(list(other.ports.values())) @ transform
+        theirs = {
+            prefix + name: row for name, row in zip(other.ports, carried, strict=True) if prefix + name not in mine
+        }
         return SecondOrder(
             mass=joined(self.mass, other.mass),
             damping=joined(self.damping, other.damping),

@@ -10,8 +10,10 @@ dH(z) gives the derivative: no residue has to be differentiated. Fast modes have
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from cutvib_ss.effects.base import Carried, Model
@@ -71,45 +73,52 @@ class Prediction:
         self.model, self.group = model, group
         sigma = float(group.decay_rate[0])
         self.s: ComplexArray = np.asarray(sigma + 2j * np.pi * group.freq, dtype=np.complex128)
-        self.response = self._responses(self.s)
         start = np.where(np.isnan(group.blow_at), blow_at, group.blow_at)
         self.rest = group.block - start
         self.window = np.exp(-sigma * start)[:, None, None]
-        self.around: ChainedResponse | None = None
-        around = self._around(circles) if circles is not None else None
-        if circles is None or (around is not None and not still_inside(circles, around)):
-            around = self._around(slow_circles(model, group.positions, self.rest, self.s))
-        self.data = self._estimate(self.response.data(), around)
+        values = None if circles is None else self._responses(circles)
+        if values is None or not still_inside(self.circles, values[:, :, self.s.size :]):
+            values = self._responses(slow_circles(model, group.positions, self.rest, self.s))
+        self._values = values
+        self.data = self._estimate(values.copy())
 
-    def _around(self, circles: Circles) -> ComplexArray | None:
-        """Responses on the circles, which become this prediction's."""
+    @property
+    def untruncated(self) -> ComplexArray:
+        """What a block without end would show, its window aside; shape (position, channel, frequency)."""
+        return self._values[:, :, : self.s.size]
+
+    def _responses(self, circles: Circles) -> ComplexArray:
+        """Responses on the line and on the circles, which become this prediction's; shape (position, channel, s)."""
+        g, s = self.group, np.concatenate([self.s, circles.points])
         self.circles = circles
-        self.around = self._responses(circles.points) if circles.points.size else None
-        return None if self.around is None else self.around.data()
+        self._response = ChainedResponse(self.model, g.positions, s, g.quantities, g.channels, ("force",))
+        return self._response.data()[:, :, 0]
 
-    def _responses(self, s: ComplexArray) -> ChainedResponse:
-        g = self.group
-        return ChainedResponse(self.model, g.positions, s, g.quantities, g.channels, ("force",))
-
-    def _estimate(self, on_line: ComplexArray, on_circles: ComplexArray | None) -> ComplexArray:
-        out: ComplexArray = on_line[:, :, 0]
-        if on_circles is not None:
-            out = out - self._rest(on_circles, 1)
-        return out * self.window
-
-    def _rest(self, on_circles: ComplexArray, order: int) -> ComplexArray:
-        """Transform of what the blocks cut off (order 1), or minus its derivative to their length (order 0)."""
-        out = np.zeros(self.group.data.shape, dtype=np.complex128)
-        for i, (inverse, rest) in enumerate(zip(self.circles.inverse, self.rest, strict=True)):
-            own = self.circles.position == i
-            if own.any():
+    @cached_property
+    def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, ComplexArray]]:
+        """
+        Of each position with slow poles: its circles' points, e^(zT) dz / 2πi there, and what takes responses on them and on their
+        mirror images (a real system mirrors each pole in the real axis) to the tail's transform.
+        """
+        found = []
+        # Where there are no circles at all there are no inverses.
+        for i, (inverse, rest) in enumerate(zip(self.circles.inverse, self.rest, strict=False)):
+            own = np.flatnonzero(self.circles.position == i)
+            if own.size:
                 # e^((z-s)T) parts into a factor of each point and one of each line.
                 lag = np.exp(self.circles.points[own] * rest) * self.circles.weights[own]
-                values = on_circles[i, :, 0][:, own] * lag
-                # A real system mirrors each pole in the real axis.
-                both = np.concatenate([values, values.conj()], axis=1)
-                total = both @ inverse if order else both.sum(axis=1, keepdims=True)
-                out[i] = total * np.exp(-self.s * rest)
+                kernel = np.concatenate([lag, lag.conj()])[:, None] * inverse * np.exp(-self.s * rest)
+                found.append((i, self.s.size + own, lag, np.asarray(kernel, dtype=np.complex128)))
+        return found
+
+    def _estimate(self, values: ComplexArray) -> ComplexArray:
+        """The estimator's view of responses on line and circles, which are given away."""
+        out = values[:, :, : self.s.size]
+        for i, own, _, kernel in self._tails:
+            around = values[i][:, own]
+            out[i] -= np.concatenate([around, around.conj()], axis=1) @ kernel
+        if self.s[0].real:
+            out *= self.window
         return out
 
     def derivative(self, carried: Carried) -> ComplexArray:
@@ -126,11 +135,12 @@ class Prediction:
         ndarray, shape (position, channel, frequency)
             The derivative.
         """
-        total: ComplexArray = np.zeros(self.group.data.shape, dtype=np.complex128)
+        total: ComplexArray | None = None
         for path, weight in carried:
-            around = None if self.around is None else self.around.derivative(path)
-            total = total + weight * self._estimate(self.response.derivative(path), around)
-        return total
+            change = self._response.derivative(path)[:, :, 0]
+            change = change if weight == 1.0 else weight * change
+            total = change if total is None else total + change
+        return np.zeros(self.group.data.shape, dtype=np.complex128) if total is None else self._estimate(total)
 
     def by_blow_at(self) -> ComplexArray:
         """
@@ -143,8 +153,9 @@ class Prediction:
         """
         unknown = np.isnan(self.group.blow_at)[:, None, None]
         change = -self.group.decay_rate[:, None, None] * self.data
-        if self.around is not None:
-            change = change - self._rest(self.around.data(), 0) * self.window
+        for i, own, lag, _ in self._tails:
+            ends = 2 * (self._values[i][:, own] @ lag).real
+            change[i] -= ends[:, None] * np.exp(-self.s * self.rest[i]) * self.window[i]
         return np.where(unknown, change, 0.0)
 
 
@@ -156,7 +167,7 @@ def still_inside(circles: Circles, values: ComplexArray) -> bool:
     ----------
     circles : Circles
         The circles.
-    values : ndarray, shape (position, channel, 1, point)
+    values : ndarray, shape (position, channel, point)
         Responses on them.
 
     Returns
@@ -170,7 +181,7 @@ def still_inside(circles: Circles, values: ComplexArray) -> bool:
     centre = points.mean(axis=1)
     radius = np.abs(points[:, 0] - centre)
     for k in range(count):
-        samples = values[owner[k], :, 0, k * POINTS : (k + 1) * POINTS]
+        samples = values[owner[k], :, k * POINTS : (k + 1) * POINTS]
         best = samples[np.argmax(np.abs(samples).sum(axis=1))] * weights[k]
         total = best.sum()
         if total == 0 or abs((best @ points[k]) / total - centre[k]) > 0.5 * radius[k]:

@@ -278,10 +278,10 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         for name, y in points.items():
             shapes = twist_shapes(y, TWIST_ELEMENTS)[0] / np.sqrt(model.torsion.inertia / 2 * relative_inertia)
             ports[f"{name}_twist"] = np.concatenate([np.zeros(n - len(twists)), shapes])
-    for i, dof in enumerate(dofs):
-        ports[dof] = np.eye(n)[i]
+    unit = np.eye(n)
+    ports |= {dof: unit[i] for i, dof in enumerate(dofs)}
     for i, end in enumerate(("rail_left", "rail_right")):
-        ports[end] = np.eye(n)[m + i] if model.supports else np.zeros(n)
+        ports[end] = unit[m + i] if model.supports else np.zeros(n)
     for attachment in model.attachments:
         e, at = attachment.element, row(attachment.position, attachment.slope)
         block = np.outer(at, at)

@@ -61,7 +61,7 @@ def test_truncated_block_is_predicted(decay_rate):
             assert error < 1e-3
     if decay_rate == 0.0:
         # Without the correction the slow mode would be off by percents.
-        untouched = plain.response.data()[:, :, 0]
+        untouched = plain.untruncated
         assert np.abs(untouched - predicted).max() / np.abs(predicted[:, 2]).max() > 0.01
 
 
@@ -70,7 +70,7 @@ def test_nothing_is_cut_off_an_endless_block():
     endless = Group(**{**vars(g), "block": np.full(2, np.inf)})
     prediction = Prediction(published_machine(), endless)
     assert prediction.circles.points.size == 0
-    np.testing.assert_array_equal(prediction.data, prediction.response.data()[:, :, 0])
+    np.testing.assert_array_equal(prediction.data, prediction.untruncated)
 
 
 PATHS = [
