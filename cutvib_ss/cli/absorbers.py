@@ -2,58 +2,114 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, MachineOption, PositionsOption, frequencies, load_machine
-from cutvib_ss.cli.output import check_outputs, give_json, results, say, show
+from cutvib_ss.cli.options import JsonOption, MachineOption, PositionsOption, load_machine
+from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, write_all
 
 if TYPE_CHECKING:
-    from cutvib_ss.parameters import AbsorberParameters
-    from cutvib_ss.results import AbsorberCheck
+    from collections.abc import Sequence
+
+    from cutvib_ss.absorber import AbsorberTolerance, MountedAbsorber
+    from cutvib_ss.machine import Machine
+
+
+class PlaceName(StrEnum):
+    """Where an absorber may sit."""
+
+    TOOL = "tool"
+    HEAD = "head"
+
+
+class DirectionName(StrEnum):
+    """In which direction it works."""
+
+    X = "x"
+    Z = "z"
+
+
+PlaceOption = Annotated[PlaceName, typer.Option("--place", help="Where the absorber sits.")]
+DirectionOption = Annotated[DirectionName, typer.Option("--direction", help="In which direction it works.")]
+ToleranceOption = Annotated[
+    float,
+    typer.Option("--tolerance", metavar="FRACTION", help="How far its tuning may be off, either way; 0: as designed."),
+]
+RateToleranceOption = Annotated[
+    float,
+    typer.Option("--rate-tolerance", metavar="FRACTION", help="With --tolerance: how far the tool's rate may be off."),
+]
+MachinesOption = Annotated[
+    int,
+    typer.Option(
+        "--machines", min=0, help="With --tolerance: machines drawn within the machine's own tolerances, too."
+    ),
+]
+WorkingOption = Annotated[float, typer.Option("--working-frequency", help="Frequency of the tool's force [Hz].")]
+SaveAbsorbersOption = Annotated[
+    Path | None,
+    typer.Option("--save-machine", metavar="FILE.toml", help="Write the machine with the absorbers as a machine.toml."),
+]
+PlotOption = Annotated[
+    Path | None, typer.Option("--plot", "--out", metavar="FILE", help="Picture: .png, .svg or .pdf.")
+]
 
 
 def absorber_check_command(
     position: PositionsOption = None,
     frequency: Annotated[float, typer.Option("--frequency", help="Tuning frequency [Hz].")] = 212.0,
     damping_ratio: Annotated[float, typer.Option("--damping-ratio", help="Damping ratio of the absorber.")] = 0.04,
-    mass: Annotated[float, typer.Option("--mass", help="Mass of the absorber [kg].")] = 0.08,
-    working_frequency: Annotated[
-        float, typer.Option("--working-frequency", help="Frequency of the tool's force [Hz].")
-    ] = 217.0,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE", help="Picture of the responses: .png, .svg or .pdf."),
-    ] = None,
+    mass: Annotated[float, typer.Option("--mass", help="Mass of the absorber \\[kg].")] = 0.08,
+    working_frequency: WorkingOption = 217.0,
+    place: PlaceOption = PlaceName.TOOL,
+    direction: DirectionOption = DirectionName.X,
+    tolerance: ToleranceOption = 0.0,
+    rate_tolerance: RateToleranceOption = 0.01,
+    machines: MachinesOption = 0,
+    plot: PlotOption = None,
     machine: MachineOption = None,
     json: JsonOption = None,
+    save_machine: SaveAbsorbersOption = None,
 ) -> None:
-    """What an absorber on the tool does (Table 7's by default), at given positions and over the whole rail."""
-    check_outputs(out, json)
+    """What an absorber does (by default Table 7's on the tool), at given positions and over the whole rail."""
+    check_outputs(plot, json, save_machine)
     import numpy as np
 
-    from cutvib_ss.absorber import check_absorber
+    from cutvib_ss.absorber import HarmonicForce, MountedAbsorber, check_absorber, workspace_check
     from cutvib_ss.parameters import AbsorberParameters
 
     model = load_machine(machine, "cutvib absorber")
-    chosen = AbsorberParameters(frequency, damping_ratio, mass)
-    given = check_absorber(model, chosen, position or [1 / 3, 1 / 2], working_frequency)
-    over = check_absorber(model, chosen, np.arange(1, 50) / 50, working_frequency, freq=[working_frequency])
-    if out is not None:
+    port = f"{place.value}_{direction.value}"
+    chosen = MountedAbsorber(AbsorberParameters(frequency, damping_ratio, mass), port)
+    given = check_absorber(model, chosen.absorber, position or [1 / 3, 1 / 2], working_frequency, port=port)
+    force, box = HarmonicForce.tone(working_frequency), tolerance_box(tolerance, rate_tolerance, machines)
+    over = workspace_check(model, [chosen], np.arange(1, 50) / 50, force, tolerance=box)
+    if plot is not None:
         from cutvib_ss.plot.response import absorber_effect
         from cutvib_ss.plot.style import check_picture, save
 
-        save(absorber_effect(given), check_picture(out))
+        save(absorber_effect(given), check_picture(plot))
+    save_absorbers(model, [chosen], save_machine)
     data = {
         "schema": "cutvib-absorber/1",
-        "absorber": _absorber_data(chosen),
+        "absorber": absorber_data(chosen),
         "working_frequency_hz": working_frequency,
-        **_check_data(given),
+        "positions": given.positions,
+        "before_m_per_s2_per_n": given.before,
+        "after_m_per_s2_per_n": given.after,
+        "reduction": given.reduction,
         "peaks_before_hz": given.peaks_before,
         "peaks_after_hz": given.peaks_after,
-        "workspace": _check_data(over),
+        "workspace": {
+            "positions": over.positions,
+            "before_m_per_s2_per_n": over.before,
+            "after_m_per_s2_per_n": over.exact,
+            "toleranced_m_per_s2_per_n": over.toleranced,
+            "reduction": 1.0 - over.exact / over.before,
+        },
     }
     if give_json(data, json):
         return
@@ -67,92 +123,45 @@ def absorber_check_command(
     columns = ["y/L", "before [m/s²/N]", "after [m/s²/N]", "less by [%]", "peaks before [Hz]", "peaks after [Hz]"]
     console = results()
     show(console, f"Accelerance XX at {working_frequency:g} Hz", columns, rows)
-    worst = int(np.argmin(over.reduction))
+    kept = over.exact / over.before
     say(
         console,
-        f"Over the rail (y/L = 0.02 to 0.98): less by {100 * over.reduction.min():.1f} to "
-        f"{100 * over.reduction.max():.1f} %, least at y/L = {over.positions[worst]:.2f}; "
-        f"most left is {over.worst[1]:.3f} m/s²/N at y/L = {over.worst[0]:.2f}",
+        f"Over the rail (y/L = 0.02 to 0.98): less by {100 * (1 - kept.max()):.1f} to {100 * (1 - kept.min()):.1f} %, "
+        f"least at y/L = {over.positions[kept.argmax()]:.2f}; most left is {over.worst[1]:.3f} m/s²/N "
+        f"at y/L = {over.positions[over.exact.argmax()]:.2f}",
     )
-    if out is not None:
-        say(console, f"picture: {out}")
+    if tolerance:
+        say(console, f"At worst within tolerance {over.worst[2]:.3f} m/s²/N")
+    if plot is not None:
+        say(console, f"picture: {plot}")
 
 
-def absorber_design_command(
-    position: PositionsOption = None,
-    mass: Annotated[float, typer.Option("--mass", help="Mass of the absorber [kg].")] = 0.08,
-    tuning: Annotated[
-        str, typer.Option("--tuning", metavar="LO:HI:STEP", help="Tuning frequencies to try [Hz].")
-    ] = "200:250:1",
-    damping_ratio: Annotated[
-        list[float] | None,
-        typer.Option("--damping-ratio", help="Damping ratio to try; may be given several times."),
-    ] = None,
-    working_frequency: Annotated[
-        float, typer.Option("--working-frequency", help="Frequency of the tool's force [Hz].")
-    ] = 217.0,
-    machine: MachineOption = None,
-    json: JsonOption = None,
-) -> None:
-    """The absorber of a given mass whose worst position is the best, over tunings and dampings."""
-    check_outputs(json)
-    import numpy as np
+def tolerance_box(tolerance: float, rate: float, machines: int) -> AbsorberTolerance:
+    """The box that the options ask for; nothing varies where no tolerance is given."""
+    from cutvib_ss.absorber import EXACT, AbsorberTolerance
 
-    from cutvib_ss.absorber import parametric_study
-
-    model = load_machine(machine, "cutvib absorber")
-    study = parametric_study(
-        model,
-        position or [1 / 3, 1 / 2],
-        mass,
-        frequencies(tuning),
-        np.array(damping_ratio) if damping_ratio else None,
-        working_frequency,
-    )
-    data = {
-        "schema": "cutvib-absorber-design/1",
-        "best": _absorber_data(study.best),
-        "working_frequency_hz": working_frequency,
-        "positions": study.positions,
-        "before_m_per_s2_per_n": study.before,
-        "tuning_hz": study.tuning,
-        "damping_ratio": study.damping_ratio,
-        "worst_m_per_s2_per_n": study.worst,
-    }
-    if give_json(data, json):
-        return
-    rows = []
-    for j, ratio in enumerate(study.damping_ratio):
-        i = int(np.argmin(study.worst[:, j]))
-        rows.append([f"{ratio:g}", f"{study.tuning[i]:g}", f"{study.worst[i, j]:.3f}"])
-    console = results()
-    title = f"Absorbers of {mass:g} kg: the best tuning for each damping"
-    show(console, title, ["damping ratio", "tuning [Hz]", "worst accelerance [m/s²/N]"], rows)
-    best = study.best
-    say(
-        console,
-        f"Best: {best.frequency:g} Hz, damping ratio {best.damping_ratio:g}, k = {best.stiffness:.6g} N/m, "
-        f"c = {best.damping:.4g} N s/m; worst position {study.worst.min():.3f} m/s²/N, "
-        f"without absorber {study.before.max():.3f}",
-    )
+    return AbsorberTolerance(frequency=tolerance, rate=rate, machines=machines) if tolerance else EXACT
 
 
-def _absorber_data(absorber: AbsorberParameters) -> dict[str, float]:
+def save_absorbers(model: Machine, mounted: Sequence[MountedAbsorber], target: Path | None) -> None:
+    """Write the machine with absorbers, where that is asked for."""
+    from cutvib_ss.absorber import attach_absorbers
+    from cutvib_ss.model_files import write_machine
+
+    if target is not None:
+        write_all({target: lambda draft: write_machine(attach_absorbers(model, mounted), draft)})
+
+
+def absorber_data(mounted: MountedAbsorber) -> dict[str, float | str]:
+    """An absorber for JSON."""
+    absorber = mounted.absorber
     return {
+        "port": mounted.port,
         "frequency_hz": absorber.frequency,
         "damping_ratio": absorber.damping_ratio,
         "mass_kg": absorber.mass,
         "stiffness_n_per_m": absorber.stiffness,
         "damping_n_s_per_m": absorber.damping,
-    }
-
-
-def _check_data(check: AbsorberCheck) -> dict[str, Any]:
-    return {
-        "positions": check.positions,
-        "before_m_per_s2_per_n": check.before,
-        "after_m_per_s2_per_n": check.after,
-        "reduction": check.reduction,
     }
 
 

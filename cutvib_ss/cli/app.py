@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 import typer
 
-from cutvib_ss.cli.absorbers import absorber_check_command, absorber_design_command
+from cutvib_ss.cli.absorber_design import absorber_design_command
+from cutvib_ss.cli.absorbers import absorber_check_command
 from cutvib_ss.cli.blind import blind_calibrate_command, blind_run_command, blind_score_command
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.demo import demo_command
@@ -78,9 +79,9 @@ app.add_typer(absorber, name="absorber")
 absorber.command("check", epilog="Example: cutvib absorber check --frequency 215 --damping-ratio 0.03 --mass 0.08")(
     absorber_check_command
 )
-absorber.command("design", epilog="Example: cutvib absorber design --mass 0.1 --position 0.25 --position 0.5")(
-    absorber_design_command
-)
+absorber.command(
+    "design", epilog="Example: cutvib absorber design --mass 0.08 --direction z --tolerance 0.02 --harmonics 5"
+)(absorber_design_command)
 app.add_typer(blind, name="blind")
 blind.command("run", epilog="Example: cutvib blind run --cases 12 --seed 1 --out my-trial --jobs 2")(blind_run_command)
 blind.command("score", epilog="Example: cutvib blind score my-trial --json score.json --report score.html")(

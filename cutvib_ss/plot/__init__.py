@@ -4,6 +4,7 @@ Pictures of results: each function takes a result and returns a `matplotlib.figu
 No window is opened and pyplot is never imported; `save` and `png` turn a figure into a file or into bytes.
 """
 
+from cutvib_ss.plot.absorber import absorber_front, absorber_study, absorbers_over_the_rail
 from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map
 from cutvib_ss.plot.response import absorber_effect, bode
 from cutvib_ss.plot.schedule import pole_map, schedule
@@ -11,6 +12,9 @@ from cutvib_ss.plot.style import png, save
 
 __all__ = [
     "absorber_effect",
+    "absorber_front",
+    "absorber_study",
+    "absorbers_over_the_rail",
     "bode",
     "cause_bars",
     "comparison_grid",
