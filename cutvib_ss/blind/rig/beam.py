@@ -188,9 +188,10 @@ def rail_matrices(
         parts = [block_diag(a, b) for a, b in zip(parts, twisting(fittings.twist, nodes), strict=True)]
         front = np.insert(front, 1, kept.size + node_at(nodes, position) - 1)
         names = ("base", "twist", *free_ends)
+    mass, damping, stiffness = parts
     if rail.truncation is not None:
-        return truncated(*parts, front, names, rail.truncation)
-    return component_modes(*parts, front, names, highest)
+        return truncated(mass, damping, stiffness, front, names, rail.truncation)
+    return component_modes(mass, damping, stiffness, front, names, highest)
 
 
 def component_modes(

@@ -73,8 +73,8 @@ def main(arguments: list[str] | None = None) -> None:
     shares: dict[Kind, float] = {kind: getattr(a, kind) for kind in _SHARES}
     planned = plan(a.cases, a.seed, shares)
     if a.cause:
-        kind: Kind = "outside" if a.cause in OUTSIDE_KINDS else "pair" if "+" in a.cause else "single"
-        planned = [(seed, kind, a.cause) for seed, _, _ in planned]
+        given: Kind = "outside" if a.cause in OUTSIDE_KINDS else "pair" if "+" in a.cause else "single"
+        planned = [(seed, given, a.cause) for seed, _, _ in planned]
     a.out.mkdir(parents=True, exist_ok=True)
     labels: dict[str, Any] = {}
     names = [f"c{i:04d}" for i in range(1, len(planned) + 1)]

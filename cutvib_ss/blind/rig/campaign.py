@@ -56,7 +56,7 @@ class Campaign:
         )
 
     @cached_property
-    def _machines(self) -> dict[tuple[float, Rig], Linearised]:
+    def _machines(self) -> dict[tuple[float, int], Linearised]:
         return {}
 
     def _machine(self, record: int) -> tuple[Rig, Linearised]:
@@ -117,7 +117,7 @@ class Campaign:
 
 def estimated(forces: Array, responses: Array) -> Frf:
     """H1 and coherence of blows, boxcar over the whole block, up to 500 Hz."""
-    freq = np.fft.rfftfreq(forces.shape[-1], 1 / FS)
+    freq = np.asarray(np.fft.rfftfreq(forces.shape[-1], 1 / FS), dtype=np.float64)
     lines = freq <= 500.0
     f = np.fft.rfft(forces, axis=-1)[:, lines]
     a = np.fft.rfft(responses, axis=-1)[..., lines]

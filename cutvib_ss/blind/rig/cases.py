@@ -180,6 +180,9 @@ def write_campaign(case: Case, folder: Path) -> None:
     files.write(case.campaign, case.nominal, folder)
 
 
+_MAKERS = {**MECHANICAL, **MEASUREMENT, **OUTSIDE}
+
+
 def _names(kind: Kind, cause: str | None, rng: np.random.Generator) -> tuple[str, ...]:
     if kind == "none":
         return ()
@@ -204,7 +207,7 @@ def _with_faults(
             faults.append(Fault(name, "rail", {"n_modes": nominal.n_modes}, plain))
             nominal = replace(nominal, n_modes=n_modes)
             continue
-        maker = ({**MECHANICAL, **MEASUREMENT} | OUTSIDE)[name]
+        maker = _MAKERS[name]
         state = rng.bit_generator.state
         rig, place, parameters = maker(rig, size, rng)
         rng.bit_generator.state = state

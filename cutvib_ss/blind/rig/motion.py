@@ -41,13 +41,13 @@ class Modes:
     def port(self, name: str) -> Complex:
         """Displacement of a port in each mode; of a difference, ``"tool_x-base_x"``."""
         one, _, other = name.partition("-")
-        row = self.shapes[self.names.index(one)]
+        row: Complex = self.shapes[self.names.index(one)]
         return row - self.shapes[self.names.index(other)] if other else row
 
     def input(self, name: str) -> Complex:
         """How a force at a port drives each mode."""
         one, _, other = name.partition("-")
-        row = self.weights[self.names.index(one)]
+        row: Complex = self.weights[self.names.index(one)]
         return row - self.weights[self.names.index(other)] if other else row
 
 
@@ -101,7 +101,7 @@ def linear_answer(rig: Rig, machine: Linearised, forces: Array, fs: float) -> Ar
     """Accelerations under band-limited forces (blow, sample) from rest: blow, channel, sample."""
     count = round(_PERIOD * fs)
     time = np.arange(forces.shape[-1]) / fs
-    s = _DECAY + 2j * np.pi * np.fft.rfftfreq(count, 1 / fs)
+    s = np.asarray(_DECAY + 2j * np.pi * np.fft.rfftfreq(count, 1 / fs), dtype=np.complex128)
     response = frequency_response(rig, machine, s)
     spectra = np.fft.rfft(forces * np.exp(-_DECAY * time), count)
     answer = np.fft.irfft(spectra[:, None] * response[None], count)[..., : time.size]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -189,13 +190,13 @@ class Rig:
         """Whether every element of the machine is linear (the measurement chain may not be)."""
         return not self.fittings.laws
 
-    def fitted(self, **changes: object) -> Rig:
+    def fitted(self, **changes: Any) -> Rig:
         """The machine with fittings replaced."""
-        return replace(self, fittings=replace(self.fittings, **changes))  # type: ignore[arg-type]
+        return replace(self, fittings=replace(self.fittings, **changes))
 
-    def measured(self, **changes: object) -> Rig:
+    def measured(self, **changes: Any) -> Rig:
         """The machine with the measurement chain replaced."""
-        return replace(self, chain=replace(self.chain, **changes))  # type: ignore[arg-type]
+        return replace(self, chain=replace(self.chain, **changes))
 
     def value(self, name: str) -> float:
         """A value of head or rail by its name."""
@@ -204,8 +205,8 @@ class Rig:
     def scaled(self, factors: Mapping[str, float]) -> Rig:
         """The machine with values of head and rail times factors."""
         new = {name: self.value(name) * factor for name, factor in factors.items()}
-        head = {name: value for name, value in new.items() if name in HEAD_NAMES}
-        rail = {name: value for name, value in new.items() if name not in HEAD_NAMES}
+        head: dict[str, Any] = {name: value for name, value in new.items() if name in HEAD_NAMES}
+        rail: dict[str, Any] = {name: value for name, value in new.items() if name not in HEAD_NAMES}
         return replace(self, head=replace(self.head, **head), rail=replace(self.rail, **rail))
 
     def at(self, progress: float) -> Rig:
