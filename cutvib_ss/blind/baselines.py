@@ -15,16 +15,15 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, replace
 from functools import partial
 from importlib import import_module
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from cutvib_ss.blind.achieved import in_processes
 from cutvib_ss.blind.cases import NONE, UNKNOWN, Answer, Case, Causes, Entry, causes_of, read_cases
 from cutvib_ss.blind.features import CHANNELS, SIGNATURE, features
 from cutvib_ss.blind.files import packed, read_json, unpack, write_bytes
@@ -84,7 +83,7 @@ def with_baselines(score: Score, folder: Path, train: Sequence[Path], jobs: int 
         for c in read_cases(Trial(other), read_json(Trial(other).labels)["labels"])
     ]
     campaigns = [Trial(folder).campaigns / c.name for c in score.cases]
-    seen = _all_features([*(k for k, _ in known), *campaigns], jobs)
+    seen = np.array(in_processes(features, [*(k for k, _ in known), *campaigns], jobs))
     learnt, asked, truths = seen[: len(known)], seen[len(known) :], [t for _, t in known]
     found = {
         "nearest signature": nearest_signature(learnt, truths, asked),
@@ -298,11 +297,3 @@ def _held(campaign: Path) -> bytes:
         nothing = {f.name: UNTUNED for f in fields(machine.tolerance)}
         write_machine(replace(machine, tolerance=replace(machine.tolerance, **nothing)), copy / "machine.toml")
         return packed(copy)
-
-
-def _all_features(campaigns: Sequence[Path], jobs: int) -> FloatArray:
-    if jobs == 1:
-        return np.array([features(c) for c in campaigns])
-    # Not forked: threads of the numerical libraries would be copied in the middle of their work.
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        return np.array(list(pool.map(features, campaigns, chunksize=4)))

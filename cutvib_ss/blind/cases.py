@@ -147,12 +147,15 @@ class Case:
         What was said.
     run : dict
         Record of the diagnosis.
+    achieved : float
+        Part of the nominal model's error that the corrected one closes on fresh records; NaN where that is not known.
     """
 
     name: str
     truth: Truth
     answer: Answer
     run: Mapping[str, Any]
+    achieved: float = float("nan")
 
     @property
     def right(self) -> bool:

@@ -204,10 +204,15 @@ def _how_far(cases: Cases) -> list[Row]:
     left = [left_over(c) for c in inside]
     seen = [x for x in left if np.isfinite(x)]
     closed = [x for c in inside if np.isfinite(x := excess_closed(c))]
+    truly = [c.achieved for c in inside if np.isfinite(c.achieved)]
+    over = [s[0] - c.achieved for c in inside if np.isfinite(c.achieved) and (s := stated_closed(c)) is not None]
     note = f"{len(left) - len(seen)} of {len(left)} state none" if len(seen) < len(left) else ""
     return [
         Row("chi2_median", "held-out reduced χ² after, median", "", quantile(seen, 0.5), 1.05, False, note),
         Row("chi2_95", "held-out reduced χ² after, 95th percentile", "", quantile(seen, 0.95), 1.3, False, note),
+        Row("achieved", "part of the gap that is closed on fresh records", "%", resampled(truly),
+            note="mean; other positions, next to no noise, no calibration errors"),
+        Row("overstated", "stated less achieved part", "%", resampled(over), note="mean; above zero: too much is claimed"),
         Row("excess_closed", "excess of the gap over noise that is closed", "%", resampled(closed), 0.98,
             note="mean over cases with a cause of the catalogue whose error is at least a tenth over the noise"),
     ]  # fmt: skip
@@ -245,11 +250,36 @@ def excess_closed(case: Case) -> float:
     float
         1 where only noise is left; NaN where there is hardly anything to close.
     """
+    stated = stated_closed(case)
+    return float("nan") if stated is None else min(stated[0], 1.0)
+
+
+def stated_closed(case: Case) -> tuple[float, float, float] | None:
+    """
+    Part of the error over noise that a diagnosis says it closes, with its 95 % interval.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+
+    Returns
+    -------
+    (float, float, float) or None
+        Part, lower and upper end; None where there is hardly anything to close.
+    """
     gap = case.answer.diagnosis.get("gap", {})
-    before, after, noise = (gap.get(k) for k in ("before", "after", "noise_floor"))
-    if before is None or after is None or noise is None or before < 1.1 * noise:
-        return float("nan")
-    return float((before - max(after, noise)) / (before - noise))
+    figures = (
+        gap.get("before"),
+        gap.get("noise_floor"),
+        gap.get("shrinkage"),
+        *(gap.get("shrinkage_interval") or [None]),
+    )
+    if any(f is None for f in figures) or figures[0] < 1.1 * figures[1]:
+        return None
+    before, noise, *shrinkage = (float(f) for f in figures)
+    part, low, high = (s * before / (before - noise) for s in shrinkage)
+    return part, low, high
 
 
 def _effort(cases: Cases) -> list[Row]:

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from cutvib_ss.blind.achieved import with_achieved
 from cutvib_ss.blind.cases import NONE, UNKNOWN, Case, Causes, name_of, read_cases
 from cutvib_ss.blind.files import read_json
-from cutvib_ss.blind.rows import LARGE, SMALL, SURE, Row, confidences, excess_closed, left_over, rows
+from cutvib_ss.blind.rows import LARGE, SMALL, SURE, Row, confidences, excess_closed, left_over, rows, stated_closed
 from cutvib_ss.blind.seal import Trial, open_seal
 from cutvib_ss.blind.statistics import (
     Bin,
@@ -73,16 +74,16 @@ class Group:
 @dataclass(frozen=True)
 class Shrinkage:
     """
-    How far the gap is said to shrink.
+    How far the gap is said to shrink, and how far it does.
 
     Parameters
     ----------
     name : str
         The case.
     stated, low, high : float
-        Shrinkage on held-out records, and its 95 % interval.
-    reachable : float
-        What a perfect model would reach on them: all but noise.
+        Part of the error over noise that is said to be closed on held-out records, and its 95 % interval.
+    achieved : float
+        Part of the nominal model's error that is closed on fresh records, without noise and at other positions.
     right : bool
         Whether the first answer is the truth.
     """
@@ -91,7 +92,7 @@ class Shrinkage:
     stated: float
     low: float
     high: float
-    reachable: float
+    achieved: float
     right: bool
 
 
@@ -134,9 +135,8 @@ class Score:
 
     @property
     def shrinkage(self) -> tuple[Shrinkage, ...]:
-        """Cases with causes of the catalogue, whose diagnosis states how far it goes."""
-        inside = (_shrinkage(c) for c in self.cases if c.truth.kind in ("single", "pair"))
-        return tuple(s for s in inside if s is not None)
+        """Cases of which it is known how far the gap shrank on fresh records."""
+        return tuple(s for s in map(_shrinkage, self.cases) if s is not None)
 
     @property
     def sure_and_wrong(self) -> tuple[Case, ...]:
@@ -183,7 +183,7 @@ class Score:
         return finite
 
 
-def score_trial(folder: Path) -> Score:
+def score_trial(folder: Path, jobs: int = 1) -> Score:
     """
     Open a trial's seal and score it.
 
@@ -191,6 +191,8 @@ def score_trial(folder: Path) -> Score:
     ----------
     folder : Path
         The trial's folder.
+    jobs : int
+        Corrected models at a time that are tried on fresh records.
 
     Returns
     -------
@@ -214,7 +216,7 @@ def score_trial(folder: Path) -> Score:
         "labels_sha256": commitment["labels_sha256"],
         "settings": secret["settings"],
     }
-    return scored(read_cases(trial, secret["labels"]), about)
+    return scored(with_achieved(trial, read_cases(trial, secret["labels"]), jobs), about)
 
 
 def scored(cases: Sequence[Case], about: Mapping[str, Any]) -> Score:
@@ -257,13 +259,10 @@ def scored(cases: Sequence[Case], about: Mapping[str, Any]) -> Score:
 
 
 def _shrinkage(case: Case) -> Shrinkage | None:
-    gap = case.answer.diagnosis.get("gap", {})
-    interval = gap.get("shrinkage_interval") or [None, None]
-    figures = (gap.get("shrinkage"), *interval, gap.get("noise_floor"), gap.get("before"))
-    if any(f is None for f in figures):
+    stated = stated_closed(case)
+    if stated is None or not math.isfinite(case.achieved):
         return None
-    stated, low, high, noise, before = (float(f) for f in figures)
-    return Shrinkage(case.name, stated, low, high, max(1.0 - noise / before, 0.0), case.right)
+    return Shrinkage(case.name, *stated, case.achieved, case.right)
 
 
 def _truth(case: Case) -> str:
@@ -336,6 +335,7 @@ def case_data(case: Case) -> dict[str, Any]:
         "excess_closed": excess_closed(case),
         "shrinkage": gap.get("shrinkage"),
         "shrinkage_interval": gap.get("shrinkage_interval"),
+        "achieved": case.achieved,
         "seconds": case.run.get("cpu_seconds"),
         "message": case.run.get("message") if case.answer.verdict == "failed" else "",
     }

@@ -87,6 +87,38 @@ class Trial:
         """
         return self.diagnoses / f"{name}.json"
 
+    def machine(self, name: str) -> Path:
+        """
+        Where a case's corrected model goes.
+
+        Parameters
+        ----------
+        name : str
+            The case.
+
+        Returns
+        -------
+        Path
+            The file.
+        """
+        return self.diagnoses / f"{name}.toml"
+
+    def fresh(self, name: str) -> Path:
+        """
+        Where the records lie that only the score looks at.
+
+        Parameters
+        ----------
+        name : str
+            The case.
+
+        Returns
+        -------
+        Path
+            An archive among what is sealed.
+        """
+        return self.sealed / "cases" / f"{name}.tar"
+
     def run(self, name: str) -> Path:
         """
         Where the record of a case's diagnosis goes: when, how long, by which code; its being there says that the case is done.
@@ -275,11 +307,11 @@ def _check_runs(trial: Trial, names: list[str], commitment: Mapping[str, Any]) -
             raise SealError(f"{trial.run(name)}: was begun before the labels were sealed; the trial is void")
         if run["status"] == "done" and run["code_sha256"] != commitment["code_sha256"]:
             raise SealError(f"{trial.run(name)}: was made by other code than the committed one; run a new trial")
-        if run["status"] == "done" and (
-            not trial.diagnosis(name).is_file() or digest(trial.diagnosis(name).read_bytes()) != run["diagnosis_sha256"]
-        ):
-            raise SealError(f"{trial.diagnosis(name)}: is missing or was changed since it was made; run a new trial")
+        for file, key in ((trial.diagnosis(name), "diagnosis_sha256"), (trial.machine(name), "machine_sha256")):
+            if run[key] is not None and (not file.is_file() or digest(file.read_bytes()) != run[key]):
+                raise SealError(f"{file}: is missing or was changed since it was made; run a new trial")
 
 
 def _diagnosis_files(trial: Trial, names: Iterable[str]) -> list[Path]:
-    return [p for name in names for p in (trial.diagnosis(name), trial.run(name)) if p.is_file()]
+    kinds = (trial.diagnosis, trial.machine, trial.run)
+    return [file for name in names for kind in kinds if (file := kind(name)).is_file()]

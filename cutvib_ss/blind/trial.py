@@ -7,7 +7,6 @@ means, goes on where it was when the same command is given again.
 
 from __future__ import annotations
 
-import json
 import secrets
 import shutil
 from collections.abc import Callable, Sequence
@@ -169,7 +168,11 @@ def _make_campaigns(
     tasks = ((name, partial(_itself, request)) for name, request in missing.items())
     for name, (made, redrawn) in spread(partial(_made, tools.rig), tasks, jobs, scheduler):
         # The campaign comes last: its folder says that the case is made.
-        write_json(trial.sealed / "cases" / f"{name}.json", {**made.label, "redrawn": redrawn})
+        fresh = None if made.fresh is None else digest(made.fresh)
+        if made.fresh is not None:
+            write_bytes(trial.fresh(name), made.fresh)
+        label = {**made.label, "redrawn": redrawn, "fresh_sha256": fresh}
+        write_json(trial.sealed / "cases" / f"{name}.json", label)
         unpack(made.campaign, trial.campaigns / name)
         done += 1
         progress("campaigns", done, len(planned))
@@ -225,15 +228,20 @@ def _diagnose(
     work = tools.diagnose or partial(diagnosed, forbidden=forbidden, timeout=timeout)
     tasks = ((name, partial(_campaign, trial, name, hashes[name])) for name in missing)
     for name, outcome in spread(work, tasks, jobs, scheduler):
-        if outcome.diagnosis is not None:
-            if outcome.code_sha256 != commitment["code_sha256"]:
-                raise SealError(
-                    f"{outcome.host}: diagnosed with other code than the committed one; install the same there, or restore it"
-                )
-            write_bytes(trial.diagnosis(name), outcome.diagnosis)
-        shown = None if outcome.diagnosis is None else digest(outcome.diagnosis)
+        if outcome.diagnosis is not None and outcome.code_sha256 != commitment["code_sha256"]:
+            raise SealError(
+                f"{outcome.host}: diagnosed with other code than the committed one; install the same there, or restore it"
+            )
+        hashes_of = {}
+        for key, file, content in (
+            ("diagnosis_sha256", trial.diagnosis(name), outcome.diagnosis),
+            ("machine_sha256", trial.machine(name), outcome.machine),
+        ):
+            hashes_of[key] = None if content is None else digest(content)
+            if content is not None:
+                write_bytes(file, content)
         # The record comes last: it says that the case is done.
-        write_json(trial.run(name), json.loads(json.dumps({**outcome.record(), "diagnosis_sha256": shown})))
+        write_json(trial.run(name), {**outcome.record(), **hashes_of})
         done += 1
         progress("diagnoses", done, len(hashes))
 

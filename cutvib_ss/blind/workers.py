@@ -29,7 +29,8 @@ from cutvib_ss.errors import CutvibError, ParameterError
 TaskT = TypeVar("TaskT")
 ResultT = TypeVar("ResultT")
 
-LABEL, CAMPAIGN, DIAGNOSIS, USAGE = "label.json", "campaign", "diagnosis.json", "usage.json"
+LABEL, CAMPAIGN, FRESH = "label.json", "campaign", "fresh"
+DIAGNOSIS, MACHINE, USAGE = "diagnosis.json", "corrected.toml", "usage.json"
 _TOLD = 2000
 """Characters of a failed process's last words that are kept."""
 
@@ -49,10 +50,13 @@ class Made:
         What is wrong with the machine.
     campaign : bytes
         Archive of the campaign's folder.
+    fresh : bytes or None
+        Archive of records for the score alone.
     """
 
     label: dict[str, Any]
     campaign: bytes
+    fresh: bytes | None = None
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,8 @@ class Outcome:
         Last words on standard error.
     diagnosis : bytes or None
         The JSON.
+    machine : bytes or None
+        The corrected model as a machine.toml.
     """
 
     status: Literal["done", "failed", "timeout"]
@@ -90,17 +96,18 @@ class Outcome:
     host: str
     message: str
     diagnosis: bytes | None
+    machine: bytes | None = None
 
     def record(self) -> dict[str, Any]:
         """
-        All but the diagnosis itself.
+        All but diagnosis and model themselves.
 
         Returns
         -------
         dict
             Plain data.
         """
-        return {name: value for name, value in asdict(self).items() if name != "diagnosis"}
+        return {name: value for name, value in asdict(self).items() if name not in ("diagnosis", "machine")}
 
 
 Rig: TypeAlias = Callable[[Request], Made]
@@ -134,7 +141,8 @@ def rig_case(request: Request) -> Made:
         )  # fmt: skip
         if ended.returncode:
             raise RigError(f"the rig failed on {request}: {ended.stderr[-_TOLD:].strip()}")
-        return Made(json.loads((folder / LABEL).read_text()), packed(folder / CAMPAIGN))
+        fresh = packed(folder / FRESH) if (folder / FRESH).is_dir() else None
+        return Made(json.loads((folder / LABEL).read_text()), packed(folder / CAMPAIGN), fresh)
 
 
 def diagnosed(archive: bytes, forbidden: Sequence[str] = (), timeout: float | None = None) -> Outcome:
@@ -160,7 +168,7 @@ def diagnosed(archive: bytes, forbidden: Sequence[str] = (), timeout: float | No
         unpack(archive, folder / CAMPAIGN)
         command = [
             sys.executable, "-m", "cutvib_ss.blind.confined", USAGE, *forbidden, "--",
-            "diagnose", CAMPAIGN, "--json", DIAGNOSIS,
+            "diagnose", CAMPAIGN, "--json", DIAGNOSIS, "--save-machine", MACHINE,
         ]  # fmt: skip
         started, clock = now(), time.perf_counter()
         exit_status: int | None
@@ -188,6 +196,7 @@ def diagnosed(archive: bytes, forbidden: Sequence[str] = (), timeout: float | No
             host=platform.node(),
             message=said.decode(errors="replace")[-_TOLD:].strip(),
             diagnosis=(folder / DIAGNOSIS).read_bytes() if done else None,
+            machine=(folder / MACHINE).read_bytes() if done else None,
         )
 
 

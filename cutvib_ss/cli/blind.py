@@ -73,7 +73,7 @@ def blind_score_command(
             help="Opened trial from which simpler methods learn, to be scored beside; may be repeated.",
         ),
     ] = None,
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time that the baselines read.")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time.")] = 1,
 ) -> None:
     """Open the seal, once, and score the diagnoses."""
     from cutvib_ss.blind.score import score_trial
@@ -84,7 +84,7 @@ def blind_score_command(
             raise ParameterError(f"--report {page}: {_SuffixError}")
     check_outputs(json, *pages)
     with working("scoring"):
-        found = score_trial(trial)
+        found = score_trial(trial, jobs)
     if train:
         from cutvib_ss.blind.baselines import with_baselines
 

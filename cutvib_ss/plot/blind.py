@@ -10,6 +10,9 @@ from matplotlib.figure import Figure
 from cutvib_ss.blind.score import Confusion, Score
 from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, NOMINAL, TUNED, drawing
 
+_LEAST = 1e-3
+"""What is left of an error below this part of it is drawn there."""
+
 
 def reliability_diagram(score: Score) -> Figure:
     """
@@ -143,7 +146,7 @@ def _outline_right(axes: Axes, confusion: Confusion) -> None:
 
 def shrinkage_scatter(score: Score) -> Figure:
     """
-    Shrinkage as stated, with its interval, against what noise lets a perfect model reach on the same records.
+    Part of the error that is closed, as stated with its interval, against what is achieved on fresh records.
 
     Parameters
     ----------
@@ -153,20 +156,23 @@ def shrinkage_scatter(score: Score) -> Figure:
     Returns
     -------
     Figure
-        One axes; cases with one cause and with a pair.
+        One axes; what is left of the error, on logarithmic axes.
     """
     with drawing(4.6, 4.2) as figure:
         axes = figure.subplots()
-        axes.plot([0, 1], [0, 1], color=GREY, lw=0.8, ls=(0, (4, 2)))
+        axes.plot([_LEAST, 2], [_LEAST, 2], color=GREY, lw=0.8, ls=(0, (4, 2)))
         for right, colour, label in ((True, CORRECTED, "right first"), (False, NOMINAL, "wrong")):
             shown = [s for s in score.shrinkage if s.right is right]
-            x, y = np.array([s.reachable for s in shown]), np.array([s.stated for s in shown])
-            spread = [
-                np.maximum(y - [s.low for s in shown], 0.0),
-                np.maximum(np.array([s.high for s in shown]) - y, 0.0),
-            ]
+            # Left of the error rather than closed: 99 and 99.9 % are far apart for whoever uses the model.
+            x, y, low, high = (
+                np.clip([1.0 - getattr(s, name) for s in shown], _LEAST, None)
+                for name in ("achieved", "stated", "high", "low")
+            )
+            spread = [np.maximum(y - low, 0.0), np.maximum(high - y, 0.0)]
             axes.errorbar(x, y, spread, fmt="o", ms=3, color=colour, ecolor=MEASURED, elinewidth=0.8, label=label)
-        axes.set(xlim=(-0.02, 1.02), ylim=(-0.1, 1.02), title="Shrinkage")
-        axes.set(xlabel="reachable: all but noise [-]", ylabel="stated, with its 95 % interval [-]")
+        axes.set(
+            xscale="log", yscale="log", xlim=(_LEAST / 1.5, 2), ylim=(_LEAST / 1.5, 2), title="What is left of the gap"
+        )
+        axes.set(xlabel="on fresh records [-]", ylabel="as stated, with its 95 % interval [-]")
         axes.legend(loc="upper left")
     return figure

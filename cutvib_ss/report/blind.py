@@ -251,7 +251,7 @@ def score_html(score: Score) -> str:
             "reliability": _inline(pictures.reliability_diagram(score), "r"),
             "risk": _inline(pictures.risk_curve(score), "c"),
             "severity": _inline(pictures.severity_curve(score), "s"),
-            "shrinkage": _inline(pictures.shrinkage_scatter(score), "k"),
+            "shrinkage": _inline(pictures.shrinkage_scatter(score), "k") if score.shrinkage else "",
             "causes": _inline(pictures.confusion_map(score.causes, "Causes"), "m"),
             "places": _inline(pictures.confusion_map(score.places, "Places"), "p"),
         },

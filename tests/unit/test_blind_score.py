@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -178,6 +179,23 @@ def test_how_far_comes_from_held_out_records() -> None:
     assert found["chi2_median"].estimate.value == pytest.approx(1.02)
 
 
+def test_what_is_stated_is_held_against_what_is_achieved() -> None:
+    gap = {
+        "before": 0.03,
+        "after": 0.004,
+        "noise_floor": 0.001,
+        "shrinkage": 1 - 4 / 30,
+        "shrinkage_interval": [0.84, 0.88],
+    }
+    one = replace(case(label(*JOINT), says(*JOINT, gap=gap)), achieved=0.8)
+    found = figures(one, case(label(*JOINT), says(*JOINT, gap=gap)))
+    assert found["achieved"].estimate.value == pytest.approx(0.8)
+    assert found["overstated"].estimate.value == pytest.approx(26 / 29 - 0.8)
+    assert found["overstated"].estimate.cases == 1
+    (shown,) = scored([one], ABOUT).shrinkage
+    assert (shown.stated, shown.low, shown.high) == pytest.approx((26 / 29, 0.84 * 30 / 29, 0.88 * 30 / 29))
+
+
 def test_time_is_told_apart_by_what_the_campaign_needed() -> None:
     level = {"place": "joint2", "level_dependent": True}
     found = figures(
@@ -276,9 +294,9 @@ def example_score(count: int) -> Score:
         gap = {"before": 0.03, "after": 0.03 * (1 - stated), "noise_floor": 0.03 * (1 - reach), "shrinkage": stated,
                "shrinkage_interval": [stated - 0.03, stated + 0.03]}  # fmt: skip
         said = says(effect, place, p, verdict, gap=gap)
-        cases.append(
-            case(label(*truth, gap_sigma=sigma), said if k % 60 else None, f"{k:012x}", float(rng.uniform(3, 20)))
-        )
+        one = case(label(*truth, gap_sigma=sigma), said if k % 60 else None, f"{k:012x}", float(rng.uniform(3, 20)))
+        truly = 1 - 10 ** float(rng.normal(-1.5, 0.5)) if kind in ("single", "pair") and k % 60 else math.nan
+        cases.append(replace(one, achieved=truly))
     return scored(cases, ABOUT)
 
 
@@ -294,7 +312,7 @@ def test_json_has_no_nan_and_every_case(score: Score) -> None:
     assert {"right_large", "false_alarm", "calibration_error", "sure_and_wrong"} <= {r["key"] for r in data["rows"]}
     assert data["sure_and_wrong"] == [c.name for c in score.sure_and_wrong]
     assert sum(g["cases"] for g in data["by_severity"]) == data["trial"]["kinds"]["single"]
-    assert set(data["shrinkage"][0]) == {"name", "stated", "low", "high", "reachable", "right"}
+    assert set(data["shrinkage"][0]) == {"name", "stated", "low", "high", "achieved", "right"}
 
 
 def test_the_page_stands_alone_and_names_every_sure_and_wrong_case(score: Score) -> None:

@@ -1,0 +1,132 @@
+"""
+How far the gap really shrank: the corrected model against records of the same machine that the diagnosis never had.
+
+They are at other positions, with hardly any noise and no calibration errors: what a user of the corrected model will meet.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from cutvib_ss.blind.cases import Case
+from cutvib_ss.blind.files import digest, read_json, unpack, write_json
+from cutvib_ss.blind.seal import SealError, Trial
+from cutvib_ss.effects.base import Model
+from cutvib_ss.gap.observations import Entry, observe
+from cutvib_ss.gap.shrinkage import predicted
+from cutvib_ss.measurement.campaign import read_campaign
+from cutvib_ss.model_files import read_machine
+
+ItemT = TypeVar("ItemT")
+ResultT = TypeVar("ResultT")
+
+
+def with_achieved(trial: Trial, cases: Sequence[Case], jobs: int = 1) -> tuple[Case, ...]:
+    """
+    Cases with what their corrected models achieve; kept in the trial's folder, so that a second call is quick.
+
+    Parameters
+    ----------
+    trial : Trial
+        An opened trial.
+    cases : sequence of Case
+        Its cases.
+    jobs : int
+        At a time.
+
+    Returns
+    -------
+    tuple of Case
+        The same; those that have fresh records and a corrected model say how far the gap shrank there.
+
+    Raises
+    ------
+    SealError
+        If the fresh records are not those of the label.
+    """
+    kept = trial.folder / "achieved.json"
+    known: dict[str, float] = read_json(kept) if kept.is_file() else {}
+    able = [
+        c for c in cases if c.name not in known and trial.fresh(c.name).is_file() and trial.machine(c.name).is_file()
+    ]
+    for case in able:
+        if digest(trial.fresh(case.name).read_bytes()) != case.truth.label["fresh_sha256"]:
+            raise SealError(f"{trial.fresh(case.name)}: are not the records that were committed to; the trial is void")
+    if able:
+        names = [c.name for c in able]
+        known |= dict(zip(names, in_processes(partial(closed, trial), names, jobs), strict=True))
+        write_json(kept, known)
+    return tuple(replace(c, achieved=known.get(c.name, float("nan"))) for c in cases)
+
+
+def closed(trial: Trial, name: str) -> float:
+    """
+    Part of the nominal model's error that one corrected model closes.
+
+    Parameters
+    ----------
+    trial : Trial
+        The trial.
+    name : str
+        The case.
+
+    Returns
+    -------
+    float
+        1 for a perfect model, 0 for the nominal one, below for a worse.
+
+    Notes
+    -----
+    The mean modulus of the error over records, channels and the lines of the diagnosis' band, as in the diagnosis.
+    """
+    low, high = read_json(trial.diagnosis(name))["gap"]["band_hz"]
+    corrected = read_machine(trial.machine(name))
+    with tempfile.TemporaryDirectory(prefix="cutvib-") as folder:
+        unpack(trial.fresh(name).read_bytes(), Path(folder) / "fresh")
+        campaign = read_campaign(Path(folder) / "fresh")
+    nominal: Model = campaign.machine
+    entries = observe(campaign, nominal).entries
+
+    def error(model: Model) -> float:
+        return float(np.mean([_error(e, model, low, high) for e in entries]))
+
+    return 1.0 - error(corrected) / error(nominal)
+
+
+def _error(e: Entry, model: Model, low: float, high: float) -> float:
+    lines = (e.freq >= low) & (e.freq <= high)
+    return float(np.mean(np.abs(predicted(e, model, 0.0) - e.data)[:, lines]))
+
+
+def in_processes(work: Callable[[ItemT], ResultT], items: Iterable[ItemT], jobs: int) -> list[ResultT]:
+    """
+    Results of some work on many items, in their order.
+
+    Parameters
+    ----------
+    work : callable
+        Of one item; a function of a module.
+    items : iterable
+        The items.
+    jobs : int
+        Processes; one works here.
+
+    Returns
+    -------
+    list
+        Results.
+    """
+    if jobs == 1:
+        return [work(item) for item in items]
+    # Not forked: threads of the numerical libraries would be copied in the middle of their work.
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        return list(pool.map(work, items, chunksize=2))
