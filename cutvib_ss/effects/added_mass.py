@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import (
     Carried,
     Effect,
     Model,
+    Range,
     applied,
     attached_to,
     check_place,
@@ -17,6 +18,7 @@ from cutvib_ss.effects.base import (
     port_of,
     ports_of,
 )
+from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.machine import Machine
 from cutvib_ss.slots import Path, value_at, with_value
 from cutvib_ss.subsystems.elements import SpringDamperMass
@@ -45,6 +47,16 @@ class AddedMass(Effect):
 
     def _path(self) -> Path:
         return ("head", "m2" if self.place == "tool" else "m1")
+
+    @classmethod
+    def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
+        given = super().ranges(model, place, motion)
+        if isinstance(model, Machine):
+            return given
+        scale = port_scale(model, place)
+        return {
+            "mass": replace(given["mass"], low=-0.5 * scale.mass, high=3.0 * scale.mass),
+        }
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -108,6 +108,27 @@ class Effect(ABC):
             The places; none where the effect makes no sense.
         """
 
+    @classmethod
+    def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
+        """
+        Ranges of the fitted parameters on a model: those of the fields, or in proportion to what the place carries.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The nominal model.
+        place : str
+            One of `places`.
+        motion : float, optional
+            Peak displacement at the place in the records, where it is known [m or rad].
+
+        Returns
+        -------
+        mapping of str to Range
+            Parameter name to range.
+        """
+        return {f.name: f.metadata["range"] for f in parameter_fields(cls)}
+
     @abstractmethod
     def apply(self, model: Any) -> Any:
         """

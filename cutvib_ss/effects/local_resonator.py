@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import (
     Carried,
     Effect,
     Model,
+    Range,
     applied,
     attached_to,
     check_place,
@@ -17,6 +18,8 @@ from cutvib_ss.effects.base import (
     port_of,
     ports_of,
 )
+from cutvib_ss.effects.scales import port_scale
+from cutvib_ss.machine import Machine
 from cutvib_ss.subsystems.elements import SprungMass
 
 
@@ -46,6 +49,18 @@ class LocalResonator(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ports_of(model, ("tool", "head"))
+
+    @classmethod
+    def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
+        given = super().ranges(model, place, motion)
+        if isinstance(model, Machine):
+            return given
+        scale = port_scale(model, place)
+        return {
+            "mass": replace(given["mass"], low=1e-3 * scale.mass, high=scale.mass),
+            "frequency": replace(given["frequency"], low=0.1 * scale.natural_freq, high=10.0 * scale.natural_freq),
+            "damping_ratio": given["damping_ratio"],
+        }
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import (
     Carried,
     Effect,
     Model,
+    Range,
     applied,
     attached_to,
     check_place,
@@ -17,6 +18,8 @@ from cutvib_ss.effects.base import (
     port_of,
     ports_of,
 )
+from cutvib_ss.effects.scales import port_scale
+from cutvib_ss.machine import Machine
 from cutvib_ss.subsystems.elements import SpringDamperMass
 
 
@@ -43,6 +46,17 @@ class ToolContact(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ports_of(model, ("tool",))
+
+    @classmethod
+    def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
+        given = super().ranges(model, place, motion)
+        if isinstance(model, Machine):
+            return given
+        scale = port_scale(model, place)
+        return {
+            "stiffness": replace(given["stiffness"], high=3.0 * scale.stiffness),
+            "damping": replace(given["damping"], high=(scale.stiffness * scale.mass) ** 0.5),
+        }
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

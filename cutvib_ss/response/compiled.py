@@ -108,10 +108,10 @@ def implicit_force(code: int, p: Values, q: float, a: float, v: float, b: float,
         Which law.
     p : sequence of float, length 2
         Its parameters.
-    q, v : float
-        Motion at the new instant, were f zero.
-    a, b : float
-        Compliances of displacement and velocity to f, positive.
+    q, a : float
+        Displacement at the new instant, were f zero, and its compliance to f, positive.
+    v, b : float
+        Velocity, and its compliance.
     f0, q0 : float
         Force and displacement at the last instant, for laws with memory.
 

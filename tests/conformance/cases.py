@@ -10,15 +10,21 @@ import numpy as np
 
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.effects.bilinear_stiffness import BilinearStiffness
 from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cross_axis import CrossAxis
+from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.end_fixity import EndFixity
+from cutvib_ss.effects.freeplay import Freeplay
 from cutvib_ss.effects.guide_compliance import GuideCompliance
+from cutvib_ss.effects.joint_slip import JointSlip
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.modal_truncation import ModalTruncation
 from cutvib_ss.effects.parameter_shift import ParameterShift
+from cutvib_ss.effects.quadratic_damping import QuadraticDamping
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
 from cutvib_ss.effects.rail_shear import RailShear
 from cutvib_ss.effects.rail_torsion import RailTorsion
@@ -57,8 +63,12 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Places on the cutting machine and parameters of every effect that the catalogue may hold: names that files rely on."""
 
-AT_PORTS = ("local_resonator", "added_mass", "tool_contact")
+AT_PORTS = (
+    "local_resonator", "added_mass", "tool_contact", "cubic_stiffness", "dry_friction", "joint_slip", "quadratic_damping",
+)  # fmt: skip
 """Effects that sit at every port of any other structure."""
+AT_SPRINGS = ("freeplay", "bilinear_stiffness")
+"""Effects that sit at every port of it that spans a spring."""
 ANYWHERE = ("parameter_shift", "channel_delay", "calibration_error", "window_damping")
 """Effects that need no port."""
 
@@ -135,6 +145,20 @@ def _choices(model: Model, effect: str, place: str) -> Iterator[tuple[str, Calla
                 yield channel, lambda s, c=channel: ChannelDelay(place, c, 1e-4 * s)
     elif effect == "window_damping":
         yield "", lambda s: WindowDamping(place, 5.0 * s)
+    elif not EFFECTS[effect].linear:
+        # Against a motion of 0.4 mrad in joint 2, 10 µrad in joint 1, and 0.1 mm.
+        motion, k = (4e-4, 1e4) if place == "joint2" else (1e-5, 5e5) if place == "joint1" else (1e-4, 2.5e5)
+        yield (
+            "",
+            {
+                "cubic_stiffness": lambda s: CubicStiffness(place, 0.3 * s * k / motion**2),
+                "freeplay": lambda s: Freeplay(place, 0.1 * s * motion),
+                "dry_friction": lambda s: DryFriction(place, 0.1 * s * k * motion),
+                "joint_slip": lambda s: JointSlip(place, 0.3 * s * k, 0.1 * s * k * motion),
+                "bilinear_stiffness": lambda s: BilinearStiffness(place, 0.3 * s),
+                "quadratic_damping": lambda s: QuadraticDamping(place, 0.1 * s * k / (1000.0**2 * motion)),
+            }[effect],
+        )
     elif machine:
         yield (
             "",

@@ -2,7 +2,7 @@
 Every effect of the catalogue through one suite, at every place of the published machine and of another structure.
 
 A new effect joins by its line in `cases.CONTRACT` and by saying in `cases._choices` how its severity runs; there is nothing
-to write here.
+to write here. What only time histories show of the nonlinear ones is in `test_nonlinear_effects`.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from cutvib_ss.structure import Structure
 from tests.conformance.cases import (
     ANYWHERE,
     AT_PORTS,
+    AT_SPRINGS,
     CONTRACT,
     MACHINE_SHIFTS,
     MODELS,
@@ -58,8 +59,10 @@ PADE = 1e-6
 """The same with a Padé approximation of sixth order and delays of a tenth of a millisecond."""
 
 CASES = cases()
-MECHANICAL = [c for c in CASES if c.id not in MEASUREMENT]
+LINEAR = [c for c in CASES if EFFECTS[c.id].linear]
+MECHANICAL = [c for c in LINEAR if c.id not in MEASUREMENT]
 each_case = pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
+each_linear = pytest.mark.parametrize("case", LINEAR, ids=lambda c: c.name)
 each_mechanical = pytest.mark.parametrize("case", MECHANICAL, ids=lambda c: c.name)
 each_effect = pytest.mark.parametrize("kind", EFFECTS.values(), ids=EFFECTS)
 
@@ -99,6 +102,8 @@ def test_places_on_another_structure(kind: type[Effect]) -> None:
     found = kind.places(model)
     if kind.effect in AT_PORTS:
         assert set(found) == set(model.system.ports)
+    elif kind.effect in AT_SPRINGS:
+        assert set(found) == {"drive", "spring23"}  # the tip is not held to ground
     else:
         assert bool(found) == (kind.effect in ANYWHERE)
 
@@ -115,12 +120,22 @@ def test_every_effect_is_tried_at_every_place() -> None:
 
 @each_effect
 def test_ranges_can_be_searched(kind: type[Effect]) -> None:
-    for f in parameter_fields(kind):
-        r = f.metadata["range"]
-        assert r.unit
-        assert r.low < r.high
-        assert r.scale == "linear" or r.low > 0.0
-        assert r.minimum is None or r.minimum <= r.low
+    searched = [{f.name: f.metadata["range"] for f in parameter_fields(kind)}]
+    searched += [kind.ranges(model, place) for model in MODELS.values() for place in kind.places(model)]
+    for ranges in searched:
+        assert set(ranges) == set(searched[0])
+        for r in ranges.values():
+            assert r.unit
+            assert r.low < r.high
+            assert r.scale == "linear" or r.low > 0.0
+            assert r.minimum is None or r.minimum <= r.low
+
+
+@each_case
+def test_what_is_strong_lies_in_the_range(case: Case) -> None:
+    effect = case.build(1.0)
+    for name, r in effect.ranges(case.model, effect.place).items():
+        assert r.low <= getattr(effect, name) <= r.high
 
 
 @each_case
@@ -146,7 +161,7 @@ def test_zero_severity_is_the_identity(case: Case) -> None:
     assert change(responses(case.none.apply(case.model)), responses(case.reference)) < IDENTITY
 
 
-@each_case
+@each_linear
 def test_a_strong_effect_is_seen(case: Case) -> None:
     # Else the identity above would say nothing.
     assert change(responses(case.build(1.0).apply(case.model)), responses(case.reference)) > 1e-4
@@ -167,7 +182,7 @@ def test_apply_leaves_the_model_alone_and_records_itself(case: Case) -> None:
     assert once.effects == (effect,)
 
 
-@each_case
+@each_linear
 def test_more_severity_more_change(case: Case) -> None:
     reference = responses(case.reference)
     steps = (1 / 3, 2 / 3, 1.0) if case.id == "modal_truncation" else (1e-4, 3e-4, 1e-3)
@@ -216,7 +231,7 @@ def assert_same_slope(analytic: ComplexArray, numeric: ComplexArray, value: floa
 
 
 @pytest.mark.parametrize("under", ["bare", "loaded"])
-@each_case
+@each_linear
 def test_moves_is_the_derivative_to_the_parameters(case: Case, under: str) -> None:
     model = case.model if under == "bare" else loaded(case.model)
     effect = case.build(1.0)
@@ -233,7 +248,7 @@ def test_moves_is_the_derivative_to_the_parameters(case: Case, under: str) -> No
 
 
 @pytest.mark.parametrize("under", ["bare", "loaded"])
-@each_case
+@each_linear
 def test_carries_is_the_derivative_to_what_lies_underneath(case: Case, under: str) -> None:
     model = case.model if under == "bare" else loaded(case.model)
     effect = case.build(1.0)
@@ -299,7 +314,7 @@ def closed_form(model: Machine | Structure, freq: np.ndarray = FREQ) -> ComplexA
     return frequency_response(model, places_of(model), freq, form="receptance").data[:, :, 0]
 
 
-@each_case
+@each_linear
 def test_the_plant_agrees_or_names_the_way_out(case: Case) -> None:
     applied = case.build(1.0).apply(case.model)
     if case.id == "window_damping":

@@ -1,0 +1,44 @@
+"""A joint that is stiffer to one side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from cutvib_ss.effects.base import parameter
+from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.scales import PortScale
+from cutvib_ss.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class BilinearStiffness(LawElement):
+    """
+    Stiffness k (1 + a) where θ > 0 and k (1 - a) where θ < 0.
+
+    Parameters
+    ----------
+    place : str
+        ``"joint1"`` or ``"joint2"``; a port of another structure that spans a spring.
+    asymmetry : float
+        a, between -1 and 1.
+
+    Notes
+    -----
+    The asymmetry of the joints that the paper's conclusions name. To the linear spring k that the port spans it adds k a abs(θ).
+    Its describing function is nothing: it shifts the mean and makes even harmonics, and is the same at every level.
+    """
+
+    effect: ClassVar[str] = "bilinear_stiffness"
+
+    asymmetry: float = parameter("1", -0.95, 0.95, "linear", minimum=None)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not -1.0 < self.asymmetry < 1.0:
+            raise ParameterError(f"bilinear_stiffness: asymmetry = {self.asymmetry} must lie between -1 and 1")
+
+    @classmethod
+    def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
+        return {"asymmetry": (-0.95, 0.95)}

@@ -1,0 +1,38 @@
+"""A joint whose stiffness grows or falls with the square of its rotation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from cutvib_ss.effects.base import parameter
+from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.scales import PortScale
+
+
+@dataclass(frozen=True)
+class CubicStiffness(LawElement):
+    """
+    Torque k θ + stiffness3 θ³ in place of k θ: hardening, or softening where negative.
+
+    Parameters
+    ----------
+    place : str
+        ``"joint1"`` or ``"joint2"``; any port of another structure.
+    stiffness3 : float
+        Cubic stiffness [N m/rad^3; N/m^3 at a port that is a displacement].
+
+    Notes
+    -----
+    Duffing's spring. Its describing function is ¾ stiffness3 A². A softening one lets motion beyond √(k/-stiffness3) run away.
+    """
+
+    effect: ClassVar[str] = "cubic_stiffness"
+
+    stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "linear", minimum=None)
+
+    @classmethod
+    def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
+        unit = scale.stiffness / scale.motion**2
+        return {"stiffness3": (-0.5 * unit, 5.0 * unit)}

@@ -1,0 +1,38 @@
+"""Damping in a joint that grows with the rate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from cutvib_ss.effects.base import parameter
+from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.scales import PortScale
+
+
+@dataclass(frozen=True)
+class QuadraticDamping(LawElement):
+    """
+    Torque coefficient · rate · abs(rate).
+
+    Parameters
+    ----------
+    place : str
+        ``"joint1"`` or ``"joint2"``; any port of another structure.
+    coefficient : float
+        Coefficient [N m s^2/rad^2; N s^2/m^2 at a port that is a displacement].
+
+    Notes
+    -----
+    Drag of a fluid that is pressed out. Its describing function is the damper 8/(3π) coefficient ω A.
+    """
+
+    effect: ClassVar[str] = "quadratic_damping"
+
+    coefficient: float = parameter("N m s^2/rad^2", 0.01, 100.0)
+
+    @classmethod
+    def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
+        unit = scale.mass / scale.motion
+        return {"coefficient": (3e-4 * unit, 3.0 * unit)}

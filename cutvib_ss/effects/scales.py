@@ -1,0 +1,125 @@
+"""What a port carries: the mass, spring and damper there, in proportion to which an effect at it is weak or strong."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from cutvib_ss.effects.base import PLACE_PORTS, Carried, Model
+from cutvib_ss.machine import Machine
+from cutvib_ss.results import FloatArray
+from cutvib_ss.slots import value_at
+
+TYPICAL_FORCE = 50.0
+"""Force on the tool that moves a joint, where nothing is known of the records [N]; on another structure it is 1 N."""
+
+
+@dataclass(frozen=True)
+class PortScale:
+    """
+    What a port carries.
+
+    Parameters
+    ----------
+    mass : float
+        Mass that a force at the port moves at once, 1/(p M⁻¹ pᵀ) [kg, or kg m^2 at a joint].
+    stiffness : float
+        Stiffness against a slow force there, or where the structure is free that of its stiffest mode [N/m, or N m/rad].
+    motion : float
+        Displacement under a typical force [m or rad].
+    """
+
+    mass: float
+    stiffness: float
+    motion: float
+
+    @property
+    def natural_freq(self) -> float:
+        """Natural frequency of that mass on that spring [Hz]."""
+        return math.sqrt(self.stiffness / self.mass) / (2 * math.pi)
+
+
+def port_scale(model: Model, place: str, motion: float | None = None) -> PortScale:
+    """
+    What the port at a place carries.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model; what effects have put into it counts, too.
+    place : str
+        Place of an effect that sits at a port.
+    motion : float, optional
+        Peak displacement of the port in records, where it is known.
+
+    Returns
+    -------
+    PortScale
+        On the cutting machine with the head at mid-span.
+    """
+    if isinstance(model, Machine):
+        system, force = model.second_order(0.5, viscous_at=100.0), TYPICAL_FORCE
+        port = PLACE_PORTS.get(place, place)
+        if port.startswith("joint"):
+            force *= model.head.l1 if port == "joint1" else model.head.l2
+    else:
+        system, force, port = model.second_order(None, viscous_at=1.0), 1.0, place
+    row = system.port(port)
+    mass = 1.0 / float(row @ np.linalg.solve(system.mass, row))
+    spring = spring_at(model, place)
+    if spring is not None:
+        stiffness = spring[0]
+    else:
+        squares, shapes = linalg.eigh(system.stiffness, system.mass)
+        moved = (shapes.T @ row) ** 2
+        held = squares > 1e-9 * squares[-1]
+        free = float(moved[~held].sum()) > 1e-9 * float(moved.sum())
+        stiffness = mass * float(squares[-1]) if free else 1.0 / float(np.sum(moved[held] / squares[held]))
+    return PortScale(mass, stiffness, motion or force / stiffness)
+
+
+def spring_at(model: Model, place: str) -> tuple[float, Carried] | None:
+    """
+    The linear spring that a port spans.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    place : str
+        A joint of the machine, or a port of another structure.
+
+    Returns
+    -------
+    stiffness : float
+        The spring [N m/rad or N/m].
+    carried : tuple of (path, weight)
+        Values of the model with which it moves.
+
+    Notes
+    -----
+    None where there is none. A port between two degrees of freedom, e_i - e_j, spans -K_ij, a port that is one degree of
+    freedom its spring to ground, the sum of that row of K.
+    """
+    if isinstance(model, Machine):
+        if place not in ("joint1", "joint2"):
+            return None
+        path = ("head", "k" + place[-1])
+        return value_at(model, path), ((path, 1.0),)
+    row, stiffness = model.system.port(place), model.system.stiffness
+    spring = _spanned(row, stiffness)
+    if spring <= 0.0:
+        return None
+    return model.scales[2] * spring, ((("scales", 2), spring),)
+
+
+def _spanned(row: FloatArray, stiffness: FloatArray) -> float:
+    held = np.flatnonzero(row)
+    if held.size == 1:
+        return float(stiffness[held[0]].sum() / row[held[0]] ** 2)
+    if held.size == 2 and row[held[0]] == -row[held[1]]:
+        return float(-stiffness[held[0], held[1]] / row[held[0]] ** 2)
+    return 0.0
