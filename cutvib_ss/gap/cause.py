@@ -2,36 +2,53 @@
 Which: every cause fitted together with the tuning, and the evidence for each.
 
 Starts are first fitted on few lines with a noise widened by some percent of the response: sharp peaks then pull from afar, and
-no start is lost in a side minimum of a precise measurement. The best are fitted again on all lines as measured.
+no start is lost in a side minimum of a precise measurement. The best are fitted again on all lines as measured. Linear causes
+come first, all of them; causes that depend on the level follow where the level shows or no linear cause is enough; pairs follow
+where no single cause is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.fit import Fit, fit
-from cutvib_ss.gap.hypotheses import Candidate
-from cutvib_ss.gap.observations import Group
+from cutvib_ss.gap.hypotheses import Candidate, candidates, nonlinear_candidates
+from cutvib_ss.gap.levels import level_stands_out, motions
+from cutvib_ss.gap.observations import Observations, Records
 from cutvib_ss.gap.problem import Hypothesis
+from cutvib_ss.gap.simulation import problem_for
+from cutvib_ss.gap.verdict import sufficient
+from cutvib_ss.results import FloatArray
 
 COARSE_LINES = 120
 """Lines of a group on which starts are fitted."""
 COARSE_ERROR = 0.03
 """Relative error by which the noise is widened there."""
 REFINED = 3
-"""Causes that are fitted again on all lines, at least."""
+"""Causes that are fitted again on all lines, at least …"""
+REFINED_LAWS = 2
+"""… and of those that are simulated."""
 CLOSE = 60.0
 """… and all whose objective on few lines lies within this of the best."""
-
-
 FIRST_STEPS, LATER_STEPS = 3, 10
 """Steps from each start, and from the best of them."""
+SECOND_STEPS = 2
+"""Steps from each start of a second cause."""
+LAW_STEPS = 6
+"""Steps of a cause that is simulated, from the best of its starts."""
 ROUGH = 1e-2
 """Relative gain at which steps on few lines end."""
+ENOUGH = 1.1
+"""Reduced χ² below which the re-tuned model needs no cause, if the level does not show either."""
+PAIRED = 2
+"""Single causes to which a second one is added."""
+SECONDS = 6
+"""Second causes that are tried on each of them with all steps."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +59,7 @@ class Ranked:
     Parameters
     ----------
     name : str
-        Candidate's name; ``"none"`` without a cause.
+        Candidate's name; ``"none"`` without a cause; two names joined by ``" + "`` for a pair.
     fit : Fit
         Its best fit.
     refined : bool
@@ -53,69 +70,157 @@ class Ranked:
     fit: Fit
     refined: bool
 
+    @property
+    def reduced(self) -> float:
+        """χ² a degree of freedom of what it was fitted to."""
+        return self.fit.chi2 / self.fit.count
 
-def coarse(groups: Sequence[Group]) -> tuple[Group, ...]:
+
+def search(nominal: Model, records: Records, observed: Observations) -> tuple[Ranked, ...]:
     """
-    Groups with few lines and a widened noise.
-
-    Parameters
-    ----------
-    groups : sequence of Group
-        Measured responses.
-
-    Returns
-    -------
-    tuple of Group
-        The same records, coarser.
-    """
-    out = []
-    for g in groups:
-        step = max(1, g.freq.size // COARSE_LINES)
-        data = g.data[..., ::step]
-        variance = g.variance[..., ::step] + (COARSE_ERROR * np.abs(data)) ** 2
-        out.append(replace(g, freq=g.freq[::step], data=data, variance=variance))
-    return tuple(out)
-
-
-def search(nominal: Model, groups: Sequence[Group], found: Sequence[Candidate]) -> tuple[Ranked, ...]:
-    """
-    Fit every candidate.
+    Fit every cause, and pairs where no single one is enough.
 
     Parameters
     ----------
     nominal : Machine or Structure
         The nominal model.
-    groups : sequence of Group
-        Measured responses.
-    found : sequence of Candidate
-        The causes.
+    records : Records
+        Records to fit on.
+    observed : Observations
+        The campaign they are of: its band and channels.
 
     Returns
     -------
     tuple of Ranked
         The tuned nominal model first, then the causes by evidence.
     """
-    few = coarse(groups)
-    none = fit(nominal, groups, Hypothesis(), fit(nominal, few, Hypothesis(), None, LATER_STEPS, ROUGH).x)
-    rough = [(candidate, _roughly(nominal, few, candidate)) for candidate in found]
-    rough.sort(key=lambda pair: pair[1].objective)
+    few = records.coarse(COARSE_LINES, COARSE_ERROR)
+    none = Ranked(
+        "none", fit(nominal, records, Hypothesis(), fit(nominal, few, Hypothesis(), None, LATER_STEPS, ROUGH).x), True
+    )
+    linear = candidates(nominal, observed.band, observed.channels)
+    rough = _rough(nominal, few, linear)
+    ranked = _refined(nominal, records, rough, REFINED)
+    by_level = level_stands_out(records)
+    simulated: list[tuple[Candidate, Fit]] = []
+    motion: dict[str, float] = {}
+    outlook = records.for_laws(COARSE_LINES, COARSE_ERROR)
+    one_level = len({e.level for e in records.entries}) < 2
+    if outlook is not None and (by_level or one_level or not _enough(ranked, none)) and none.reduced > ENOUGH:
+        moved = motions(none.fit.model, outlook)
+        motion = {place: m.high for place, m in moved.items()}
+        simulated = _rough_laws(nominal, outlook, nonlinear_candidates(nominal, moved), motion)
+        ranked += _refined(nominal, records, simulated, REFINED_LAWS)
+    if none.reduced > ENOUGH and not _enough(ranked, none):
+        seconds = [*linear, *(c for c, _ in simulated)]
+        ranked += _pairs(nominal, records, few, outlook, ranked, seconds, motion)
+    return (none, *sorted(ranked, key=lambda r: -r.fit.log_evidence))
+
+
+def _enough(ranked: Sequence[Ranked], none: Ranked) -> bool:
+    """Whether the best cause leaves no more than a right one would."""
+    best = max(ranked, key=lambda r: r.fit.log_evidence)
+    return best.fit.log_evidence > none.fit.log_evidence and sufficient(best.reduced, none.reduced)
+
+
+def _refined(nominal: Model, records: Records, rough: Sequence[tuple[Candidate, Fit]], least: int) -> list[Ranked]:
+    """The best on few lines fitted on all; the others keep a bound."""
     ahead = rough[0][1].objective if rough else 0.0
     ranked: list[Ranked] = []
     for i, (candidate, start) in enumerate(rough):
         behind = start.objective - ahead
-        if i < REFINED or behind < CLOSE:
-            ranked.append(Ranked(candidate.name, fit(nominal, groups, start.hypothesis, start.x), True))
+        if i < least or behind < CLOSE:
+            ranked.append(Ranked(candidate.name, fit(nominal, records, start.hypothesis, start.x), True))
         else:
             # Few lines and a widened noise understate how far behind it is.
             best = max(r.fit.log_evidence for r in ranked)
             ranked.append(Ranked(candidate.name, replace(start, log_evidence=best - behind / 2), False))
-    ranked.sort(key=lambda r: -r.fit.log_evidence)
-    return (Ranked("none", none, True), *ranked)
+    return ranked
 
 
-def _roughly(nominal: Model, few: Sequence[Group], candidate: Candidate) -> Fit:
-    """The best of a candidate's starts, on few lines."""
-    # All start from the untuned model: the tuning of a model that lacks the cause leads away.
-    tries = [fit(nominal, few, Hypothesis((e,)), None, FIRST_STEPS, ROUGH) for e in candidate.starts]
-    best = min(tries, key=lambda f: f.objective)
-    return fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)
+def _rough(nominal: Model, few: Records, found: Sequence[Candidate]) -> list[tuple[Candidate, Fit]]:
+    """Each candidate from the best of its starts, on few lines; best first."""
+    out = []
+    for candidate in found:
+        # All start from the untuned model: the tuning of a model that lacks the cause leads away.
+        tries = [fit(nominal, few, Hypothesis((e,)), None, FIRST_STEPS, ROUGH) for e in candidate.starts]
+        best = min(tries, key=lambda f: f.objective)
+        out.append((candidate, fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)))
+    return sorted(out, key=lambda pair: pair[1].objective)
+
+
+def _rough_laws(
+    nominal: Model, outlook: Records, found: Sequence[Candidate], motion: Mapping[str, float]
+) -> list[tuple[Candidate, Fit]]:
+    """The same for laws: starts are only evaluated, the best of each takes a few steps, the better half goes on."""
+    out = []
+    for candidate in found:
+        starts = [Hypothesis((e,), motion) for e in candidate.starts]
+        started = _started(
+            nominal, outlook, min(starts, key=lambda h: _untuned(nominal, outlook, h)), None, FIRST_STEPS
+        )
+        if started is not None:
+            out.append((candidate, started))
+    out.sort(key=lambda pair: pair[1].objective)
+    on = [(c, fit(nominal, outlook, f.hypothesis, f.x, LAW_STEPS, ROUGH)) for c, f in out[: (len(out) + 1) // 2]]
+    return sorted([*on, *out[len(on) :]], key=lambda pair: pair[1].objective)
+
+
+def _untuned(nominal: Model, records: Records, hypothesis: Hypothesis) -> float:
+    """χ² of a hypothesis as it stands, nothing tuned."""
+    problem = problem_for(nominal, records, hypothesis)
+    chi2 = problem.residuals(problem.start())[2]
+    return chi2 if np.isfinite(chi2) else np.inf
+
+
+def _started(
+    nominal: Model, records: Records, hypothesis: Hypothesis, warm: FloatArray | None, steps: int
+) -> Fit | None:
+    """A few steps; None where the model cannot take the effect, or runs away with it."""
+    try:
+        return fit(nominal, records, hypothesis, warm, steps, ROUGH)
+    except CutvibError:
+        return None
+
+
+def _pairs(
+    nominal: Model,
+    records: Records,
+    few: Records,
+    outlook: Records | None,
+    ranked: Sequence[Ranked],
+    seconds: Sequence[Candidate],
+    motion: Mapping[str, float],
+) -> list[Ranked]:
+    """A second cause on top of the best single ones."""
+    out: list[Ranked] = []
+    bases = sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[:PAIRED]
+    seen: set[frozenset[str]] = set()
+    for base in bases:
+        first = base.fit.hypothesis.effects
+        tried = []
+        for candidate in seconds:
+            names = frozenset((base.name, candidate.name))
+            if len(names) == 1 or names in seen:
+                continue
+            seen.add(names)
+            starts = [Hypothesis((*first, e), motion) for e in candidate.starts]
+            data = few if starts[0].linear else outlook
+            if data is None:
+                continue
+            warm = base.fit.x[: base.fit.first_effect]
+            tries = [f for h in starts if (f := _started(nominal, data, h, warm, SECOND_STEPS)) is not None]
+            if tries:
+                tried.append((candidate, min(tries, key=lambda f: f.objective)))
+        for linear in (True, False):
+            own = sorted((t for t in tried if t[1].hypothesis.linear == linear), key=lambda t: t[1].objective)[:SECONDS]
+            data = few if linear else outlook
+            if not own or data is None:
+                continue
+            better = [
+                (Candidate(f"{base.name} + {c.name}", ()), fit(nominal, data, f.hypothesis, f.x, LATER_STEPS, ROUGH))
+                for c, f in own
+            ]
+            better.sort(key=lambda pair: pair[1].objective)
+            out += [r for r in _refined(nominal, records, better[:2], 1) if r.refined]
+    return out

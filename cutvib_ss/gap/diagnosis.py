@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -11,14 +11,14 @@ from threadpoolctl import threadpool_limits
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.gap import shrinkage, where
+from cutvib_ss.gap.calibration import Evidence, posterior, shipped, tempered
 from cutvib_ss.gap.cause import Ranked, search
 from cutvib_ss.gap.fit import Fit
-from cutvib_ss.gap.hypotheses import candidates
 from cutvib_ss.gap.next_test import next_test
-from cutvib_ss.gap.observations import Entry, Observations, merged, observe
+from cutvib_ss.gap.observations import Entry, Observations, Records, merged, observe
 from cutvib_ss.gap.problem import Hypothesis, Problem
-from cutvib_ss.gap.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
-from cutvib_ss.gap.verdict import ambiguity_set, probabilities, probability_unknown, verdict
+from cutvib_ss.gap.result import CandidateEvidence, Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
+from cutvib_ss.gap.verdict import ambiguity_set, verdict
 from cutvib_ss.measurement.records import Campaign
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 
@@ -77,7 +77,7 @@ def diagnose(
 
     Notes
     -----
-    Only linear causes are fitted. A response that changes with the level is found and said, but no cause is named for it.
+    Linear causes are fitted in the frequency domain, those that depend on the level by simulation in time.
     """
     if hold_out is not None and not 0.0 < hold_out < 1.0:
         raise ParameterError(f"hold_out = {hold_out} is a fraction: it must lie between 0 and 1")
@@ -94,12 +94,17 @@ def diagnose(
 def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int) -> Diagnosis:
     observed = observe(campaign, nominal)
     fitted = [e for e in observed.entries if not e.check] or list(observed.entries)
-    ranked = search(nominal, merged(fitted), candidates(nominal, observed.band, observed.channels))
+    records = Records(tuple(fitted))
+    ranked = search(nominal, records, observed)
     none, causes = ranked[0], ranked[1:]
     turns = shrinkage.folds(observed, hold_out, seed)
-    problem = Problem(nominal, merged(fitted), Hypothesis())
-    best_reduced = min(r.fit.chi2 for r in ranked) / problem.count
-    odds = probabilities({r.name: r.fit.log_evidence for r in ranked}, best_reduced)
+    problem = Problem(nominal, records.merged, Hypothesis())
+    evidence = Evidence(
+        log_evidence={r.name: r.fit.log_evidence for r in ranked},
+        causes={r.name: len(r.fit.hypothesis.effects) for r in ranked},
+        reduced=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
+    )
+    odds = tempered(evidence, shipped())
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = shrinkage.judge_as_given(nominal, observed, none.fit)
     tuned = _Held(none, shrinkage.judge(nominal, turns, none.fit))
@@ -110,7 +115,9 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
     after = held[first.name]
     levels = where.level_dependence(fitted)
-    unknown = probability_unknown(after.reduced, tuned.reduced)
+    evidence = replace(evidence, held={name: h.reduced for name, h in held.items()})
+    odds = posterior(evidence, shipped())
+    unknown = odds["unknown"]
     place_odds, unknown_place = _place_odds(nominal, none.fit, fitted, problem, levels > where.LEVEL_EXCESS)
     rows = _causes(none, shown, odds, unknown, unknown_place, held, before, observed)
     result = verdict(rows)
@@ -140,6 +147,19 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         nominal=nominal,
         corrected_machine=chosen.model,
         comparisons=_comparisons(nominal, none.fit, chosen, fitted),
+        evidence=tuple(
+            CandidateEvidence(
+                r.name,
+                r.fit.hypothesis.effect,
+                r.fit.hypothesis.place,
+                _discrete(r.fit),
+                r.fit.log_evidence,
+                r.name in held,
+                held[r.name].reduced if r.name in held else float("nan"),
+            )
+            for r in ranked
+        ),
+        reduced_chi2=evidence.reduced,
     )
 
 
@@ -153,37 +173,36 @@ def _causes(
     before: Sequence[shrinkage.Judged],
     observed: Observations,
 ) -> tuple[Cause, ...]:
-    """All hypotheses as rows; a cause counts by its best variant, and "unknown" takes its share of everything."""
+    """All hypotheses as rows, variants of one cause together, and "unknown"."""
     start = shrinkage.mean_error(before)
     rows: dict[tuple[str, str], Cause] = {}
     for r in (none, *shown):
         key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
-        probability = odds[r.name] * (1.0 - unknown)
+        if key in rows:
+            # A variant (another channel, another parameter) of a cause that stands there with its best one.
+            rows[key] = replace(rows[key], probability=rows[key].probability + odds[r.name])
+            continue
         after = shrinkage.mean_error(held[r.name].records) if r.name in held else float("nan")
-        row = Cause(
+        rows[key] = Cause(
             effect=key[0],
             place=key[1],
-            probability=probability,
+            probability=odds[r.name],
             parameters=_parameters(r.fit),
             after=after / observed.per_unit,
             shrinkage=1.0 - after / start,
             reduced_chi2=held[r.name].reduced if r.name in held else float("nan"),
         )
-        # Variants of one effect at one place (which channel, which parameter) are apart in `candidates`, one cause here
-        # only if the parameters agree in what is discrete about them.
-        discrete = (*key, *_discrete(r.fit))
-        rows[discrete] = row  # type: ignore[index]
     out = [*rows.values(), Cause("unknown", unknown_place, unknown)]
     return tuple(sorted(out, key=lambda c: -c.probability))
 
 
-def _discrete(fit: Fit) -> tuple[str, ...]:
+def _discrete(fit: Fit) -> dict[str, str]:
     """What is discrete about a fitted cause: the parameter that is shifted, the channel that is late."""
-    out = []
+    out = {}
     for e in fit.hypothesis.effects:
         continuous = {f.name for f in parameter_fields(type(e))}
-        out += [str(getattr(e, f.name)) for f in fields(e) if f.name not in continuous | {"place"}]
-    return tuple(out)
+        out.update({f.name: str(getattr(e, f.name)) for f in fields(e) if f.name not in continuous | {"place"}})
+    return out
 
 
 def _parameters(fit: Fit) -> dict[str, FittedParameter]:

@@ -6,16 +6,17 @@ The maximum of the posterior is found by Gauss-Newton steps with analytic deriva
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
 
 from cutvib_ss.effects.base import Model
-from cutvib_ss.errors import CutvibError
-from cutvib_ss.gap.observations import Group
+from cutvib_ss.errors import CutvibError, DiagnosisError
+from cutvib_ss.gap.observations import Records
 from cutvib_ss.gap.problem import Hypothesis, Problem
+from cutvib_ss.gap.simulation import SimulatedProblem, problem_for
 from cutvib_ss.gap.unknowns import from_unknown
 from cutvib_ss.results import FloatArray
 
@@ -40,12 +41,17 @@ class Fit:
         The tuning alone.
     x : ndarray
         Fitted unknowns: tuning, calibration, instant of the blow, effects (transformed).
+    first_effect : int
+        Where the effects' unknowns begin.
     covariance : ndarray
         Posterior covariance of the unknowns.
     chi2 : float
         Weighted squares of what the data leave, without the priors.
+    count : int
+        Real data.
     objective : float
-        χ² with the priors' squares.
+        χ² with the priors' squares, less the scatter of levels about their mean where records stay apart: comparable between
+        hypotheses.
     log_evidence : float
         Logarithm of the Laplace evidence, up to a constant shared by all hypotheses on the same data.
     stds : mapping of str to float
@@ -58,8 +64,10 @@ class Fit:
     model: Model
     tuned: Model
     x: FloatArray
+    first_effect: int
     covariance: FloatArray
     chi2: float
+    count: int
     objective: float
     log_evidence: float
     stds: Mapping[str, float]
@@ -68,7 +76,7 @@ class Fit:
 
 def fit(
     nominal: Model,
-    groups: Sequence[Group],
+    records: Records,
     hypothesis: Hypothesis,
     warm: FloatArray | None = None,
     max_iterations: int = 40,
@@ -81,7 +89,7 @@ def fit(
     ----------
     nominal : Machine or Structure
         The nominal model.
-    groups : sequence of Group
+    records : Records
         Measured responses.
     hypothesis : Hypothesis
         What is fitted; its effects' values are the start.
@@ -104,7 +112,7 @@ def fit(
     within their ranges by projection. Evidence: χ²/2 + Σ prior²/2 + ½ ln det(JᵀWJ + P), the even priors being one in unit
     coordinates.
     """
-    problem = Problem(nominal, groups, hypothesis)
+    problem = problem_for(nominal, records, hypothesis)
     search = _Search(problem, problem.start(warm))
     passes = PASSES if max_iterations > FEW_STEPS else 1
     for _ in range(passes):
@@ -116,7 +124,11 @@ def fit(
         if before - search.objective < 1.0:
             break
     matrix, _ = problem.normal(search.x, search.predictions, search.residuals)
-    return _finished(problem, search, matrix + np.diag(search.precision))
+    if not np.isfinite(matrix).all() or not np.isfinite(search.objective):
+        raise DiagnosisError(f"{hypothesis.effect} at {hypothesis.place} runs away from where it starts")
+    # Records apart hold the scatter of their levels too, which merging has put aside.
+    aside = records.scatter if isinstance(problem, SimulatedProblem) else 0.0
+    return _finished(problem, search, matrix + np.diag(search.precision), aside)
 
 
 class _Search:
@@ -147,6 +159,9 @@ class _Search:
     def _step(self, damping: float) -> float:
         """One step, damped until it gains; the damping that served, eased."""
         matrix, gradient = self.problem.normal(self.x, self.predictions, self.residuals)
+        if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
+            # A law has run away: nothing leads on from here.
+            return damping
         matrix, gradient = matrix + np.diag(self.precision), gradient - self.precision * self.x
         for _ in range(8):
             step = _step(matrix, gradient, damping, self.x, self.low, self.high)
@@ -180,7 +195,7 @@ def _step(
     return step
 
 
-def _finished(problem: Problem, search: _Search, matrix: FloatArray) -> Fit:
+def _finished(problem: Problem, search: _Search, matrix: FloatArray, aside: float) -> Fit:
     x = search.x
     # An even prior over a unit range knows a parameter to no better than its range.
     own = matrix.copy()
@@ -190,20 +205,24 @@ def _finished(problem: Problem, search: _Search, matrix: FloatArray) -> Fit:
     covariance = linalg.inv(own / np.outer(size, size)) / np.outer(size, size)
     _, log_det = np.linalg.slogdet(own)
     # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
-    log_evidence = -0.5 * search.objective - 0.5 * float(log_det) + 0.5 * len(index) * float(np.log(2 * np.pi))
+    log_evidence = (
+        -0.5 * (search.objective - aside) - 0.5 * float(log_det) + 0.5 * len(index) * float(np.log(2 * np.pi))
+    )
     stds = {}
     for i, (k, name, r) in enumerate(problem.parameters):
         j = problem.first_effect + i
         stds[f"{k}.{name}"] = abs(from_unknown(float(x[j]), r)[1]) * float(np.sqrt(covariance[j, j]))
     edges = x[index]
     return Fit(
-        hypothesis=Hypothesis(problem.effects(x)),
+        hypothesis=replace(problem.hypothesis, effects=problem.effects(x)),
         model=problem.applied(x),
         tuned=problem.tuned(x),
         x=x,
+        first_effect=problem.first_effect,
         covariance=covariance,
         chi2=search.chi2,
-        objective=search.objective,
+        count=problem.count,
+        objective=search.objective - aside,
         log_evidence=log_evidence,
         stds=stds,
         at_bound=bool(np.any((edges <= 0.0) | (edges >= 1.0))),

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.effects.bilinear_stiffness import BilinearStiffness
 from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cross_axis import CrossAxis
+from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.end_fixity import EndFixity
+from cutvib_ss.effects.freeplay import Freeplay
 from cutvib_ss.effects.guide_compliance import GuideCompliance
+from cutvib_ss.effects.joint_slip import JointSlip
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.modal_truncation import ModalTruncation
 from cutvib_ss.effects.parameter_shift import ParameterShift
+from cutvib_ss.effects.quadratic_damping import QuadraticDamping
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
+from cutvib_ss.effects.rail_shear import RailShear
 from cutvib_ss.effects.rail_torsion import RailTorsion
 from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.effects.support_compliance import SupportCompliance
@@ -44,6 +51,28 @@ class Candidate:
 
     name: str
     starts: tuple[Effect, ...]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """
+    Motion of a place in the records.
+
+    Parameters
+    ----------
+    low, high : float
+        Peak in the quietest and in the loudest record [m or rad].
+    rate : float
+        Peak rate at a level between [m/s or rad/s].
+    """
+
+    low: float
+    high: float
+    rate: float
+
+
+LAWS = (CubicStiffness, Freeplay, DryFriction, JointSlip, BilinearStiffness, QuadraticDamping)
+"""Effects that only a simulation shows."""
 
 
 def candidates(model: Model, band: tuple[float, float], channels: Sequence[str]) -> tuple[Candidate, ...]:
@@ -119,6 +148,8 @@ def _on_the_rail(model: Machine, band: tuple[float, float]) -> list[Candidate]:
     # Modes far above the band add a stiffness that nothing could tell from the tuning.
     omitted = p.first_frequency * (p.n_modes + 1) ** 2
     more = sorted({p.n_modes + 1, p.n_modes + 2, 2 * p.n_modes, 5 * p.n_modes}) if omitted < FAR * band[1] else []
+    # Shear is told from a softer rail by the square of a mode's number: with one mode in the band the two are the same.
+    told = p.n_modes > 1 and 4 * p.first_frequency < band[1]
     return [
         # Nobody knows whether the rail's damping is its own or its surroundings': both are tried.
         *(
@@ -132,6 +163,7 @@ def _on_the_rail(model: Machine, band: tuple[float, float]) -> list[Candidate]:
         _candidate("end_fixity", "", *(EndFixity("rail_ends", f * turn, f * turn) for f in (0.3, 3.0))),
         _candidate("guide_compliance", "", *(GuideCompliance("head_base", f * k, 500.0) for f in (20.0, 100.0))),
         _candidate("rail_added_mass", "", *(RailAddedMass("rail", y, p.mass / 50, 1.0) for y in spots)),
+        *([_candidate("rail_shear", "", *(RailShear("rail", ratio) for ratio in (15.0, 80.0)))] if told else []),
         _candidate("rail_torsion", "", *(RailTorsion("rail", e, 0.5, f * p.first_frequency, 0.02) for e, f in twists)),
         *(
             _candidate("structural_damping", joint, StructuralDamping(joint, max(2 * np.pi * 220 * loss[joint], 0.005)))
@@ -139,6 +171,52 @@ def _on_the_rail(model: Machine, band: tuple[float, float]) -> list[Candidate]:
         ),
         *(_candidate("modal_truncation", str(n), ModalTruncation("rail", n)) for n in more),
     ]
+
+
+def nonlinear_candidates(model: Model, motions: Mapping[str, Motion]) -> tuple[Candidate, ...]:
+    """
+    All single causes that depend on the level, or on the sign, of the motion.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The nominal model.
+    motions : mapping of str to Motion
+        How far and how fast each place moves in the records, by the re-tuned model.
+
+    Returns
+    -------
+    tuple of Candidate
+        The causes, their starts in proportion to that motion.
+    """
+    scale = _port_scales(model)
+    out = []
+    for law in LAWS:
+        for place in law.places(model):
+            if place in motions and motions[place].high > 0.0:
+                _, k, c = scale[place]
+                out.append(_candidate(law.effect, place, *_law_starts(law, place, motions[place], k, c)))
+    return tuple(out)
+
+
+def _law_starts(law: type[Effect], place: str, m: Motion, k: float, c: float) -> tuple[Effect, ...]:
+    """A weak and a strong start of a law, against the linear spring and damper at its place."""
+    middle = float(np.sqrt(m.low * m.high))
+    force = k * middle
+    if law is CubicStiffness:
+        return tuple(CubicStiffness(place, r * k / middle**2) for r in (0.03, 0.5, -0.03))
+    if law is Freeplay:
+        return tuple(Freeplay(place, r * middle) for r in (0.02, 0.15, 0.6))
+    if law is DryFriction:
+        return tuple(DryFriction(place, r * force) for r in (0.01, 0.1, 0.6))
+    if law is JointSlip:
+        return tuple(
+            JointSlip(place, r * k, q * r * force) for r, q in ((0.1, 0.1), (0.1, 1.0), (0.6, 0.1), (0.6, 1.0))
+        )
+    if law is BilinearStiffness:
+        return tuple(BilinearStiffness(place, a) for a in (-0.3, -0.08, 0.08, 0.3))
+    damping = max(c, 1e-3 * force / m.rate)
+    return tuple(QuadraticDamping(place, r * damping / m.rate) for r in (0.3, 3.0))
 
 
 def _candidate(effect: str, where: str, *starts: Effect) -> Candidate:
@@ -152,6 +230,8 @@ def _port_scales(model: Model) -> dict[str, tuple[float, float, float]]:
         return {
             "head": (h.m1, h.k1 / h.l1**2, h.c1 / h.l1**2),
             "tool": (h.m2, h.k2 / h.l2**2, h.c2 / h.l2**2),
+            "joint1": (h.m1 * h.l1**2, h.k1, h.c1),
+            "joint2": (h.m2 * h.l2**2, h.k2, h.c2),
         }
     system = model.system
     scales = {}

@@ -27,6 +27,8 @@ NOISY = 5.0
 BELOW_FIRST_MODE = 0.6
 """The band begins at this fraction of the nominal model's lowest natural frequency, below which accelerance drowns in drift."""
 
+OUTLOOK = 3
+"""Positions on which the starts of level-dependent causes are fitted."""
 BLOW_AT = 0.05
 """Instant of a blow that no record states [s], where one has to be assumed."""
 
@@ -123,9 +125,12 @@ class Records:
     ----------
     entries : tuple of Entry
         The records.
+    rough : bool
+        Whether the noise has been widened, for starts.
     """
 
     entries: tuple[Entry, ...]
+    rough: bool = False
 
     @cached_property
     def merged(self) -> tuple[Group, ...]:
@@ -141,6 +146,11 @@ class Records:
     def simulable(self) -> tuple[Entry, ...]:
         """Records whose force history is known or can be assumed."""
         return tuple(e for e in self.entries if e.replay is not None)
+
+    @property
+    def leaking(self) -> bool:
+        """Whether windowed blocks of a continuous recording leak, so that only a replayed simulation shows what they show."""
+        return not self.rough and any(e.replay is not None and e.replay.block > 0 for e in self.entries)
 
     @cached_property
     def scatter(self) -> float:
@@ -173,7 +183,30 @@ class Records:
             few = thinned(e, slice(None, None, max(1, e.freq.size // lines)))
             widened = few.variance + behind[id(e)] * (error * np.abs(few.data)) ** 2
             out.append(replace(few, variance=widened))
-        return Records(tuple(out))
+        return Records(tuple(out), rough=True)
+
+    def for_laws(self, lines: int, error: float) -> Records | None:
+        """
+        Few records that show what depends on the level: some positions, at all levels, one blow each, on few lines.
+
+        Parameters
+        ----------
+        lines : int
+            Lines to keep, about.
+        error : float
+            Relative error by which the noise is widened.
+
+        Returns
+        -------
+        Records or None
+            The records; None where some force cannot be told.
+        """
+        if len(self.simulable) < len(self.entries):
+            return None
+        places = sorted({site(e) for e in self.entries})
+        chosen = {places[i] for i in np.unique(np.linspace(0, len(places) - 1, OUTLOOK).round().astype(int))}
+        alone = Records(tuple(one_blow(e) for e in self.entries if site(e) in chosen))
+        return alone.coarse(lines, error)
 
 
 @dataclass(frozen=True)
@@ -304,6 +337,27 @@ def site(e: Entry) -> tuple[float, ...]:
         Position, block and window.
     """
     return (float(np.nan_to_num(e.position, nan=-1.0)), round(e.block, 9), round(e.decay_rate, 9))
+
+
+def one_blow(e: Entry) -> Entry:
+    """
+    A record as its first blow alone shows it.
+
+    Parameters
+    ----------
+    e : Entry
+        A record with its `Replay`.
+
+    Returns
+    -------
+    Entry
+        The estimate of that blow, its variance in proportion; the record itself where it has one blow or history.
+    """
+    blows = 0 if e.replay is None else len(e.replay.forces)
+    if e.replay is None or e.replay.block or blows < 2:
+        return e
+    first = e.replay.only(1)
+    return replace(e, data=first.data(first.measured), variance=blows * e.variance, replay=first)
 
 
 def _group(members: list[Entry], apart: bool) -> Group:

@@ -8,14 +8,14 @@ the blow is fitted where records do not state it; the effect's parameters are ev
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import TypeAlias
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cutvib_ss.effects.base import Carried, Effect, Model, parameter_fields
+from cutvib_ss.effects.base import Carried, Effect, Model
 from cutvib_ss.gap.observations import Group
 from cutvib_ss.gap.prediction import Circles, Prediction
 from cutvib_ss.gap.unknowns import CALIBRATION_SHAPES, calibration_shapes, from_unknown, to_unknown, tuning_paths
@@ -39,9 +39,12 @@ class Hypothesis:
     ----------
     effects : tuple of Effect
         Effects at their starting values; none for the tuned nominal model.
+    motions : mapping of str to float
+        Peak displacement of places in the records, where it is known: the scale of nonlinear laws.
     """
 
     effects: tuple[Effect, ...] = ()
+    motions: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def effect(self) -> str:
@@ -52,6 +55,25 @@ class Hypothesis:
     def place(self) -> str:
         """Places, joined by ``+``."""
         return "+".join(e.place for e in self.effects) or "none"
+
+    @property
+    def linear(self) -> bool:
+        """Whether the frequency response alone carries it."""
+        return all(e.linear for e in self.effects)
+
+
+class Predicted(Protocol):
+    """What a group's records should show."""
+
+    @property
+    def group(self) -> Group:
+        """The records."""
+        ...
+
+    @property
+    def data(self) -> ComplexArray:
+        """Responses, shape (position, channel, frequency)."""
+        ...
 
 
 class Problem:
@@ -76,9 +98,9 @@ class Problem:
         self.calibration = nominal.tolerance.calibration
         self.free_blow = any(bool(np.isnan(g.blow_at[np.isfinite(g.block)]).any()) for g in groups)
         self.parameters = [
-            (k, f.name, f.metadata["range"])
+            (k, name, r)
             for k, e in enumerate(hypothesis.effects)
-            for f in parameter_fields(type(e))
+            for name, r in e.ranges(nominal, e.place, hypothesis.motions.get(e.place)).items()
         ]
         self.n_tuning = len(self.tuning)
         shapes = CALIBRATION_SHAPES if self.calibration > 0 else 0
@@ -217,7 +239,7 @@ class Problem:
         low[self.first_effect :], high[self.first_effect :] = 0.0, 1.0
         return low, high
 
-    def predictions(self, x: FloatArray) -> list[Prediction]:
+    def predictions(self, x: FloatArray) -> Sequence[Predicted]:
         """
         The model seen through the estimator of each group.
 
@@ -228,7 +250,7 @@ class Problem:
 
         Returns
         -------
-        list of Prediction
+        sequence of Prediction
             One a group.
         """
         model, at = self.applied(x), self.blow_at(x)
@@ -271,7 +293,7 @@ class Problem:
                 row += self.calibration * ((own[:k] + 1j * own[k:]) @ shapes)
         return rows
 
-    def residuals(self, x: FloatArray) -> tuple[list[Prediction], list[ComplexArray], float]:
+    def residuals(self, x: FloatArray) -> tuple[Sequence[Predicted], list[ComplexArray], float]:
         """
         Weighted residuals.
 
@@ -282,7 +304,7 @@ class Problem:
 
         Returns
         -------
-        predictions : list of Prediction
+        predictions : sequence of Prediction
             The model seen through the estimator of each group.
         residuals : list of ndarray, shape (position, channel, frequency)
             (measured - predicted) over the noise of a real part.
@@ -298,7 +320,7 @@ class Problem:
         return predictions, out, total
 
     def normal(
-        self, x: FloatArray, predictions: Sequence[Prediction], residuals: Sequence[ComplexArray]
+        self, x: FloatArray, predictions: Sequence[Predicted], residuals: Sequence[ComplexArray]
     ) -> tuple[FloatArray, FloatArray]:
         """
         Normal matrix and gradient of the data.
@@ -340,36 +362,50 @@ class Problem:
         return np.concatenate([np.arange(self.n_tuning), np.arange(self.n_tuning + self.n_calibration, self.size)])
 
     def _jacobian(
-        self, x: FloatArray, p: Prediction, weight: ComplexArray, shapes: FloatArray
+        self, x: FloatArray, p: Predicted, weight: ComplexArray, shapes: FloatArray
     ) -> tuple[ComplexArray, list[ComplexArray]]:
         """Rows of the shared unknowns (unknown, position, channel, frequency), and of each channel's calibration."""
         g = p.group
-        effects = self.effects(x)
-        stages = _stages(self.tuned(x), effects)
-        rows = []
-        for path, tolerance in self.tuning:
-            scale = tolerance * value_at(stages[0], path)
-            rows.append(scale * weight * p.derivative(_carried(((path, 1.0),), effects, stages, 0)))
-        if self.n_blow:
-            rows.append(BLOW_AT_PRIOR[1] * weight * p.by_blow_at())
-        for i, (index, name, r) in enumerate(self.parameters):
-            moved = effects[index].moves(stages[index + 1])[name]
-            slope = from_unknown(float(x[self.first_effect + i]), r)[1]
-            rows.append(slope * weight * p.derivative(_carried(moved, effects, stages, index + 1)))
+        shared = weight * np.array(self._slopes(x, p)).reshape(-1, *g.data.shape)
         # A calibration error multiplies the prediction itself.
         plain = p.data * np.sqrt(2.0 / g.variance) * self.calibration
         own = []
         for c in range(len(g.channels)):
             real = (shapes[:, None, :] * plain[None, :, c]).reshape(shapes.shape[0], -1)
             own.append(np.concatenate([real, 1j * real]))
-        return np.array(rows).reshape(len(rows), *g.data.shape), own
+        return shared, own
+
+    def _slopes(self, x: FloatArray, p: Any) -> list[ComplexArray]:
+        """Derivatives of a prediction to tuning, instant of the blow and the effects' parameters."""
+        effects = self.effects(x)
+        stages = stages_of(self.tuned(x), effects)
+        out = [scale * p.derivative(carried) for scale, carried in self._tuning_moves(effects, stages)]
+        if self.n_blow:
+            out.append(BLOW_AT_PRIOR[1] * p.by_blow_at())
+        for i in range(len(self.parameters)):
+            slope, moved = self._effect_moves(x, i, effects, stages)
+            out.append(slope * p.derivative(moved))
+        return out
+
+    def _tuning_moves(self, effects: Sequence[Effect], stages: Sequence[Model]) -> Iterator[tuple[float, Carried]]:
+        """What moves with each tuned value, and by how much a unit of its unknown."""
+        for path, tolerance in self.tuning:
+            yield tolerance * value_at(stages[0], path), _carried(((path, 1.0),), effects, stages, 0)
+
+    def _effect_moves(
+        self, x: FloatArray, i: int, effects: Sequence[Effect], stages: Sequence[Model]
+    ) -> tuple[float, Carried]:
+        """What moves with an effect's parameter, and by how much a unit of its unknown."""
+        index, name, r = self.parameters[i]
+        moved = effects[index].moves(stages[index + 1])[name]
+        return from_unknown(float(x[self.first_effect + i]), r)[1], _carried(moved, effects, stages, index + 1)
 
 
 def _changed(effect: Effect, values: dict[str, float]) -> Effect:
     return type(effect)(**{**{f.name: getattr(effect, f.name) for f in fields(effect)}, **values})
 
 
-def _stages(tuned: Model, effects: Sequence[Effect]) -> list[Model]:
+def stages_of(tuned: Model, effects: Sequence[Effect]) -> list[Model]:
     stages = [tuned]
     for e in effects:
         stages.append(e.apply(stages[-1]))

@@ -137,6 +137,36 @@ class Cause:
 
 
 @dataclass(frozen=True)
+class CandidateEvidence:
+    """
+    What one fit says, before it becomes a probability.
+
+    Parameters
+    ----------
+    name : str
+        The candidate; a cause may have several, which differ in what is discrete about it.
+    effect, place : str
+        Ids of the catalogue; ``"none"`` for the re-tuned model.
+    parameters : dict of str to str
+        What is discrete about it.
+    log_evidence : float
+        Up to a constant that all share.
+    judged : bool
+        Whether it was judged on held-out records.
+    held_reduced_chi2 : float
+        χ² a degree of freedom there.
+    """
+
+    name: str
+    effect: str
+    place: str
+    parameters: dict[str, str]
+    log_evidence: float
+    judged: bool
+    held_reduced_chi2: float
+
+
+@dataclass(frozen=True)
 class NextTest:
     """
     The record that would best tell the remaining causes apart.
@@ -208,6 +238,10 @@ class Diagnosis:
         The model as given, and with tuning and effect.
     comparisons : tuple of Comparison
         For pictures.
+    evidence : tuple of CandidateEvidence
+        What the probabilities were made of.
+    reduced_chi2 : float
+        χ² a degree of freedom that the candidate of most evidence leaves of what it was fitted to.
     """
 
     verdict: Verdict
@@ -221,6 +255,8 @@ class Diagnosis:
     nominal: Model
     corrected_machine: Model
     comparisons: tuple[Comparison, ...] = ()
+    evidence: tuple[CandidateEvidence, ...] = ()
+    reduced_chi2: float = math.nan
 
     def to_dict(self) -> dict[str, Any]:
         """
@@ -271,6 +307,10 @@ class Diagnosis:
             "next_test": None if self.next_test is None else dict(vars(self.next_test)),
             "title": self.title,
             "warnings": list(self.warnings),
+            "evidence": {
+                "reduced_chi2": self.reduced_chi2,
+                "candidates": [dict(vars(e)) for e in self.evidence],
+            },
         }
         cleaned: dict[str, Any] = _finite(data)
         return cleaned

@@ -14,11 +14,14 @@ import numpy as np
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.fit import Fit, fit
-from cutvib_ss.gap.observations import Entry, Observations, merged
+from cutvib_ss.gap.observations import Entry, Observations, Records, merged
 from cutvib_ss.gap.prediction import Prediction
 from cutvib_ss.gap.problem import Hypothesis, Problem
+from cutvib_ss.gap.simulation import problem_for, simulated
 from cutvib_ss.results import ComplexArray, FloatArray
 
+AGAIN = 15
+"""Steps of a fit on some records from the fit on all."""
 BOOTSTRAPS = 2000
 """Resamplings of the records behind an interval."""
 
@@ -128,8 +131,9 @@ def judge(nominal: Model, turns: Sequence[Fold], start: Fit) -> tuple[Judged, ..
     """
     out = []
     for turn in turns:
-        again = fit(nominal, merged(turn.fitted), start.hypothesis, start.x, 15)
-        problem = Problem(nominal, merged(turn.fitted), again.hypothesis)
+        records = Records(turn.fitted)
+        again = fit(nominal, records, start.hypothesis, start.x, AGAIN)
+        problem = problem_for(nominal, records, again.hypothesis)
         model, blow_at = again.model, problem.blow_at(again.x)
         out += [judged(e, predicted(e, model, blow_at, problem, again.x)) for e in turn.judged]
     return tuple(sorted(out, key=lambda j: j.entry.record))
@@ -184,7 +188,9 @@ def predicted(
         The prediction.
     """
     (group,) = merged([e])
-    data: ComplexArray = Prediction(model, group, blow_at).data[0]
+    # What depends on the level, or leaks, is simulated with the record's own force.
+    simulate = e.replay is not None and bool(model.nonlinear or e.replay.block)
+    data: ComplexArray = (simulated(model, group) if simulate else Prediction(model, group, blow_at)).data[0]
     if problem is None or x is None:
         return data
     calibrated: ComplexArray = data * problem.calibration_of(e.channels, e.freq, x)

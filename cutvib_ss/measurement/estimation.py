@@ -239,7 +239,7 @@ def _from_blows(
     samples = min(history.force.size for history in record.histories)
     fs = record.histories[0].fs
     window = np.exp(-decay_rate * np.arange(samples) / fs)
-    centred = [_without_offset(history, samples) for history in record.histories]
+    centred = [without_offset(history, samples) for history in record.histories]
     force = np.stack([np.fft.rfft(f * window) / fs for f, _ in centred])
     response = np.stack([np.fft.rfft(a * window, axis=-1) / fs for _, a in centred])
     input_power = np.sum(np.abs(force) ** 2, axis=0)
@@ -263,7 +263,24 @@ def _from_blows(
     return freq, data, _finite(variance, data, input_power), gamma, averages
 
 
-def _without_offset(history: History, samples: int) -> tuple[FloatArray, FloatArray]:
+def without_offset(history: History, samples: int) -> tuple[FloatArray, FloatArray]:
+    """
+    Force and responses of a blow, less what they read before it.
+
+    Parameters
+    ----------
+    history : History
+        One blow.
+    samples : int
+        Samples to keep.
+
+    Returns
+    -------
+    force : ndarray, shape (sample,)
+        Force.
+    responses : ndarray, shape (channel, sample)
+        Responses.
+    """
     rest = min(blow_start(history.force), samples)
     force, responses = history.force[:samples], history.responses[:, :samples]
     if rest == 0:

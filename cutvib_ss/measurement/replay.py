@@ -15,7 +15,7 @@ from scipy import signal
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.blocks import welch_blocks
-from cutvib_ss.measurement.estimation import blow_start
+from cutvib_ss.measurement.estimation import without_offset
 from cutvib_ss.measurement.records import Record
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -38,6 +38,8 @@ class Replay:
         Lines of the estimator's transform that are kept.
     block, overlap : int
         Samples of a Welch block and of its overlap; a block of 0 takes each blow as one.
+    measured : tuple of ndarray, shape (channel, sample)
+        The measured responses to each force; empty where only estimates were recorded.
     assumed : bool
         Whether the force is made up (a half sine), since only estimated responses were recorded.
     """
@@ -47,6 +49,7 @@ class Replay:
     lines: np.ndarray
     block: int = 0
     overlap: int = 0
+    measured: tuple[FloatArray, ...] = ()
     assumed: bool = False
 
     def ratio(self, under: Sequence[FloatArray], over: Sequence[FloatArray]) -> ComplexArray:
@@ -68,10 +71,7 @@ class Replay:
         crossed, power = np.zeros(0, dtype=np.complex128), np.zeros(0)
         for x, y in zip(under, over, strict=True):
             if self.block:
-                # Blocks of unlike recordings count by their number.
-                count = 1 + (x.size - self.block) // (self.block - self.overlap)
-                c = count * self._welch(x, y)
-                p = count * self._welch(x, x).real
+                c, p = self._welch(x, y), self._welch(x, x).real
             else:
                 spectrum = np.fft.rfft(x)[self.lines]
                 c = spectrum.conj() * np.fft.rfft(y, axis=-1)[..., self.lines]
@@ -119,7 +119,7 @@ class Replay:
         Replay
             Their estimator.
         """
-        return replace(self, forces=self.forces[:blows])
+        return replace(self, forces=self.forces[:blows], measured=self.measured[:blows])
 
     def at(self, keep: np.ndarray | slice) -> Replay:
         """
@@ -162,13 +162,14 @@ def replay_of(record: Record) -> Replay:
     fs = record.histories[0].fs
     if record.kind == "timeseries":
         size, overlap = welch_blocks(record)
-        return Replay(tuple(h.force for h in record.histories), fs, np.arange(size // 2 + 1), size, overlap)
+        # Recordings of unlike length are cut to the shortest, as blows are.
+        length = min(h.force.size for h in record.histories)
+        forces = tuple(h.force[:length] for h in record.histories)
+        measured = tuple(h.responses[:, :length] for h in record.histories)
+        return Replay(forces, fs, np.arange(size // 2 + 1), size, overlap, measured)
     samples = min(h.force.size for h in record.histories)
-    forces = []
-    for h in record.histories:
-        rest = min(blow_start(h.force), samples)
-        forces.append(h.force[:samples] - (np.mean(h.force[:rest]) if rest else 0.0))
-    return Replay(tuple(forces), fs, np.arange(samples // 2 + 1))
+    cut = [without_offset(h, samples) for h in record.histories]
+    return Replay(tuple(f for f, _ in cut), fs, np.arange(samples // 2 + 1), measured=tuple(a for _, a in cut))
 
 
 def assumed_blow(

@@ -1,0 +1,80 @@
+"""What the excitation level does: whether the responses change with it, and how far each place moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutvib_ss.effects.base import Model
+from cutvib_ss.gap.hypotheses import LAWS, Motion
+from cutvib_ss.gap.observations import Records, merged
+from cutvib_ss.gap.simulation import HYSTERESIS_AT
+from cutvib_ss.response.stepping import modal_form, step
+
+BAND = 24
+"""Lines over which the scatter between levels is averaged."""
+STANDS_OUT = 5.0
+"""Standard deviations by which that has to exceed one, somewhere …"""
+NOISE_KNOWN = 0.15
+"""… to which this is added, for the noise itself is an estimate."""
+
+
+def level_stands_out(records: Records) -> bool:
+    """
+    Whether some band of the responses changes with the level.
+
+    Parameters
+    ----------
+    records : Records
+        The records.
+
+    Returns
+    -------
+    bool
+        True where the scatter of levels about their mean exceeds the noise, in any band.
+    """
+    for g in records.merged:
+        power, count = np.zeros(g.freq.size), 0
+        for row, same in zip(g.data, g.entries, strict=True):
+            if len(same) > 1:
+                power += sum(np.sum(np.abs(e.data - row) ** 2 / e.variance, axis=0) for e in same)
+                count += (len(same) - 1) * len(g.channels)
+        if count == 0:
+            continue
+        width = min(BAND, g.freq.size)
+        smooth = np.convolve(power / count, np.ones(width) / width, mode="valid")
+        if float(smooth.max()) > 1.0 + NOISE_KNOWN + STANDS_OUT / np.sqrt(count * width):
+            return True
+    return False
+
+
+def motions(model: Model, records: Records) -> dict[str, Motion]:
+    """
+    How far and how fast each place of a law moves in the records.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The re-tuned model, without nonlinear elements.
+    records : Records
+        Records apart.
+
+    Returns
+    -------
+    dict of str to Motion
+        By place, which for laws is the name of a port.
+    """
+    places = tuple(dict.fromkeys(place for law in LAWS for place in law.places(model)))
+    peaks: list[np.ndarray] = []
+    rates: list[np.ndarray] = []
+    for g in merged(records.simulable, apart=True):
+        for position, (entry, *_) in zip(g.positions, g.entries, strict=True):
+            assert entry.replay is not None
+            form = modal_form(model, None if np.isnan(position) else float(position), places, HYSTERESIS_AT)
+            moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
+            peaks.append(np.abs(moved).max(axis=(0, 2)))
+            rates.append(np.abs(np.diff(moved, axis=-1)).max(axis=(0, 2)) * entry.replay.fs)
+    peak, rate = np.array(peaks), np.array(rates)
+    return {
+        name: Motion(float(peak[:, i].min()), float(peak[:, i].max()), float(np.median(rate[:, i])))
+        for i, name in enumerate(places)
+    }

@@ -1,0 +1,262 @@
+"""
+Causes that depend on the level: the measured force is run through the model in time, and the record's own estimator on what
+comes out.
+
+Such a hypothesis has one prediction a record, none that records at one position could share. Its derivatives to tuning
+and to linear effects come from the equivalent linear model: at every record, the nonlinear force is the motion of its port times
+an equivalent dynamic stiffness z(ω), known from the simulation, and moves with the model through Sherman-Morrison. Those to the
+law's own parameters are differences of two simulations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import DiagnosisError
+from cutvib_ss.gap.observations import Group, Records, merged, site
+from cutvib_ss.gap.prediction import Circles, Prediction
+from cutvib_ss.gap.problem import Hypothesis, Predicted, Problem, stages_of
+from cutvib_ss.measurement.replay import Replay
+from cutvib_ss.response.condensed import CondensedModel
+from cutvib_ss.response.stepping import modal_form, step
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.units import DERIVATIVE_ORDER
+
+TUNING_STEP = 0.02
+"""Step of a tuned value's unknown in a difference of two closed forms."""
+LAW_STEP = 2e-3
+"""Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
+HYSTERESIS_AT = 100.0
+"""Frequency at which hysteretic damping is made viscous for stepping in time [Hz]."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """
+    Records of a group as a model with nonlinear elements would show them.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    group : Group
+        The records, a row each.
+    data : ndarray, shape (record, channel, frequency)
+        The prediction.
+    stiffness : ndarray, shape (record, element, frequency)
+        Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port.
+    """
+
+    model: Model
+    group: Group
+    data: ComplexArray
+    stiffness: ComplexArray
+
+
+def simulated(model: Model, group: Group, wanted: np.ndarray | None = None) -> Simulated:
+    """
+    Run each record's force through a model in time, and its estimator on the responses.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model, with its nonlinear elements.
+    group : Group
+        Records apart, each with its `Replay`.
+    wanted : ndarray of bool, shape (record,), optional
+        Records to simulate; all by default, the others are left zero.
+
+    Returns
+    -------
+    Simulated
+        The prediction.
+    """
+    elements = model.nonlinear
+    outputs = group.channels
+    leaks = model.chain.cross_axis != 0.0 and "tool_z" in outputs
+    if leaks and "tool_x" not in outputs:
+        outputs = (*outputs, "tool_x")
+    data = np.zeros(group.data.shape, dtype=np.complex128)
+    stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
+    chain = _chain(model, group)
+    for rows in _batches(group, wanted):
+        position = float(group.positions[rows[0]])
+        replays = [_replay(group, row) for row in rows]
+        form = modal_form(model, None if np.isnan(position) else position, outputs, viscous_at=HYSTERESIS_AT)
+        # All records at a position in one call: they share the modal sum.
+        run = step(form, np.concatenate([np.stack(r.forces) for r in replays]), replays[0].fs, elements)
+        first = 0
+        for row, replay in zip(rows, replays, strict=True):
+            own = slice(first, first + len(replay.forces))
+            first = own.stop
+            shown = replay.data(list(run.responses[own]))
+            if leaks:
+                z, x = outputs.index("tool_z"), outputs.index("tool_x")
+                shown[z] = shown[z] + model.chain.cross_axis * shown[x]
+            data[row] = chain * shown[: len(group.channels)]
+            if elements:
+                stiffness[row] = _equivalent(replay, run.motions[own], run.forces[own])
+    return Simulated(model, group, data, stiffness)
+
+
+def _replay(group: Group, row: int) -> Replay:
+    replay = group.entries[row][0].replay
+    if replay is None:
+        raise DiagnosisError("a record without a force history cannot be simulated")
+    return replay
+
+
+def _batches(group: Group, wanted: np.ndarray | None) -> list[list[int]]:
+    """Rows at one position whose histories have one length and clock."""
+    found: dict[tuple[float, float, int], list[int]] = {}
+    for row, position in enumerate(group.positions):
+        if wanted is None or wanted[row]:
+            replay = _replay(group, row)
+            key = (float(np.nan_to_num(position, nan=-1.0)), replay.fs, replay.forces[0].size)
+            found.setdefault(key, []).append(row)
+    return list(found.values())
+
+
+def _equivalent(replay: Replay, motions: FloatArray, forces: FloatArray) -> ComplexArray:
+    """Force of each element over its motion, shape (element, frequency)."""
+    pairs = [(motions[:, k], forces[:, k]) for k in range(motions.shape[1])]
+    return np.array([replay.ratio(list(q), list(f)) for q, f in pairs])
+
+
+def _chain(model: Model, group: Group) -> ComplexArray:
+    """Gain and delay of each channel, shape (channel, frequency)."""
+    s = 2j * np.pi * group.freq
+    rows = [model.chain.channel(c) for c in group.channels]
+    return np.array([c.gain * np.exp(-s * c.delay) for c in rows])
+
+
+class SimulatedProblem(Problem):
+    """
+    A hypothesis with nonlinear effects, on records apart.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    groups : sequence of Group
+        Records apart.
+    hypothesis : Hypothesis
+        What is fitted.
+    """
+
+    def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis) -> None:
+        super().__init__(nominal, groups, hypothesis)
+        self._sites = [_sites(g) for g in self.groups]
+        self._site_circles: list[Circles | None] = [None] * len(self.groups)
+
+    def predictions(self, x: FloatArray) -> Sequence[Predicted]:
+        """
+        Each record, simulated.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        sequence of Simulated
+            One a group.
+        """
+        model = self.applied(x)
+        return [simulated(model, g) for g in self.groups]
+
+    def _slopes(self, x: FloatArray, p: Simulated) -> list[ComplexArray]:
+        index = next(i for i, g in enumerate(self.groups) if g is p.group)
+        sites, row = self._sites[index]
+        effects = self.effects(x)
+        stages = stages_of(self.tuned(x), effects)
+        linear = Prediction(p.model, sites, 0.0, self._site_circles[index])
+        self._site_circles[index] = linear.circles
+        here = _taken(p.model, sites, row, p.stiffness)
+        moves = [(i, scale, carried) for i, (scale, carried) in enumerate(self._tuning_moves(effects, stages))]
+        by_law: dict[int, ComplexArray] = {}
+        for k, (which, _, _) in enumerate(self.parameters):
+            i = self.first_effect + k
+            if self.hypothesis.effects[which].linear:
+                moves.append((i, *self._effect_moves(x, k, effects, stages)))
+            else:
+                by_law[i] = self._by_law(x, i, p)
+        out: dict[int, ComplexArray] = dict(by_law)
+        for i, scale, carried in moves:
+            closed = tuple((path, w) for path, w in carried if path[0] != "nonlinear")
+            moved = x.copy()
+            moved[i] += TUNING_STEP if i < self.first_effect else LAW_STEP
+            change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
+            out[i] = scale * linear.derivative(closed)[row] - change
+        return [out[i] for i in sorted(out)]
+
+    def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
+        moved = x.copy()
+        moved[i] += LAW_STEP if x[i] + LAW_STEP <= 1.0 else -LAW_STEP
+        change: ComplexArray = (simulated(self.applied(moved), p.group).data - p.data) / (moved[i] - x[i])
+        return change
+
+
+def _sites(group: Group) -> tuple[Group, np.ndarray]:
+    """The positions behind records apart, and the index of each record's."""
+    entries = [same[0] for same in group.entries]
+    (sites,) = merged(entries)
+    names = [site(same[0]) for same in sites.entries]
+    return replace(sites, blow_at=np.nan_to_num(sites.blow_at)), np.array([names.index(site(e)) for e in entries])
+
+
+def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray) -> ComplexArray:
+    """What equivalent stiffnesses at the elements' ports take away from each record's response."""
+    s = 2j * np.pi * sites.freq
+    condensed = CondensedModel(model, sites.positions, np.asarray(s, dtype=np.complex128))
+    ports = [e.port for e in model.nonlinear]
+    if not ports:
+        return np.zeros((row.size, len(sites.channels), s.size), dtype=np.complex128)
+    reads = [model.channels[c].port for c in sites.channels]
+    if model.chain.cross_axis and "tool_z" in sites.channels:
+        reads.append("tool_x")
+    out = np.array([[condensed.receptance(r, p) for p in ports] for r in reads])
+    drive = np.array([condensed.receptance(p, "force") for p in ports])
+    own = np.array([[condensed.receptance(p, q) for q in ports] for p in ports])
+    # (record, frequency, ...): one small system a record and line.
+    z = stiffness.transpose(0, 2, 1)
+    a_pr, a_rq, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, drive, own))
+    below = np.eye(len(ports)) + a_rr * z[:, :, None, :]
+    taken = np.einsum("rfcp,rfp,rfp->rcf", a_pr, z, np.linalg.solve(below, a_rq[..., None])[..., 0])
+    k = len(sites.channels)
+    order = np.array([DERIVATIVE_ORDER[q] for q in sites.quantities])[:, None]
+    shown: ComplexArray = taken[:, :k]
+    if len(reads) > k:
+        shown = shown.copy()
+        i = sites.channels.index("tool_z")
+        shown[:, i] += model.chain.cross_axis * taken[:, k]
+    out_of: ComplexArray = shown * s**order * _chain(model, sites)
+    return out_of
+
+
+def problem_for(nominal: Model, records: Records, hypothesis: Hypothesis) -> Problem:
+    """
+    The problem of a hypothesis on some records.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    records : Records
+        The records.
+    hypothesis : Hypothesis
+        What is fitted.
+
+    Returns
+    -------
+    Problem
+        On merged records for linear causes, on records apart for others and where blocks leak.
+    """
+    if hypothesis.linear and not records.leaking:
+        return Problem(nominal, records.merged, hypothesis)
+    return SimulatedProblem(nominal, records.apart, hypothesis)
