@@ -264,7 +264,7 @@ def name_of(causes: Causes) -> str:
     Returns
     -------
     str
-        Effects with their places, joined by `` + ``.
+        Effects with their places, joined by a plus.
     """
     if causes in (UNKNOWN, NONE):
         return next(iter(causes))[0]

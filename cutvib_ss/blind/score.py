@@ -212,6 +212,7 @@ def score_trial(folder: Path, jobs: int = 1) -> Score:
         "sealed": commitment["sealed"],
         "opened": opening["opened"],
         "version": commitment["version"],
+        "commit": commitment["commit"],
         "code_sha256": commitment["code_sha256"],
         "labels_sha256": commitment["labels_sha256"],
         "settings": secret["settings"],

@@ -9,6 +9,7 @@ can be checked.
 
 from __future__ import annotations
 
+import subprocess
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from cutvib_ss.blind.files import canonical, code_hash, digest, now, read_json, write_json
+from cutvib_ss.blind.files import PACKAGE, canonical, code_hash, digest, now, read_json, write_json
 from cutvib_ss.errors import CutvibError
 
 COMMITMENT_SCHEMA = "cutvib-blind-commitment/1"
@@ -163,9 +164,22 @@ def commit(trial: Trial, secret: Mapping[str, Any], salt: bytes, campaigns: Mapp
             "labels_sha256": labels_hash(secret, salt),
             "code_sha256": code_hash(),
             "version": __version__,
+            "commit": _revision(),
             "campaigns_sha256": dict(campaigns),
         },
     )
+
+
+def _revision() -> str | None:
+    """The checkout's commit, marked where files differ from it; None outside a checkout."""
+    try:
+        told = subprocess.run(
+            ["git", "-C", str(PACKAGE), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"],
+            capture_output=True, text=True, check=True, timeout=20,
+        )  # fmt: skip
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return told.stdout.strip() or None
 
 
 def labels_hash(secret: Mapping[str, Any], salt: bytes) -> str:

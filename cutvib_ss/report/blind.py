@@ -42,7 +42,7 @@ def heading(score: Score) -> list[str]:
         f"{about['cases']} cases: {kinds}.",
         f"Command: cutvib blind run --cases {s['cases']} --seed {s['seed']} --mix {mix} --severity {low:g}:{high:g}",
         f"Sealed {about['sealed'][:16]}, opened {about['opened'][:16]} (UTC); version {about['version']}, "
-        f"code {about['code_sha256'][:12]}.",
+        f"commit {about['commit'] or 'unknown'}, code {about['code_sha256'][:12]}.",
     ]
 
 

@@ -1,0 +1,48 @@
+"""A small sealed trial with the package's own rig and diagnosis, from the first blow to the score."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cutvib_ss.cli import main
+
+pytest.importorskip("exudyn")
+
+
+@pytest.mark.slow
+def test_a_small_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "trial"
+    run = [
+        "blind",
+        "run",
+        "--cases",
+        "12",
+        "--seed",
+        "12",
+        "--mix",
+        "none=4,outside=1,pair=1",
+        "--out",
+        str(out),
+        "--jobs",
+        "2",
+    ]
+    assert main(run) == 0
+    assert main(["blind", "score", str(out), "--json", str(tmp_path / "score.json")]) == 0
+    score = json.loads((tmp_path / "score.json").read_text())
+    figures = {row["key"]: row["value"] for row in score["rows"]}
+    assert len(score["cases"]) == 12
+    assert figures["failed"] == 0.0
+    assert figures["false_alarm"] == 0.0
+    assert figures["right_all"] >= 8 / 12
+    assert figures["sure_and_wrong"] <= 1 / 12
+    assert figures["chi2_median"] < 1.2
+    # No diagnosis had the words of a label at hand.
+    told = json.loads((out / "labels.json").read_text())["labels"]
+    for name in told:
+        text = (out / "campaigns" / name / "campaign.toml").read_text() + (
+            out / "campaigns" / name / "machine.toml"
+        ).read_text()
+        assert not any(
+            effect in text for effect in told[name]["effect"].replace("outside:", "").split("+") if effect != "none"
+        )
