@@ -45,17 +45,23 @@ class Linearised:
 
 @dataclass(frozen=True)
 class Machine:
-    """An assembled exudyn system: its markers, the coordinates that are ports, and how many its tree has (they come first)."""
+    """
+    An exudyn system, with the numbers of what is in it: markers of places, and of the joints' angles; coordinates that are
+    ports; the tree, how many coordinates it has (they come first), and link and distance along it of each place.
+    """
 
     system: exu.MainSystem
     markers: Mapping[str, int]
+    joints: Mapping[str, int]
     coordinates: Mapping[str, int]
+    tree: int
     tree_size: int
+    on_tree: Mapping[str, tuple[int, float]]
 
 
-def build(rig: Rig, position: float, highest: float = HIGHEST) -> Machine:
+def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = True) -> Machine:
     """
-    Assemble the machine with the head at y_b / L.
+    Put the machine together with the head at y_b / L; with ``assemble=False`` more may be added.
 
     Nonlinear laws and viscoelastic joints are left to who integrates it; their ports are there.
     """
@@ -103,14 +109,14 @@ def build(rig: Rig, position: float, highest: float = HIGHEST) -> Machine:
     # The rail shares base and twist with the tree; the rest of its coordinates are its own.
     shared = 2 if fittings.twist else 1
     own = rail.mass.shape[0] - shared
-    rail_node = _coordinates(system, [0.0] * own)
+    rail_nodes = [tree_node, _coordinates(system, [0.0] * own)] if own else [tree_node]
     order = np.concatenate([np.arange(shared), np.arange(n, n + own)])
     spread = [np.zeros((n + own, n + own)) for _ in range(3)]
     for target, source in zip(spread, (rail.mass, rail.damping, rail.stiffness), strict=True):
         target[np.ix_(order, order)] = source
     system.AddObject(
         item.ObjectGenericODE2(
-            nodeNumbers=[tree_node, rail_node], massMatrix=spread[0], dampingMatrix=spread[1], stiffnessMatrix=spread[2]
+            nodeNumbers=rail_nodes, massMatrix=spread[0], dampingMatrix=spread[1], stiffnessMatrix=spread[2]
         )
     )
 
@@ -124,12 +130,9 @@ def build(rig: Rig, position: float, highest: float = HIGHEST) -> Machine:
     where = {"base": np.zeros(3), "head": elbow, "ground": np.zeros(3)}
     where["tool"] = elbow + head.l2 * np.array([np.cos(second), np.sin(second), 0.0])
     ground = system.AddNode(item.NodePointGround())
-    markers = {
-        "tool": on_link(n - 1, head.l2),
-        "head": on_link(n - 2, head.l1),
-        "base": on_link(0, 0.0),
-        "ground": int(system.AddMarker(item.MarkerNodePosition(nodeNumber=ground))),
-    }
+    on_tree = {"tool": (n - 1, head.l2), "head": (n - 2, head.l1), "base": (0, 0.0)}
+    markers = {place: on_link(*at) for place, at in on_tree.items()}
+    markers["ground"] = int(system.AddMarker(item.MarkerNodePosition(nodeNumber=ground)))
 
     def spring(pair: tuple[int, int], axis: str, stiffness: float, damping: float, offset: Array) -> None:
         along = np.array([0.0, 1.0, 0.0] if axis == "x" else [1.0, 0.0, 0.0])
@@ -153,8 +156,9 @@ def build(rig: Rig, position: float, highest: float = HIGHEST) -> Machine:
         pair = [joints["joint1"], joints["joint2"]]
         system.AddObject(item.CoordinateSpringDamper(markerNumbers=pair, stiffness=fittings.coupling))
     ends = {name: n + i for i, name in enumerate(rail.interface[shared:])}
-    system.Assemble()
-    return Machine(system, markers, {"joint1": n - 2, "joint2": n - 1} | ends, n)
+    if assemble:
+        system.Assemble()
+    return Machine(system, markers, joints, {"joint1": n - 2, "joint2": n - 1} | ends, int(tree), n, on_tree)
 
 
 def linearise(machine: Machine) -> Linearised:

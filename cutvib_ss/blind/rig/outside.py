@@ -57,7 +57,7 @@ def warming(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
 
 def saturating_sensor(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A charge amplifier that saturates softly."""
-    limit = about(rng, 60.0) / severity
+    limit = about(rng, 120.0) / severity
     return rig.measured(saturation=dict.fromkeys(CHANNELS, limit)), "measurement", {"limit": limit}
 
 
