@@ -27,7 +27,7 @@ CUBIC, FREEPLAY, BILINEAR, FRICTION, QUADRATIC, SLIP = range(6)
 
 _SWEEPS = 30
 """Largest number of sweeps over the elements in a step; two or three do, unless elements fight."""
-_SAME = 1e-8
+_SAME = 1e-6
 """Sweeps end when forces move by less than this part of the largest one so far."""
 _STIFF = 0.3
 """Slope of a law times the step's compliance beyond which the force is held constant over the step, since its course there is not
