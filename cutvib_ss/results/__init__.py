@@ -4,19 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Self, TypeAlias
+from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.parameters import AbsorberParameters
+from cutvib_ss.results.arrays import ComplexArray, FloatArray, Form, Quantity, label_indices, read_only
+from cutvib_ss.results.time import TimeResponse
 from cutvib_ss.units import DERIVATIVE_ORDER, SI_UNIT
 
-Quantity: TypeAlias = Literal["displacement", "velocity", "acceleration"]
-Form: TypeAlias = Literal["receptance", "mobility", "accelerance"]
-FloatArray: TypeAlias = NDArray[np.float64]
-ComplexArray: TypeAlias = NDArray[np.complex128]
+__all__ = [
+    "QUANTITY_OF_FORM",
+    "AbsorberCheck",
+    "ComplexArray",
+    "FloatArray",
+    "Form",
+    "FrequencyResponse",
+    "MeasuredFrequencyResponse",
+    "Modes",
+    "Quantity",
+    "TimeResponse",
+    "TrackedModes",
+    "read_only",
+]
 
 QUANTITY_OF_FORM: dict[Form, Quantity] = {
     "receptance": "displacement",
@@ -24,29 +36,6 @@ QUANTITY_OF_FORM: dict[Form, Quantity] = {
     "accelerance": "acceleration",
 }
 """The motion quantity that each form of frequency response gives for a unit force."""
-
-
-def read_only(values: ArrayLike, dtype: Any = None) -> NDArray[Any]:
-    """
-    Copy of an array that refuses to be written to.
-
-    Parameters
-    ----------
-    values : array_like
-        Any array.
-    dtype : dtype, optional
-        Wanted element type.
-
-    Returns
-    -------
-    ndarray
-        A read-only copy; the array itself where it already is read-only and no view of another.
-    """
-    if isinstance(values, np.ndarray) and not values.flags.writeable and values.base is None:
-        return values if dtype is None or values.dtype == dtype else read_only(values.astype(dtype))
-    array = np.array(values, dtype=dtype)
-    array.flags.writeable = False
-    return array
 
 
 @dataclass(frozen=True)
@@ -145,8 +134,8 @@ class FrequencyResponse:
             rows = np.flatnonzero(np.abs(self.positions - position) < 1e-9)
             if rows.size == 0:
                 raise ParameterError(f"no position {position}; there are {self.positions.tolist()}")
-        outs = _indices(self.outputs, output, "output")
-        ins = _indices(self.inputs, input, "input")
+        outs = label_indices(self.outputs, output, "output")
+        ins = label_indices(self.inputs, input, "input")
         return self._take(rows, outs, ins)
 
     def _take(self, rows: NDArray[np.intp], outs: list[int], ins: list[int]) -> Self:
@@ -368,13 +357,3 @@ class AbsorberCheck:
         """Position at which most is left, and what is left there [m/s^2/N]."""
         k = int(np.argmax(self.after))
         return float(self.positions[k]), float(self.after[k])
-
-
-def _indices(labels: tuple[str, ...], wanted: str | Sequence[str] | None, what: str) -> list[int]:
-    if wanted is None:
-        return list(range(len(labels)))
-    names = [wanted] if isinstance(wanted, str) else list(wanted)
-    for name in names:
-        if name not in labels:
-            raise ParameterError(f"no {what} {name!r}; there are {', '.join(labels)}")
-    return [labels.index(name) for name in names]
