@@ -23,3 +23,7 @@ class IdentificationError(CutvibError):
 
 class DiagnosisError(CutvibError):
     """A campaign is readable but cannot carry a diagnosis."""
+
+
+class DesignError(CutvibError):
+    """A controller cannot be designed: no solution, or one that does not keep what it promises."""
