@@ -18,7 +18,8 @@ from cutvib_ss.blind.rig.structure import Fittings, Rail, Twist
 Array = NDArray[np.float64]
 
 ELEMENTS = 64
-"""At least so many elements along the rail."""
+ELEMENTS_WITH_SHEAR = 240
+"""At least so many elements along the rail: up to 500 Hz frequencies are right to 1e-5 (with shear the error falls with h²)."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,10 @@ class RailMatrices:
     interface: tuple[str, ...]
 
 
-def mesh(length: float, points: tuple[float, ...]) -> Array:
+def mesh(length: float, points: tuple[float, ...], elements: int) -> Array:
     """Nodes [m] along the rail, some of them at the given y / L."""
     cuts = np.unique(np.concatenate([[0.0, 1.0], points]))
-    counts = np.maximum(1, np.ceil(np.diff(cuts) * ELEMENTS).astype(int))
+    counts = np.maximum(1, np.ceil(np.diff(cuts) * elements).astype(int))
     pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(cuts[:-1], cuts[1:], counts, strict=True)]
     return length * np.append(np.concatenate(pieces), 1.0)
 
@@ -163,7 +164,7 @@ def rail_matrices(
     """
     crack = fittings.crack
     points = (position, *(lump.position for lump in fittings.lumps), *((crack.position,) if crack else ()))
-    nodes = mesh(rail.length, points)
+    nodes = mesh(rail.length, points, ELEMENTS_WITH_SHEAR if fittings.shear else ELEMENTS)
     mass, stiffness = bending(rail, nodes, fittings)
     damping = strain_damping(mass, stiffness, nodes, rail.damping_ratio)
     ends = {"rail_left": 0, "rail_right": 2 * nodes.size - 2}

@@ -21,8 +21,8 @@ BLOCK = 2.0
 
 SIMULATED = 2.1
 
-_FIRST = signal.firwin(257, 6500.0, fs=FS * FINE)
-_SECOND = signal.firwin(257, 1820.0, window=("kaiser", 7.0), fs=FS * 4)
+_FIRST = signal.firwin(257, 6500.0, window=("kaiser", 8.0), fs=FS * FINE)
+_SECOND = signal.firwin(257, 1820.0, window=("kaiser", 8.0), fs=FS * 4)
 
 
 @dataclass(frozen=True)

@@ -95,7 +95,7 @@ def rail_added_mass(rig: Rig, severity: float, rng: np.random.Generator) -> Made
 def rail_shear(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Shear and rotary inertia of the rail's section."""
     ratio = about(rng, 80.0, 0.2) / severity
-    return rig.fitted(shear=Shear(ratio, float(rng.uniform(0.15, 0.32)))), "rail", {"shear_ratio": ratio}
+    return rig.fitted(shear=Shear(ratio, float(rng.uniform(0.2, 0.36)))), "rail", {"shear_ratio": ratio}
 
 
 def guide_compliance(rig: Rig, severity: float, rng: np.random.Generator) -> Made:

@@ -32,9 +32,7 @@ def stepped(rig: Rig, position: float, force: Array, fs: float, highest: float =
         return [0.0, float(np.interp(t * fs, samples, force)), 0.0]
 
     samples = np.arange(force.size)
-    system.AddLoad(
-        item.Force(markerNumber=machine.markers["tool"], loadVector=[0.0] * 3, loadVectorUserFunction=drive)
-    )
+    system.AddLoad(item.Force(markerNumber=machine.markers["tool"], loadVector=[0.0] * 3, loadVectorUserFunction=drive))
     sensors = [
         system.AddSensor(
             item.SensorKinematicTree(
@@ -64,9 +62,13 @@ def stepped(rig: Rig, position: float, force: Array, fs: float, highest: float =
 def _add(machine: Machine, law: Law) -> None:
     """One of exudyn's elements between a joint and ground, beside the joint's spring."""
     system = machine.system
-    ground = system.AddMarker(item.MarkerNodeCoordinate(nodeNumber=system.AddNode(item.NodePointGround()), coordinate=0))
+    ground = system.AddMarker(
+        item.MarkerNodeCoordinate(nodeNumber=system.AddNode(item.NodePointGround()), coordinate=0)
+    )
     pair = [ground, machine.joints[law.port]]
-    memory = {"nodeNumber": system.AddNode(item.NodeGenericData(initialCoordinates=[0.0] * 3, numberOfDataCoordinates=3))}
+    memory = {
+        "nodeNumber": system.AddNode(item.NodeGenericData(initialCoordinates=[0.0] * 3, numberOfDataCoordinates=3))
+    }
     v = law.values
     if law.kind == "freeplay":
         # the joint's own spring is outweighed, and contacts stand at ±gap

@@ -97,7 +97,14 @@ def _csv(path: Path, blows: list[dict[str, Array]], unit: str) -> None:
 
 def _mat(path: Path, blows: list[dict[str, Array]], unit: str) -> None:
     channels = {name: np.column_stack([b[name] for b in blows]).astype(np.float32) for name in blows[0]}
-    savemat(path, channels | {"fs": FS, "units": _units(list(channels), unit)}, do_compression=False)
+    _save(path, channels | {"fs": FS, "units": _units(list(channels), unit)})
+
+
+def _save(path: Path, variables: dict[str, Any]) -> None:
+    """A MATLAB file whose header bears no date: the same case gives the same bytes."""
+    savemat(path, variables)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 5.0 MAT-file".ljust(116))
 
 
 def _shown(frf: Frf, channels: Sequence[str], unit: str) -> dict[str, tuple[NDArray[np.complex128], Array]]:
@@ -117,7 +124,7 @@ def _mat_frf(path: Path, frf: Frf, channels: Sequence[str], unit: str) -> None:
     variables: dict[str, Any] = {"freq": frf.freq, "units": dict.fromkeys(channels, f"{unit}/N")}
     for name, (data, coherence) in _shown(frf, channels, unit).items():
         variables |= {name: data, f"{name}_coherence": coherence}
-    savemat(path, variables)
+    _save(path, variables)
 
 
 def _uff(path: Path, frf: Frf, channels: Sequence[str], unit: str) -> None:

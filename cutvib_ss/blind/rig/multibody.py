@@ -20,7 +20,7 @@ from cutvib_ss.blind.rig.structure import Rig
 
 Array = NDArray[np.float64]
 
-HIGHEST = 6000.0
+HIGHEST = 12000.0
 """Component modes of the rail are kept up to this frequency [Hz]."""
 
 _POSITION = exu.OutputVariableType.Position
@@ -147,7 +147,7 @@ def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = 
         spring((markers[other], markers[one]), s.axis, s.stiffness, s.damping, where[one] - where[other])
     for o in fittings.oscillators:
         node = system.AddNode(item.NodePoint(referenceCoordinates=where[o.place]))
-        system.AddObject(item.ObjectMassPoint(physicsMass=o.mass, nodeNumber=node))
+        system.AddObject(item.ObjectMassPoint(mass=o.mass, nodeNumber=node))
         bob = int(system.AddMarker(item.MarkerNodePosition(nodeNumber=node)))
         w = 2 * np.pi * o.frequency
         spring((markers[o.place], bob), o.axis, o.mass * w * w, 2 * o.damping_ratio * w * o.mass, np.zeros(3))
