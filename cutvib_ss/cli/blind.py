@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -109,7 +110,8 @@ def blind_calibrate_command(
     ] = None,
 ) -> None:
     """Fit the numbers behind the stated probabilities to opened trials, and judge them on others."""
-    from cutvib_ss.blind.calibration import calibrate, read_evidence
+    from cutvib_ss.blind.calibration import calibrate
+    from cutvib_ss.blind.evidence import read_evidence
 
     check_outputs(out)
     with working("fitting"):
@@ -139,7 +141,7 @@ def _progress(stage: str, done: int, total: int) -> None:
         say(messages(), f"{stage}: {done} of {total}")
 
 
-def _writer(text: str):  # type: ignore[no-untyped-def]
+def _writer(text: str) -> Callable[[Path], object]:
     return lambda draft: draft.write_text(text, encoding="utf-8")
 
 

@@ -8,17 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutvib_ss.blind.calibration import (
-    BOUNDS,
-    CaseEvidence,
-    calibrate,
-    case_evidence,
-    figures,
-    fit_numbers,
-    read_evidence,
-    stated,
-)
+from cutvib_ss.blind.calibration import BOUNDS, calibrate, figures, fit_numbers
 from cutvib_ss.blind.cases import NONE, UNKNOWN
+from cutvib_ss.blind.evidence import CaseEvidence, case_evidence, read_evidence, stated
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.gap import calibration
 from cutvib_ss.gap.calibration import Calibration, Evidence, posterior, shipped

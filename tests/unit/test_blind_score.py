@@ -27,7 +27,8 @@ from cutvib_ss.report.blind import score_html, score_markdown
 from tests.unit.blind_example import diagnosis, label
 
 ABOUT = {
-    "sealed": "2026-01-01T00:00:00+00:00", "opened": "2026-01-01T01:00:00+00:00", "version": "0", "commit": None, "code_sha256": "c" * 64,
+    "sealed": "2026-01-01T00:00:00+00:00", "opened": "2026-01-01T01:00:00+00:00", "version": "0", "commit": None,
+    "code_sha256": "c" * 64,
     "settings": {"cases": 1, "seed": 1, "mix": {"none": 1, "single": 2}, "severity": [0.3, 2.0]},
 }  # fmt: skip
 JOINT, GUIDE = ("cubic_stiffness", "joint2"), ("guide_compliance", "head_base")
