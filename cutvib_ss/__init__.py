@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cutvib_ss.gap.diagnosis import diagnose
+    from cutvib_ss.lpv import schedule
     from cutvib_ss.machine import Machine, cutting_machine, published_machine
     from cutvib_ss.measurement.campaign import read_campaign, write_campaign
     from cutvib_ss.measurement.estimation import estimate
@@ -28,6 +29,7 @@ _HOMES = {
     "write_machine": "model_files",
     "modes": "response.modes",
     "track_modes": "response.modes",
+    "schedule": "lpv",
     "frequency_response": "response.frequency",
     "read_campaign": "measurement.campaign",
     "write_campaign": "measurement.campaign",
@@ -46,6 +48,7 @@ __all__ = [
     "published_machine",
     "read_campaign",
     "read_machine",
+    "schedule",
     "track_modes",
     "write_campaign",
     "write_machine",

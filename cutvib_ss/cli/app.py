@@ -14,7 +14,8 @@ from cutvib_ss.cli.absorbers import absorber_check_command
 from cutvib_ss.cli.blind import blind_calibrate_command, blind_run_command, blind_score_command
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.demo import demo_command
-from cutvib_ss.cli.models import bode_command, frf_command, modes_command, paper_command, schedule_command
+from cutvib_ss.cli.models import bode_command, frf_command, modes_command, paper_command
+from cutvib_ss.cli.schedule import schedule_command
 from cutvib_ss.errors import CutvibError
 
 # Older and newer typer keep their parser's exceptions in different modules; BadParameter is public in both.
@@ -74,7 +75,9 @@ app.command("frf", epilog="Example: cutvib frf --position 0.5 --position 0.3333 
     frf_command
 )
 app.command("bode", epilog="Example: cutvib bode --position 0.02 --position 0.5 --out bode.png")(bode_command)
-app.command("schedule", epilog="Example: cutvib schedule --out schedule.png --poles poles.png")(schedule_command)
+app.command("schedule", epilog="Example: cutvib schedule --out schedule.png --bode bode.png --table plants.mat")(
+    schedule_command
+)
 app.add_typer(absorber, name="absorber")
 absorber.command("check", epilog="Example: cutvib absorber check --frequency 215 --damping-ratio 0.03 --mass 0.08")(
     absorber_check_command

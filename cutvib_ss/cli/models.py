@@ -16,7 +16,6 @@ from cutvib_ss.cli.options import (
     PositionsOption,
     check_places,
     frequencies,
-    load_machine,
     load_model,
 )
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
@@ -130,67 +129,6 @@ def bode_command(
     if not give_json(_frf_data("cutvib-bode/1", frf), json):
         _show_peaks(frf)
         say(results(), f"picture: {out}")
-
-
-def schedule_command(
-    positions: Annotated[
-        int, typer.Option("--positions", min=5, max=2001, help="Number of positions over the rail.")
-    ] = 99,
-    freq: FreqOption = "5:600:1",
-    output: Annotated[str, typer.Option("--output", metavar="NAME", help="Channel or port to map.")] = "tool_x",
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.")] = Path(
-        "schedule.png"
-    ),
-    poles: Annotated[
-        Path | None,
-        typer.Option("--poles", metavar="FILE", help="Also draw the poles over positions."),
-    ] = None,
-    machine: MachineOption = None,
-    json: JsonOption = None,
-) -> None:
-    """Natural frequencies, damping and accelerance over the whole rail."""
-    check_outputs(out, poles, json)
-    import numpy as np
-
-    from cutvib_ss.plot.schedule import pole_map, schedule
-    from cutvib_ss.plot.style import check_picture, save
-    from cutvib_ss.response.frequency import frequency_response
-    from cutvib_ss.response.modes import track_modes
-
-    check_picture(out)
-    if poles is not None:
-        check_picture(poles)
-    model = load_machine(machine, "cutvib schedule")
-    lines = frequencies(freq)
-    places = np.arange(1, positions + 1) / (positions + 1)
-    with working("following the modes along the rail"):
-        tracked = track_modes(model, places)
-        frf = frequency_response(model, places, lines, outputs=(output,))
-        save(schedule(tracked, frf), out)
-        if poles is not None:
-            save(pole_map(tracked, float(lines[-1])), poles)
-    data = {
-        "schema": "cutvib-schedule/1",
-        "positions": tracked.positions,
-        "natural_freq_hz": tracked.natural_freq,
-        "damping_ratio": tracked.damping_ratio,
-        "poles": tracked.poles,
-        "mac": tracked.mac,
-    }
-    if give_json(data, json):
-        return
-    rows = [
-        [
-            f"{k + 1}",
-            *(f"{100 * v:.2f}" if percent else f"{v:.2f}" for values, percent in (
-                (tracked.natural_freq[:, k], False), (tracked.damping_ratio[:, k], True)
-            ) for v in (values.min(), values.max())),
-        ]
-        for k in range(tracked.natural_freq.shape[1])
-    ]  # fmt: skip
-    columns = ["mode", "lowest [Hz]", "highest [Hz]", "least damped [%]", "most damped [%]"]
-    show(results(), f"Modes over {positions} positions", columns, rows)
-    say(results(), f"picture: {out}" + ("" if poles is None else f", {poles}"))
 
 
 def paper_command(json: JsonOption = None) -> None:

@@ -7,7 +7,7 @@ No window is opened and pyplot is never imported; `save` and `png` turn a figure
 from cutvib_ss.plot.absorber import absorber_front, absorber_study, absorbers_over_the_rail
 from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map
 from cutvib_ss.plot.response import absorber_effect, bode
-from cutvib_ss.plot.schedule import pole_map, schedule
+from cutvib_ss.plot.schedule import bode_map, interpolation_error, pole_map, schedule
 from cutvib_ss.plot.style import png, save
 
 __all__ = [
@@ -16,9 +16,11 @@ __all__ = [
     "absorber_study",
     "absorbers_over_the_rail",
     "bode",
+    "bode_map",
     "cause_bars",
     "comparison_grid",
     "error_map",
+    "interpolation_error",
     "pole_map",
     "png",
     "save",

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
-from cutvib_ss.plot.style import GREY, POSITIONS, colour_bar, drawing, modulus_limits, unit_text
+from cutvib_ss.plot.style import (
+    GREY,
+    INK,
+    NOMINAL,
+    POSITIONS,
+    colour_bar,
+    drawing,
+    legend_outside,
+    modulus_limits,
+    unit_text,
+)
 from cutvib_ss.results import FrequencyResponse, TrackedModes
 
 _DAMPING_COLOURS = "viridis_r"
 _MAP_COLOURS = "magma"
+_PHASE_COLOURS = "twilight"
 
 
 def pole_map(tracked: TrackedModes, highest: float | None = None, title: str = "") -> Figure:
@@ -49,7 +63,9 @@ def pole_map(tracked: TrackedModes, highest: float | None = None, title: str = "
     return figure
 
 
-def schedule(tracked: TrackedModes, frf: FrequencyResponse | None = None, title: str = "") -> Figure:
+def schedule(
+    tracked: TrackedModes, frf: FrequencyResponse | None = None, title: str = "", marks: Sequence[float] = ()
+) -> Figure:
     """
     Natural frequencies over the rail, coloured by damping; beside them the map of a response over the rail.
 
@@ -61,6 +77,8 @@ def schedule(tracked: TrackedModes, frf: FrequencyResponse | None = None, title:
         Response over positions; its first output and input are mapped, over its frequencies.
     title : str
         Title of the picture.
+    marks : sequence of float
+        Frequencies to mark, such as the tool's harmonics [Hz].
 
     Returns
     -------
@@ -75,6 +93,84 @@ def schedule(tracked: TrackedModes, frf: FrequencyResponse | None = None, title:
         if frf is not None:
             _map(figure, panels[1], frf)
             panels[0].set_ylim(frf.freq[0], frf.freq[-1])
+        for axes in panels:
+            for mark in marks:
+                axes.axhline(mark, color=NOMINAL, linestyle=":", linewidth=1.0)
+    return figure
+
+
+def bode_map(frf: FrequencyResponse, input: str | None = None, title: str = "") -> Figure:
+    """
+    Magnitude and phase of every output over position and frequency.
+
+    Parameters
+    ----------
+    frf : FrequencyResponse
+        Response over positions.
+    input : str, optional
+        Which input; the first by default.
+    title : str
+        Title of the picture.
+
+    Returns
+    -------
+    Figure
+        Two axes for each output, magnitude above phase.
+    """
+    shown = frf.sel(input=frf.inputs[0] if input is None else input)
+    n = len(shown.outputs)
+    with drawing(1.4 + 4.0 * n, 7.0, title) as figure:
+        panels = figure.subplots(2, n, sharex=True, sharey=True, squeeze=False)
+        turn = Normalize(-180.0, 180.0)
+        for k, name in enumerate(shown.outputs):
+            _map(figure, panels[0, k], shown.sel(output=name))
+            phase = np.degrees(np.angle(shown.data[:, k, 0]))
+            panels[1, k].pcolormesh(
+                shown.positions, shown.freq, phase.T, cmap=_PHASE_COLOURS, norm=turn, shading="nearest", rasterized=True
+            )
+            panels[1, k].grid(False)
+            panels[0, k].set_xlabel("")
+            panels[1, k].set_xlabel("position y/L [-]")
+            colour_bar(figure, panels[1, k], _PHASE_COLOURS, turn, "phase [°]")
+        for axes in panels[:, 0]:
+            axes.set_ylabel("frequency [Hz]")
+    return figure
+
+
+def interpolation_error(
+    freq: ArrayLike, response: ArrayLike, error: ArrayLike, bound: ArrayLike, unit: str, title: str = ""
+) -> Figure:
+    """
+    What a table over positions makes of a response: largest response, error and bound over positions, against frequency.
+
+    Parameters
+    ----------
+    freq : array_like, shape (frequency,)
+        Frequencies [Hz].
+    response, error, bound : array_like, shape (position, frequency)
+        Moduli of the exact response, of the table's error, and of its bound.
+    unit : str
+        Unit of all three.
+    title : str
+        Title of the picture.
+
+    Returns
+    -------
+    Figure
+        One axes.
+    """
+    with drawing(7.6, 4.0, title) as figure:
+        axes = figure.subplots()
+        for values, colour, label in (
+            (response, INK, "response"),
+            (bound, GREY, "bound on the error"),
+            (error, NOMINAL, "error"),
+        ):
+            largest = np.asarray(values).max(axis=0)
+            axes.semilogy(freq, np.where(np.isfinite(largest), largest, np.nan), color=colour, label=label)
+        axes.set(xlabel="frequency [Hz]", ylabel=f"largest over positions [{unit_text(unit)}]")
+        axes.set_xlim(np.min(freq), np.max(freq))
+        legend_outside(figure, axes)
     return figure
 
 
