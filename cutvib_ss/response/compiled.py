@@ -1,7 +1,7 @@
 """
 Compiled loops: modes driven by forces at a few ports, and the nonlinear laws there, implicit at each new instant.
 
-The only module that imports numba. Modes are kept as real and imaginary parts apart, so that loops over them vectorise.
+Modes are kept as real and imaginary parts apart, so that loops over them vectorise.
 
 Over a step of length h a nonlinear force is taken as linear, from x0 to x1. For a law without jumps these are the law's values at
 both ends plus a constant that gives the force its true mean over the step (Simpson's rule on the cubic through both ends'
@@ -203,7 +203,7 @@ def interact(
     codes: np.ndarray,
     parameters: FloatArray,
     state: FloatArray,
-) -> tuple[FloatArray, np.ndarray]:
+) -> tuple[FloatArray, np.ndarray, FloatArray]:
     """
     Nonlinear forces at ports whose linear motion is known.
 
@@ -237,11 +237,14 @@ def interact(
         right mean; for friction, the mean over the step that ends there.
     ran_away : ndarray of bool, shape (blow,)
         Whether the motion ran away; forces are zero from there on.
+    kept : ndarray, shape (blow, element)
+        Force at the last instant, as ``state`` takes it.
     """
     blows, _, elements, instants = motion.shape
     modes = turn.shape[1]
     forces = np.zeros((blows, elements, instants))
     away = np.zeros(blows, dtype=np.bool_)
+    kept = np.zeros((blows, elements))
     # Motion of port i by x0 and x1 of element j.
     moved = np.zeros((2, 2, elements, elements))
     for w in range(2):
@@ -353,6 +356,7 @@ def interact(
                 forces[blow, :, k:] = 0.0
                 break
         for e in range(elements):
+            kept[blow, e] = f0[e]
             if codes[e] == FRICTION and instants > 1:
                 forces[blow, e, 0] = forces[blow, e, 1]
-    return forces, away
+    return forces, away, kept

@@ -72,11 +72,26 @@ class ModalForm:
         ndarray, shape (output, input, frequency)
             The sum over the modes.
         """
+        upper, lower = (1.0 / (z - self.poles[:, None]) for z in (s, s.conj()))
+        return self.summed(upper, lower)
+
+    def summed(self, upper: ComplexArray, lower: ComplexArray) -> ComplexArray:
+        """
+        Displacements per unit force, from the modes' denominators.
+
+        Parameters
+        ----------
+        upper, lower : ndarray of complex, shape (mode, frequency)
+            1/(s - p) and 1/(s̄ - p).
+
+        Returns
+        -------
+        ndarray, shape (output, input, frequency)
+            The sum over the modes and their conjugates.
+        """
         residues = self.shapes[:, None, :] * self.drives.T[None, :, :]
         # Half a residue over each of two conjugate poles; a real pole's halves fall on the same one.
-        both = np.concatenate([residues, residues.conj()], axis=2) / 2
-        poles = np.concatenate([self.poles, self.poles.conj()])
-        total: ComplexArray = both @ (1.0 / (s - poles[:, None]))
+        total: ComplexArray = 0.5 * (residues @ upper + (residues @ lower).conj())
         return total
 
 
@@ -123,20 +138,59 @@ def modal_form(
     given = {n: machine.channels[n].quantity if n in machine.channels else "displacement" for n in names}
     read = tuple(given.values()) if quantities is None else tuple(quantities)
     reads = [machine.channels[n].port if n in machine.channels else n for n in names]
-    system = _system(machine, position, viscous_at, (*reads, *at))
-    rows = np.array([_row(system, r) for r in (*reads, *at)])
-    if isinstance(machine, Structure):
-        force = machine.drive(system)
-    else:
-        force = system.port(machine.input_port)
-    forces = np.array([force, *(_row(system, p) for p in at)]).T
-    poles, right, left, from_state = _modes(system)
-    return ModalForm(poles, left @ forces, rows @ right, read, names, at, from_state, system.dofs)
+    system = system_with(machine, position, viscous_at, (*reads, *at))
+    rows = np.array([row_of(system, r) for r in (*reads, *at)])
+    forces = np.array([drive_of(machine, system), *(row_of(system, p) for p in at)]).T
+    m = modal_basis(system)
+    return ModalForm(m.poles, m.drives @ forces, rows @ m.shapes, read, names, at, m.from_state, system.dofs)
 
 
-def _system(
+def drive_of(machine: Machine | Structure, system: SecondOrder) -> FloatArray:
+    """
+    How a unit of the ``force`` channel pushes each degree of freedom.
+
+    Parameters
+    ----------
+    machine : Machine or Structure
+        The model.
+    system : SecondOrder
+        Its second-order form.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Row of the input port; for a structure on a shaker the inertia forces of a unit base acceleration.
+    """
+    return machine.drive(system) if isinstance(machine, Structure) else system.port(machine.input_port)
+
+
+def system_with(
     machine: Machine | Structure, position: float | None, viscous_at: float | None, names: Sequence[str]
 ) -> SecondOrder:
+    """
+    The second-order form of a model with the ports that some signals need.
+
+    Parameters
+    ----------
+    machine : Machine or Structure
+        The model.
+    position : float or None
+        y_b / L of the head; None for a structure.
+    viscous_at : float or None
+        Frequency [Hz] at which hysteretic damping is made viscous.
+    names : sequence of str
+        Signals; points of the rail as ``rail(0.25)``.
+
+    Returns
+    -------
+    SecondOrder
+        The joined system.
+
+    Raises
+    ------
+    ParameterError
+        If a model with positions is given none, or a point of the rail is no number.
+    """
     if isinstance(machine, Structure):
         return machine.second_order(position, viscous_at)
     points = {}
@@ -149,15 +203,71 @@ def _system(
     return machine.second_order(position, viscous_at, points)
 
 
-def _row(system: SecondOrder, name: str) -> FloatArray:
+def row_of(system: SecondOrder, name: str) -> FloatArray:
+    """
+    A signal's row over the degrees of freedom.
+
+    Parameters
+    ----------
+    system : SecondOrder
+        The system.
+    name : str
+        Port, or one of the cutting machine's signals.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The row.
+    """
     return system.port(CUTTING_SIGNALS.get(name, name) if name not in system.ports else name)
 
 
-def _modes(system: SecondOrder) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
+@dataclass(frozen=True)
+class ModalBasis:
     """
-    Poles, shapes over the degrees of freedom, participations of forces on them, and of an initial state.
+    Complex modes of a second-order system.
 
-    With p the undamped modes' amplitudes the states are (p, ṗ/w); right and left vectors of that small matrix give the modal sum.
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (mode,)
+        Poles of positive imaginary part, and real ones [rad/s], the slowest first.
+    shapes : ndarray of complex, shape (n, mode)
+        Displacement of the degrees of freedom by the modes' amplitudes; of a conjugate pair twice its half, so that the real part
+        of the sum over these modes is the motion.
+    drives : ndarray of complex, shape (mode, n)
+        How forces on the degrees of freedom drive the modes.
+    from_state : ndarray of complex, shape (mode, 2 n)
+        Amplitudes of an initial displacement and velocity.
+    """
+
+    poles: ComplexArray
+    shapes: ComplexArray
+    drives: ComplexArray
+    from_state: ComplexArray
+
+
+def modal_basis(system: SecondOrder) -> ModalBasis:
+    """
+    Complex modes of a second-order system.
+
+    Parameters
+    ----------
+    system : SecondOrder
+        The system.
+
+    Returns
+    -------
+    ModalBasis
+        All modes.
+
+    Raises
+    ------
+    CouplingError
+        If the mass matrix is not positive definite.
+
+    Notes
+    -----
+    With p the undamped modes' amplitudes the states are (p, ṗ/w); right and left vectors of that small matrix give the sum.
     """
     try:
         squares, basis = linalg.eigh(system.stiffness, system.mass)
@@ -177,4 +287,70 @@ def _modes(system: SecondOrder) -> tuple[ComplexArray, ComplexArray, ComplexArra
     right: ComplexArray = basis @ vectors[:n, kept] * np.where(values[kept].imag > 0.0, 2.0, 1.0)
     left = inverse[kept, n:] @ basis.T / w
     state = np.hstack([inverse[kept, :n], inverse[kept, n:] / w]) @ np.kron(np.eye(2), basis.T @ system.mass)
-    return values[kept], right, left, state
+    return ModalBasis(values[kept], right, left, state)
+
+
+def linear_course(poles: ComplexArray, drives: ComplexArray, h: float) -> tuple[ComplexArray, ComplexArray]:
+    """
+    What a step under forces that go evenly from one value to another does to the modes.
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (mode,)
+        Poles [rad/s].
+    drives : ndarray of complex, shape (force, mode)
+        How the forces drive the modes.
+    h : float
+        Length of the step [s].
+
+    Returns
+    -------
+    turn : ndarray of complex, shape (mode,)
+        e^(p h).
+    pushes : ndarray of complex, shape (2, force, mode)
+        Change by each force's value at the start, and at the end.
+
+    Notes
+    -----
+    With x = p h, φ₁ = (e^x - 1)/x and φ₂ = (e^x - 1 - x)/x²: h (φ₁ - φ₂) and h φ₂.
+    """
+    x = poles * h
+    near = np.abs(x) < 1e-3
+    safe = np.where(near, 1.0, x)
+    first = np.where(near, 1 + x / 2 + x**2 / 6 + x**3 / 24, np.expm1(safe) / safe)
+    second = np.where(near, 0.5 + x / 6 + x**2 / 24 + x**3 / 120, (np.expm1(safe) - safe) / safe**2)
+    return np.exp(x), h * np.stack([(first - second) * drives, second * drives])
+
+
+def parts(values: ComplexArray) -> FloatArray:
+    """
+    Real and imaginary part, one after the other.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (...)
+        Any array.
+
+    Returns
+    -------
+    ndarray, shape (2, ...)
+        Its parts.
+    """
+    return np.ascontiguousarray([values.real, values.imag])
+
+
+def reading(shapes: ComplexArray) -> FloatArray:
+    """
+    Factors that make the real part of a sum over modes from their real and imaginary parts.
+
+    Parameters
+    ----------
+    shapes : ndarray of complex, shape (...)
+        Weights of the modes.
+
+    Returns
+    -------
+    ndarray, shape (2, ...)
+        Re and -Im.
+    """
+    return np.ascontiguousarray([shapes.real, -shapes.imag])

@@ -19,12 +19,14 @@ from scipy import fft
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.laws import LAWS
-from cutvib_ss.response.modal_form import ModalForm, modal_form
+from cutvib_ss.response.modal_form import ModalForm, linear_course, modal_form, parts, reading
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.slots import NonlinearElement
 
 __all__ = ["ModalForm", "Stepped", "modal_form", "step"]
 
+_DIED = 27.6
+"""A mode that has decayed by e^-27.6 = 1e-12 is gone."""
 _WRAP = 3.0
 """Decay exponent of every mode over the transform's length, at least: small, since the weights magnify rounding by e^3."""
 _TAPER = 32
@@ -67,6 +69,7 @@ def step(
     elements: Sequence[NonlinearElement] = (),
     oversample: int | None = None,
     initial: ArrayLike | None = None,
+    dynamic_below: float = np.inf,
 ) -> Stepped:
     """
     Responses to a sampled force that is band-limited between its samples, from rest or an initial state.
@@ -86,6 +89,8 @@ def step(
         ports' rates at least 40 steps, and 80 where there is friction.
     initial : array_like, shape (2 n,) or (blow, 2 n), optional
         Displacement, then velocity, of the model's degrees of freedom at the first sample; at rest by default.
+    dynamic_below : float
+        Frequency [Hz] above which modes only yield statically to the nonlinear forces; all are stepped by default.
 
     Returns
     -------
@@ -104,7 +109,7 @@ def step(
         raise ParameterError(f"fs = {fs} and oversample = {oversample} must be positive")
     if [e.port for e in elements] != list(form.ports):
         raise ParameterError(f"the elements sit at {[e.port for e in elements]}, the form's ports are {form.ports}")
-    return _Run(form, f, fs, tuple(elements), oversample, _initial(form, initial, len(f))).result()
+    return _Run(form, f, fs, tuple(elements), oversample, _initial(form, initial, len(f)), dynamic_below).result()
 
 
 def _initial(form: ModalForm, initial: ArrayLike | None, blows: int) -> ComplexArray | None:
@@ -130,10 +135,11 @@ class _Run:
         elements: tuple[NonlinearElement, ...],
         oversample: int | None,
         initial: ComplexArray | None,
+        dynamic_below: float,
     ) -> None:
         self.form, self.fs, self.elements, self.given = form, fs, elements, oversample
         self.samples = force.shape[1]
-        self.initial = initial
+        self.initial, self.fastest = initial, 2 * np.pi * dynamic_below
         self.force = np.hstack([force, force[:, -1:] * _fade(_TAPER)])
         self.run = self.samples + _TAPER
         self.size = 2 * int(fft.next_fast_len((self.run + _TAPER + 1) // 2, real=True))
@@ -141,11 +147,13 @@ class _Run:
         self.rate = max(0.0, _WRAP * fs / self.size - slowest)
         lines = np.arange(self.size // 2 + 1)
         self.s = np.asarray(self.rate + 2j * np.pi * fs / self.size * lines, dtype=np.complex128)
-        self.receptance = form.receptance(self.s)
+        # 1/(s - p) and 1/(s̄ - p): the modal sum is made of the first and of the conjugate of the second.
+        upper, lower = (1.0 / (s - form.poles[:, None]) for s in (self.s, self.s.conj()))
+        self.receptance = form.summed(upper, lower)
         # Mode k at the first sample is the mean over all lines, the conjugate ones too, of drive · force/(s - p_k).
         ends = np.ones(self.s.size)
         ends[[0, -1]] = 0.5
-        self.at_start = [(ends / self.size / (s - form.poles[:, None])).T for s in (self.s, self.s.conj())]
+        self.at_start = [(ends / self.size * part).T for part in (upper, lower)]
 
     def _weight(self, samples: int, fine: int) -> FloatArray:
         return np.asarray(np.exp(-self.rate / (self.fs * fine) * np.arange(samples)))
@@ -181,12 +189,19 @@ class _Run:
         """Free responses of all outputs, shape (blow, output, sample)."""
         rows = self.form.shapes * self.form.poles ** orders[:, None]
         each = (modes[:, None, :] * rows).reshape(-1, modes.shape[1])
-        parts = np.hstack([each.real, -each.imag])
-        out = np.empty((len(modes), len(rows), self.samples))
-        for k in range(0, self.samples, _CHUNK):
-            t = np.arange(k, min(self.samples, k + _CHUNK)) / self.fs
-            turn = np.exp(self.form.poles[:, None] * t)
-            out[..., k : k + t.size] = (parts @ np.vstack([turn.real, turn.imag])).reshape(*out.shape[:2], -1)
+        out = np.zeros((len(modes), len(rows), self.samples))
+        # A mode is summed while it lives; those of like length together.
+        alive = np.minimum(_DIED / np.maximum(-self.form.poles.real, 1e-300) * self.fs, self.samples)
+        octave = np.floor(np.log2(self.samples / np.maximum(alive, 1.0))).astype(int)
+        for k in np.unique(octave):
+            own = octave == k
+            last = int(np.ceil(alive[own].max()))
+            rows_of = np.hstack([each[:, own].real, -each[:, own].imag])
+            for first in range(0, last, _CHUNK):
+                t = np.arange(first, min(last, first + _CHUNK)) / self.fs
+                turn = np.exp(self.form.poles[own, None] * t)
+                summed = (rows_of @ np.vstack([turn.real, turn.imag])).reshape(*out.shape[:2], -1)
+                out[..., first : first + t.size] += summed
         return out
 
     def result(self) -> Stepped:
@@ -232,49 +247,32 @@ class _Run:
         h = 1.0 / (self.fs * fine)
         rows = form.shapes[len(form.outputs) :]
         motion = np.stack([self._history(linear * self.s**k, instants, fine) for k in range(2)], axis=1)
-        modes = np.abs(form.poles) * h < np.pi
-        turn, pushes = _held(form.poles[modes], form.drives[modes, 1:].T, h)
+        modes = (np.abs(form.poles) * h < np.pi) & (np.abs(form.poles) < self.fastest)
+        turn, pushes = linear_course(form.poles[modes], form.drives[modes, 1:].T, h)
         beyond = ~modes
         still = (rows[:, beyond] * -1.0 / form.poles[beyond]) @ form.drives[beyond, 1:]
         values = np.zeros((len(self.elements), 2))
         for row, e in zip(values, self.elements, strict=True):
             row[: len(e.values)] = e.values
         begin = surplus[:, modes]
-        reads = np.stack([_conjugate_split(rows[:, modes] * form.poles[modes] ** k) for k in range(2)])
+        reads = np.stack([reading(rows[:, modes] * form.poles[modes] ** k) for k in range(2)])
         codes = np.array([list(LAWS).index(e.law) for e in self.elements])
-        forces, away = compiled.interact(
-            motion, np.stack([begin.real, begin.imag], axis=1), h, _split(turn), np.stack([_split(p) for p in pushes]), reads,
+        forces, away, _ = compiled.interact(
+            motion, np.ascontiguousarray(np.stack([begin.real, begin.imag], axis=1)), h, parts(turn),
+            np.stack([parts(p) for p in pushes]), reads,
             np.stack([still.real, np.zeros(still.shape)]), codes, values, np.zeros((len(linear), len(values))),
         )  # fmt: skip
         forces[..., -_TAPER * fine :] *= _fade(_TAPER * fine)
         spectrum = self._transform(forces, fine)
         # Spectrum of the force's course between instants over that of its values there.
         x = np.where(self.s == 0.0, 1e-9, self.s * h)
-        linear_course = (np.sinh(x / 2) / (x / 2)) ** 2
+        even = (np.sinh(x / 2) / (x / 2)) ** 2
         constant = np.expm1(x) / x
         for k, e in enumerate(self.elements):
-            spectrum[:, k] *= constant if e.law == "dry_friction" else linear_course
+            spectrum[:, k] *= constant if e.law == "dry_friction" else even
         return spectrum, away
 
 
 def _fade(samples: int) -> FloatArray:
     """From nearly one to nearly nothing."""
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.arange(1, samples + 1) / (samples + 1)))
-
-
-def _held(poles: ComplexArray, drives: ComplexArray, h: float) -> tuple[ComplexArray, ComplexArray]:
-    """Factor of each mode over a step, and its change by both ends of a linear course of each drive, shape (2, drive, mode)."""
-    x = poles * h
-    near = np.abs(x) < 1e-3
-    safe = np.where(near, 1.0, x)
-    first = np.where(near, 1 + x / 2 + x**2 / 6 + x**3 / 24, np.expm1(safe) / safe)
-    second = np.where(near, 0.5 + x / 6 + x**2 / 24 + x**3 / 120, (np.expm1(safe) - safe) / safe**2)
-    return np.exp(x), h * np.stack([(first - second) * drives, second * drives])
-
-
-def _split(values: ComplexArray) -> FloatArray:
-    return np.ascontiguousarray([values.real, values.imag])
-
-
-def _conjugate_split(values: ComplexArray) -> FloatArray:
-    return np.ascontiguousarray([values.real, -values.imag])
