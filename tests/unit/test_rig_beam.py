@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cutvib_ss.blind.rig.beam import RailMatrices, rail_matrices
-from cutvib_ss.blind.rig.structure import Crack, Fittings, Lump, Rail, Shear, Supports, Twist
+from cutvib_ss.blind.rig.fittings import Crack, Fittings, Lump, Shear, Supports, Twist
+from cutvib_ss.blind.rig.structure import Rail
 
 
 def frequencies(rail: RailMatrices) -> np.ndarray:

@@ -7,9 +7,10 @@ pytest.importorskip("exudyn")
 
 from cutvib_ss.blind.rig.blows import FINE, FS, Blow, Pulse, antialiased
 from cutvib_ss.blind.rig.direct import stepped
+from cutvib_ss.blind.rig.fittings import Law, Oscillator, Spring, Supports, Twist
 from cutvib_ss.blind.rig.motion import CHANNELS, frequency_response, linear_answer, nonlinear_answer
 from cutvib_ss.blind.rig.multibody import build, linearise
-from cutvib_ss.blind.rig.structure import Head, Law, Oscillator, Rig, Spring, Supports, Twist
+from cutvib_ss.blind.rig.structure import Head, Rig
 
 POSITION = 0.3333
 K2 = Head().k2

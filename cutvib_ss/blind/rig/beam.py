@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh
 
-from cutvib_ss.blind.rig.structure import Fittings, Rail, Twist
+from cutvib_ss.blind.rig.fittings import Fittings, Twist
+from cutvib_ss.blind.rig.structure import Rail
 
 Array = NDArray[np.float64]
 
@@ -25,10 +26,15 @@ ELEMENTS_WITH_SHEAR = 240
 @dataclass(frozen=True)
 class RailMatrices:
     """
-    The rail over its kept coordinates, in physical units.
+    The rail over its kept coordinates.
 
-    `interface` is how many coordinates at the front are physical: deflection under the head, then the twist there (where
-    the rail twists), then the deflections of ends that are free; the others are fixed-interface modes.
+    Parameters
+    ----------
+    mass, damping, stiffness : ndarray, shape (coordinate, coordinate)
+        Matrices [SI]; fixed-interface modes are mass-normalised.
+    interface : tuple of str
+        Names of the physical coordinates at the front: ``"base"``, the deflection under the head; ``"twist"``, the twist there,
+        where the rail twists; ends that are free. The others are fixed-interface modes.
     """
 
     mass: Array
@@ -37,7 +43,7 @@ class RailMatrices:
     interface: tuple[str, ...]
 
 
-def mesh(length: float, points: tuple[float, ...], elements: int) -> Array:
+def _mesh(length: float, points: tuple[float, ...], elements: int) -> Array:
     """Nodes [m] along the rail, some of them at the given y / L."""
     cuts = np.unique(np.concatenate([[0.0, 1.0], points]))
     counts = np.maximum(1, np.ceil(np.diff(cuts) * elements).astype(int))
@@ -45,7 +51,7 @@ def mesh(length: float, points: tuple[float, ...], elements: int) -> Array:
     return length * np.append(np.concatenate(pieces), 1.0)
 
 
-def bending_element(h: float, ei: float, mu: float, shear: float, rotary: float) -> tuple[Array, Array]:
+def _bending_element(h: float, ei: float, mu: float, shear: float, rotary: float) -> tuple[Array, Array]:
     """
     Mass and stiffness over (w, s) at both ends.
 
@@ -83,7 +89,7 @@ def bending_element(h: float, ei: float, mu: float, shear: float, rotary: float)
     return m, ei / (h**3 * (1 + p)) * k
 
 
-def bending(rail: Rail, nodes: Array, fittings: Fittings) -> tuple[Array, Array]:
+def _bending(rail: Rail, nodes: Array, fittings: Fittings) -> tuple[Array, Array]:
     """
     Mass and stiffness of the free rail in bending over (w, s) of all nodes.
 
@@ -98,9 +104,9 @@ def bending(rail: Rail, nodes: Array, fittings: Fittings) -> tuple[Array, Array]
     crack = fittings.crack
     n = 2 * nodes.size + (crack is not None)
     mass, stiffness = np.zeros((n, n)), np.zeros((n, n))
-    hinge = -1 if crack is None else node_at(nodes, crack.position)
+    hinge = -1 if crack is None else _node_at(nodes, crack.position)
     for i, h in enumerate(np.diff(nodes)):
-        m, k = bending_element(h, ei, mu, 12 * ei / (kga * h * h), rotary)
+        m, k = _bending_element(h, ei, mu, 12 * ei / (kga * h * h), rotary)
         dofs = np.arange(2 * i, 2 * i + 4)
         if i == hinge:
             dofs[1] = n - 1
@@ -112,12 +118,12 @@ def bending(rail: Rail, nodes: Array, fittings: Fittings) -> tuple[Array, Array]
     return mass, stiffness
 
 
-def node_at(nodes: Array, position: float) -> int:
+def _node_at(nodes: Array, position: float) -> int:
     """The node at y / L."""
     return int(np.argmin(np.abs(nodes - position * nodes[-1])))
 
 
-def twisting(twist: Twist, nodes: Array) -> tuple[Array, Array, Array]:
+def _twisting(twist: Twist, nodes: Array) -> tuple[Array, Array, Array]:
     """Mass, damping and stiffness of the shaft over the twists of its inner nodes; its ends are held."""
     length = nodes[-1]
     density = twist.inertia / length
@@ -134,7 +140,7 @@ def twisting(twist: Twist, nodes: Array) -> tuple[Array, Array, Array]:
     return mass[inner, inner], damping[inner, inner], stiffness[inner, inner]
 
 
-def strain_damping(mass: Array, stiffness: Array, nodes: Array, ratio: float) -> Array:
+def _strain_damping(mass: Array, stiffness: Array, nodes: Array, ratio: float) -> Array:
     """
     Damping of the same ratio in every mode of the rail between pins, against motion relative to the ends' chord.
 
@@ -158,18 +164,34 @@ def rail_matrices(
     rail: Rail, fittings: Fittings, position: float, highest: float, free_ends: tuple[str, ...] = ()
 ) -> RailMatrices:
     """
-    The rail under a head at y_b / L, by component modes up to a frequency [Hz].
+    The rail under the head, by component modes.
 
-    Ends named in `free_ends` (``"rail_left"``, ``"rail_right"``) become physical coordinates, held by what is fitted there.
+    Parameters
+    ----------
+    rail : Rail
+        The rail between pins.
+    fittings : Fittings
+        What is fitted to it: supports, masses, springs against turning, twist, shear, a crack.
+    position : float
+        y_b / L of the head.
+    highest : float
+        Frequency up to which fixed-interface modes are kept [Hz].
+    free_ends : tuple of str
+        Ends (``"rail_left"``, ``"rail_right"``) that become physical coordinates, held by what is fitted there.
+
+    Returns
+    -------
+    RailMatrices
+        The rail.
     """
     crack = fittings.crack
     points = (position, *(lump.position for lump in fittings.lumps), *((crack.position,) if crack else ()))
-    nodes = mesh(rail.length, points, ELEMENTS_WITH_SHEAR if fittings.shear else ELEMENTS)
-    mass, stiffness = bending(rail, nodes, fittings)
-    damping = strain_damping(mass, stiffness, nodes, rail.damping_ratio)
+    nodes = _mesh(rail.length, points, ELEMENTS_WITH_SHEAR if fittings.shear else ELEMENTS)
+    mass, stiffness = _bending(rail, nodes, fittings)
+    damping = _strain_damping(mass, stiffness, nodes, rail.damping_ratio)
     ends = {"rail_left": 0, "rail_right": 2 * nodes.size - 2}
     for lump in fittings.lumps:
-        dof = 2 * node_at(nodes, lump.position)
+        dof = 2 * _node_at(nodes, lump.position)
         mass[dof, dof] += lump.mass
         damping[dof, dof] += lump.damping
     for dof, turning in zip(ends.values(), fittings.fixity, strict=True):
@@ -184,18 +206,18 @@ def rail_matrices(
     kept = np.setdiff1d(np.arange(mass.shape[0]), held)
     parts = [matrix[np.ix_(kept, kept)] for matrix in (mass, damping, stiffness)]
     names = ("base", *free_ends)
-    front = np.searchsorted(kept, [2 * node_at(nodes, position), *(ends[end] for end in free_ends)])
+    front = np.searchsorted(kept, [2 * _node_at(nodes, position), *(ends[end] for end in free_ends)])
     if fittings.twist:
-        parts = [block_diag(a, b) for a, b in zip(parts, twisting(fittings.twist, nodes), strict=True)]
-        front = np.insert(front, 1, kept.size + node_at(nodes, position) - 1)
+        parts = [block_diag(a, b) for a, b in zip(parts, _twisting(fittings.twist, nodes), strict=True)]
+        front = np.insert(front, 1, kept.size + _node_at(nodes, position) - 1)
         names = ("base", "twist", *free_ends)
     mass, damping, stiffness = parts
     if rail.truncation is not None:
-        return truncated(mass, damping, stiffness, front, names, rail.truncation)
-    return component_modes(mass, damping, stiffness, front, names, highest)
+        return _truncated(mass, damping, stiffness, front, names, rail.truncation)
+    return _component_modes(mass, damping, stiffness, front, names, highest)
 
 
-def component_modes(
+def _component_modes(
     mass: Array, damping: Array, stiffness: Array, front: NDArray[np.intp], names: tuple[str, ...], highest: float
 ) -> RailMatrices:
     """Craig and Bampton's reduction: static shapes of the interface and the modes of the rest with the interface held."""
@@ -207,10 +229,10 @@ def component_modes(
     basis[front, np.arange(front.size)] = 1.0
     basis[rest, : front.size] = -np.linalg.solve(stiffness[inner], stiffness[np.ix_(rest, front)])
     basis[rest, front.size :] = modes
-    return projected(mass, damping, stiffness, basis, names)
+    return _projected(mass, damping, stiffness, basis, names)
 
 
-def truncated(
+def _truncated(
     mass: Array, damping: Array, stiffness: Array, front: NDArray[np.intp], names: tuple[str, ...], count: int
 ) -> RailMatrices:
     """The first modes alone, turned so that the first coordinate is the deflection under the head."""
@@ -218,10 +240,10 @@ def truncated(
     row = modes[front[0]]
     turn, _ = np.linalg.qr(np.column_stack([row, np.eye(count)]))
     turn[:, 0] /= row @ turn[:, 0]
-    return projected(mass, damping, stiffness, modes @ turn[:, :count], names)
+    return _projected(mass, damping, stiffness, modes @ turn[:, :count], names)
 
 
-def projected(mass: Array, damping: Array, stiffness: Array, basis: Array, names: tuple[str, ...]) -> RailMatrices:
+def _projected(mass: Array, damping: Array, stiffness: Array, basis: Array, names: tuple[str, ...]) -> RailMatrices:
     """The rail over the columns of a basis."""
     m, c, k = (basis.T @ matrix @ basis for matrix in (mass, damping, stiffness))
     return RailMatrices((m + m.T) / 2, (c + c.T) / 2, (k + k.T) / 2, names)

@@ -27,7 +27,20 @@ _SECOND = signal.firwin(257, 1820.0, window=("kaiser", 8.0), fs=FS * 4)
 
 @dataclass(frozen=True)
 class Pulse:
-    """One contact of the hammer: instant [s], peak [N], width [s], skewness (0 is symmetric)."""
+    """
+    One contact of the hammer.
+
+    Parameters
+    ----------
+    at : float
+        When it begins [s].
+    peak : float
+        Peak force [N].
+    width : float
+        How long it lasts [s].
+    skewness : float
+        0 for a symmetric pulse.
+    """
 
     at: float
     peak: float
@@ -37,12 +50,26 @@ class Pulse:
 
 @dataclass(frozen=True)
 class Blow:
-    """The pulses of one blow, a second one where the hammer bounced."""
+    """
+    A blow of the hammer.
+
+    Parameters
+    ----------
+    pulses : tuple of Pulse
+        Its contacts; a second one where the hammer bounced.
+    """
 
     pulses: tuple[Pulse, ...]
 
     def force(self) -> Array:
-        """Force [N] at the simulation's rate, FS x FINE, over SIMULATED."""
+        """
+        The force over time.
+
+        Returns
+        -------
+        ndarray, shape (sample,)
+            Force [N] at FS x FINE, over SIMULATED.
+        """
         time = np.arange(round(SIMULATED * FS * FINE)) / (FS * FINE)
         total = np.zeros(time.size)
         for p in self.pulses:
@@ -55,7 +82,25 @@ class Blow:
 
 
 def draw_blow(rng: np.random.Generator, level: float, width: float, bounce: float) -> Blow:
-    """A blow of about a level [N] by a hammer whose tip gives about a width [s]; it bounces with probability `bounce`."""
+    """
+    Draw a blow.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Generator.
+    level : float
+        Peak force that is meant [N].
+    width : float
+        How long the hammer's tip stays at 50 N [s].
+    bounce : float
+        Probability of a double hit.
+
+    Returns
+    -------
+    Blow
+        The blow.
+    """
     peak = level * float(np.clip(1 + 0.12 * rng.standard_normal(), 0.6, 1.4))
     # a stiffer contact under a harder blow
     width = width * (level / 50.0) ** -0.03 * float(np.exp(0.04 * rng.standard_normal()))
@@ -69,7 +114,19 @@ def draw_blow(rng: np.random.Generator, level: float, width: float, bounce: floa
 
 
 def antialiased(history: Array) -> Array:
-    """A history at FS x FINE through the digitiser's filter and down to FS, along the last axis; without delay."""
+    """
+    Through the digitiser's filter and down to FS; without delay.
+
+    Parameters
+    ----------
+    history : ndarray, shape (..., sample)
+        Histories at FS x FINE.
+
+    Returns
+    -------
+    ndarray, shape (..., sample)
+        Histories at FS.
+    """
     for taps, down in ((_FIRST, FINE // 4), (_SECOND, 4)):
         count = -(-history.shape[-1] // down)
         delay = taps.size // 2

@@ -26,7 +26,19 @@ def plan(cases: int, seed: int, shares: dict[Kind, float]) -> list[tuple[int, Ki
     """
     Seed, kind and cause of every case; causes and outside kinds come in turn, so that all are there alike.
 
-    The plan of few cases is the beginning of that of more.
+    Parameters
+    ----------
+    cases : int
+        How many.
+    seed : int
+        Everything follows from it; the plan of few cases is the beginning of that of more.
+    shares : dict of str to float
+        Share of each kind.
+
+    Returns
+    -------
+    list of (int, str, str or None)
+        Seed, kind and cause of each case.
     """
     rng = np.random.default_rng(seed)
     kinds = list(shares)
@@ -45,7 +57,27 @@ def plan(cases: int, seed: int, shares: dict[Kind, float]) -> list[tuple[int, Ki
 
 
 def make(folder: Path, seed: int, kind: Kind, cause: str | None, severity: tuple[float, float]) -> dict[str, Any]:
-    """Write one case and return its label; a complete folder is left as it is."""
+    """
+    Write one case; a complete folder is left as it is.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to; the label goes beside it.
+    seed : int
+        Seed of the case.
+    kind : {"none", "single", "pair", "outside"}
+        Its kind.
+    cause : str, optional
+        Its cause.
+    severity : (float, float)
+        Range of severities.
+
+    Returns
+    -------
+    dict
+        The label.
+    """
     kept = folder.with_suffix(".label.json")
     if kept.is_file():
         label: dict[str, Any] = json.loads(kept.read_text())
@@ -59,7 +91,14 @@ def make(folder: Path, seed: int, kind: Kind, cause: str | None, severity: tuple
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command."""
+    """
+    Run the command.
+
+    Parameters
+    ----------
+    arguments : list of str, optional
+        Its arguments; default those of the process.
+    """
     parser = argparse.ArgumentParser(prog="python -m cutvib_ss.blind.rig", description=__doc__)
     parser.add_argument("--cases", type=int, required=True, help="how many campaigns")
     parser.add_argument("--seed", type=int, required=True, help="everything follows from it")

@@ -36,7 +36,20 @@ _SAMPLES = round(BLOCK * FS)
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong: effect, place, parameters, and the machine that has this fault alone."""
+    """
+    One thing that is wrong.
+
+    Parameters
+    ----------
+    effect : str
+        Effect id, or outside kind.
+    place : str
+        Where.
+    parameters : mapping of str to float or str
+        Its parameters, by the contract's names.
+    rig : Rig
+        The machine that has this fault alone.
+    """
 
     effect: str
     place: str
@@ -47,9 +60,30 @@ class Fault:
 @dataclass(frozen=True)
 class Case:
     """
-    A case: the machine as built without its faults (`plain`) and with them (`rig`), its nominal, and the conditions.
+    A case: a machine, what is wrong with it, and how it is measured.
 
-    Calling `label` or `write_campaign` computes what it needs; both use the same blows.
+    Parameters
+    ----------
+    seed : int
+        What it was drawn from.
+    kind : {"none", "single", "pair", "outside"}
+        Its kind.
+    severity : float, optional
+        Severity of its faults; None where there are none.
+    nominal : Nominal
+        What machine.toml says.
+    plain : Rig
+        The machine as built, without its faults.
+    rig : Rig
+        The machine with them.
+    faults : tuple of Fault
+        The faults as drawn.
+    conditions : Conditions
+        How it is measured.
+
+    Notes
+    -----
+    `label` and `write_campaign` compute what they need, once; both use the same blows.
     """
 
     seed: int

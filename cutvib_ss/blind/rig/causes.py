@@ -12,19 +12,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from cutvib_ss.blind.rig.fittings import Law, Lump, Oscillator, Shear, Spring, Supports, Twist, Viscoelastic
 from cutvib_ss.blind.rig.motion import CHANNELS
-from cutvib_ss.blind.rig.structure import (
-    JOINTS,
-    Law,
-    Lump,
-    Oscillator,
-    Rig,
-    Shear,
-    Spring,
-    Supports,
-    Twist,
-    Viscoelastic,
-)
+from cutvib_ss.blind.rig.structure import JOINTS, Rig
 
 Parameters: TypeAlias = Mapping[str, float | str]
 Made: TypeAlias = tuple[Rig, str, Parameters]
@@ -41,24 +31,87 @@ STICKING = 60.0
 
 
 def either(rng: np.random.Generator) -> float:
+    """
+    Draw a sign.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Generator.
+
+    Returns
+    -------
+    float
+        -1 or 1.
+    """
     return float(rng.choice([-1.0, 1.0]))
 
 
 def about(rng: np.random.Generator, value: float, spread: float = 0.3) -> float:
+    """
+    Draw a value about another.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Generator.
+    value : float
+        Middle.
+    spread : float
+        How far the logarithm may go either way.
+
+    Returns
+    -------
+    float
+        The value drawn, even in its logarithm.
+    """
     return float(value * np.exp(spread * rng.uniform(-1, 1)))
 
 
 def joint(rig: Rig, rng: np.random.Generator, share: float = 0.5) -> tuple[str, float]:
-    """A joint and its stiffness; joint 1 with a probability."""
+    """
+    Draw a joint.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine.
+    rng : numpy.random.Generator
+        Generator.
+    share : float
+        Probability of joint 1.
+
+    Returns
+    -------
+    place : str
+        ``"joint1"`` or ``"joint2"``.
+    stiffness : float
+        Its stiffness [N m/rad].
+    """
     place = JOINTS[0 if rng.random() < share else 1]
     return place, rig.value("k" + place[-1])
 
 
 def with_law(rig: Rig, law: Law) -> Rig:
+    """
+    Fit a nonlinear element.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine.
+    law : Law
+        The element.
+
+    Returns
+    -------
+    Rig
+        The machine with it.
+    """
     return rig.fitted(laws=(*rig.fittings.laws, law))
 
 
-def rail_torsion(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _rail_torsion(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """The head hangs beside the shear centre of a rail that twists."""
     p = {
         "eccentricity": either(rng) * about(rng, 0.045) * severity,
@@ -69,20 +122,20 @@ def rail_torsion(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     return rig.fitted(twist=Twist(**p)), "rail", p
 
 
-def support_compliance(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _support_compliance(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Springs under the rail's ends, each side its own."""
     k = {side: about(rng, 5e7, 0.7) / severity for side in ("k_left", "k_right")}
     c = {"c" + side[1:]: float(rng.uniform(0.2, 1.0) * 0.04 * np.sqrt(value * 30.0)) for side, value in k.items()}
     return rig.fitted(supports=Supports(**k, **c)), "rail_ends", k | c
 
 
-def end_fixity(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _end_fixity(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Rotational springs at the rail's ends."""
     p = {side: about(rng, 1.2e5, 0.7) * severity for side in ("k_left", "k_right")}
     return rig.fitted(fixity=(p["k_left"], p["k_right"])), "rail_ends", p
 
 
-def rail_added_mass(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _rail_added_mass(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A cable carrier on the rail."""
     p = {
         "position": float(rng.uniform(0.12, 0.88)),
@@ -92,20 +145,20 @@ def rail_added_mass(rig: Rig, severity: float, rng: np.random.Generator) -> Made
     return rig.fitted(lumps=(*rig.fittings.lumps, Lump(**p))), "rail", p
 
 
-def rail_shear(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _rail_shear(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Shear and rotary inertia of the rail's section."""
     ratio = about(rng, 80.0, 0.2) / severity
     return rig.fitted(shear=Shear(ratio, float(rng.uniform(0.2, 0.36)))), "rail", {"shear_ratio": ratio}
 
 
-def guide_compliance(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _guide_compliance(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """The guide's balls give."""
     k = about(rng, 1e8, 0.4) / severity
     c = float(rng.uniform(0.2, 1.0) * 0.04 * np.sqrt(k * 25.0))
     return rig.fitted(guide=(k, c)), "head_base", {"stiffness": k, "damping": c}
 
 
-def local_resonator(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _local_resonator(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A panel or hose on tool or head."""
     place = str(rng.choice(["tool", "head"]))
     p = {
@@ -116,7 +169,7 @@ def local_resonator(rig: Rig, severity: float, rng: np.random.Generator) -> Made
     return rig.fitted(oscillators=(*rig.fittings.oscillators, Oscillator(place, "x", **p))), place, p
 
 
-def added_mass(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _added_mass(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A mass that the model lacks."""
     place = str(rng.choice(["tool", "head"]))
     name = {"tool": "m2", "head": "m1"}[place]
@@ -124,7 +177,7 @@ def added_mass(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     return rig.scaled({name: 1 + mass / rig.value(name)}), place, {"mass": mass}
 
 
-def tool_contact(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _tool_contact(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Belt or cloth holds the tool."""
     p = {"stiffness": about(rng, 2.2e5) * severity, "damping": float(rng.uniform(0.0, 40.0)) * severity}
     spring = Spring(("tool", "ground"), "x", p["stiffness"], p["damping"])
@@ -137,7 +190,7 @@ _SHIFTS = {
 }  # fmt: skip
 
 
-def parameter_shift(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _parameter_shift(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """One value is off."""
     name = str(rng.choice(list(_SHIFTS)))
     place, size = _SHIFTS[name]
@@ -145,7 +198,7 @@ def parameter_shift(rig: Rig, severity: float, rng: np.random.Generator) -> Made
     return rig.scaled({name: factor}), place, {"parameter": name, "factor": factor}
 
 
-def structural_damping(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _structural_damping(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A hysteretic joint in place of a viscous one."""
     place, k = joint(rig, rng)
     c = rig.value("c" + place[-1])
@@ -166,7 +219,7 @@ _BY_JOINT = {
 """Sizes at severity 1: of changes of torque over that of the spring, of a clearance over the swing, and so on."""
 
 
-def cubic_stiffness(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _cubic_stiffness(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A joint that hardens or softens."""
     place, k = joint(rig, rng, 0.4)
     stiffness = either(rng) * about(rng, _BY_JOINT["cubic"][place], 0.2) * severity * k / SWING[place] ** 2
@@ -175,21 +228,21 @@ def cubic_stiffness(rig: Rig, severity: float, rng: np.random.Generator) -> Made
     return with_law(rig, Law(place, "cubic", (stiffness,))), place, {"stiffness3": stiffness}
 
 
-def freeplay(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _freeplay(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Clearance in a joint."""
     place, k = joint(rig, rng, 0.4)
     gap = about(rng, _BY_JOINT["gap"][place]) * severity * SWING[place]
     return with_law(rig, Law(place, "freeplay", (gap, k))), place, {"gap": gap}
 
 
-def dry_friction(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _dry_friction(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Coulomb friction: it sticks, with an elastic reach far below the joint's motion."""
     place, k = joint(rig, rng, 0.4)
     torque = about(rng, _BY_JOINT["friction"][place]) * severity * k * SWING[place]
     return with_law(rig, Law(place, "jenkins", (torque, STICKING * k))), place, {"torque": torque}
 
 
-def joint_slip(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _joint_slip(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A spring in parallel with the joint's that slips (Jenkins)."""
     place, k = joint(rig, rng, 0.4)
     stiffness = about(rng, _BY_JOINT["slip"][place]) * k * severity
@@ -198,14 +251,14 @@ def joint_slip(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     return with_law(rig, Law(place, "jenkins", (torque, stiffness))), place, p
 
 
-def bilinear_stiffness(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _bilinear_stiffness(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A joint stiffer one way than the other."""
     place, k = joint(rig, rng, 0.4)
     asymmetry = float(np.clip(either(rng) * about(rng, _BY_JOINT["bilinear"][place]) * severity, -0.8, 0.8))
     return with_law(rig, Law(place, "bilinear", (asymmetry * k,))), place, {"asymmetry": asymmetry}
 
 
-def quadratic_damping(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _quadratic_damping(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Damping that grows with the rate."""
     place, _ = joint(rig, rng, 0.4)
     c = rig.value("c" + place[-1])
@@ -219,7 +272,7 @@ def _channels(rng: np.random.Generator) -> tuple[str, tuple[str, ...]]:
     return name, CHANNELS if name == "all" else (name,)
 
 
-def channel_delay(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _channel_delay(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Responses late against the force."""
     name, channels = _channels(rng)
     delay = either(rng) * about(rng, 1.6e-4) * severity
@@ -227,7 +280,7 @@ def channel_delay(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     return chain, "measurement", {"delay": delay, "channel": name}
 
 
-def calibration_error(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _calibration_error(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A sensitivity that is wrong."""
     name, channels = _channels(rng)
     gain = float(np.exp(either(rng) * about(rng, 0.18) * severity))
@@ -235,29 +288,43 @@ def calibration_error(rig: Rig, severity: float, rng: np.random.Generator) -> Ma
     return chain, "measurement", {"channel": name, "gain": gain}
 
 
-def cross_axis(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _cross_axis(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """X leaks into Z."""
     fraction = either(rng) * about(rng, 0.22) * severity
     return rig.measured(cross_axis=fraction), "measurement", {"fraction": fraction}
 
 
-def window_damping(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _window_damping(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """An exponential window that nobody took out."""
     rate = about(rng, 14.0) * severity
     return rig.measured(decay_rate=rate), "measurement", {"decay_rate": rate}
 
 
 MECHANICAL: Mapping[str, Maker] = {
-    f.__name__: f
-    for f in (
-        rail_torsion, support_compliance, end_fixity, rail_added_mass, rail_shear, guide_compliance, local_resonator,
-        added_mass, tool_contact, parameter_shift, structural_damping, cubic_stiffness, freeplay, dry_friction, joint_slip,
-        bilinear_stiffness, quadratic_damping,
-    )
-}  # fmt: skip
-"""Causes in the machine."""
+    "rail_torsion": _rail_torsion,
+    "support_compliance": _support_compliance,
+    "end_fixity": _end_fixity,
+    "rail_added_mass": _rail_added_mass,
+    "rail_shear": _rail_shear,
+    "guide_compliance": _guide_compliance,
+    "local_resonator": _local_resonator,
+    "added_mass": _added_mass,
+    "tool_contact": _tool_contact,
+    "parameter_shift": _parameter_shift,
+    "structural_damping": _structural_damping,
+    "cubic_stiffness": _cubic_stiffness,
+    "freeplay": _freeplay,
+    "dry_friction": _dry_friction,
+    "joint_slip": _joint_slip,
+    "bilinear_stiffness": _bilinear_stiffness,
+    "quadratic_damping": _quadratic_damping,
+}
+"""Causes in the machine, by their effect ids."""
 
 MEASUREMENT: Mapping[str, Maker] = {
-    f.__name__: f for f in (channel_delay, calibration_error, cross_axis, window_damping)
+    "channel_delay": _channel_delay,
+    "calibration_error": _calibration_error,
+    "cross_axis": _cross_axis,
+    "window_damping": _window_damping,
 }
-"""Causes in the measurement."""
+"""Causes in the measurement, by their effect ids."""

@@ -19,8 +19,22 @@ _TERMS = 5
 
 def smooth_error(rng: np.random.Generator, freq: Array) -> Complex:
     """
-    A channel's calibration error over frequency: 1 + ε, smooth and complex, of the tolerance's size.
+    Draw a channel's calibration error.
 
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Generator.
+    freq : ndarray, shape (frequency,)
+        Frequencies [Hz].
+
+    Returns
+    -------
+    ndarray of complex, shape (frequency,)
+        1 + ε, smooth and complex, of the tolerance's size.
+
+    Notes
+    -----
     ε is a few slow cosines, real and imaginary part independent, over an axis between log-frequency (an amplifier's corner,
     low down) and frequency (a resonance far above); the phase error tends to 0 at 0 Hz.
     """
@@ -34,7 +48,23 @@ def smooth_error(rng: np.random.Generator, freq: Array) -> Complex:
 
 
 def linear_part(chain: Chain, name: str, freq: Array) -> Complex:
-    """Gain, delay and a loose mount's resonance of one channel over frequency."""
+    """
+    Gain, delay and a loose mount's resonance of one channel.
+
+    Parameters
+    ----------
+    chain : Chain
+        The measurement chain.
+    name : str
+        The channel.
+    freq : ndarray, shape (frequency,)
+        Frequencies [Hz].
+
+    Returns
+    -------
+    ndarray of complex, shape (frequency,)
+        Shown over true.
+    """
     answer = chain.gains.get(name, 1.0) * np.exp(-2j * np.pi * freq * chain.delays.get(name, 0.0))
     if name in chain.mounts:
         resonance, ratio = chain.mounts[name]
@@ -45,10 +75,27 @@ def linear_part(chain: Chain, name: str, freq: Array) -> Complex:
 
 def sensed(chain: Chain, accelerations: Array, late: float, errors: Complex | None = None) -> Array:
     """
-    What the response channels show without noise: (channel, sample) at FS, over BLOCK.
+    What the response channels show without noise.
 
-    Saturation comes first, in the sensor; then the leak of X into Z; then gains, delays (and `late`, of this blow) and the
-    calibration's errors (channel, frequency of a transform of 4 s).
+    Parameters
+    ----------
+    chain : Chain
+        The measurement chain.
+    accelerations : ndarray, shape (channel, sample)
+        Accelerations at FS [m/s^2].
+    late : float
+        How late the responses of this blow are [s].
+    errors : ndarray of complex, shape (channel, frequency), optional
+        Calibration errors at `frequencies`.
+
+    Returns
+    -------
+    ndarray, shape (channel, sample)
+        Histories over BLOCK [m/s^2].
+
+    Notes
+    -----
+    Saturation comes first, in the sensor; then the leak of X into Z; then gains, delays and calibration errors.
     """
     count = round(BLOCK * FS)
     shown = accelerations.copy()
@@ -67,12 +114,33 @@ def sensed(chain: Chain, accelerations: Array, late: float, errors: Complex | No
 
 
 def frequencies() -> Array:
-    """Frequencies [Hz] of the transforms in `sensed`."""
+    """
+    Frequencies of the transforms in `sensed`.
+
+    Returns
+    -------
+    ndarray, shape (frequency,)
+        Frequencies [Hz].
+    """
     return np.asarray(np.fft.rfftfreq(_PADDED, 1 / FS))
 
 
 def hum(chain: Chain, rng: np.random.Generator) -> Array:
-    """Mains hum on one blow of every channel: (channel, sample); its phase is where the blow happened to fall."""
+    """
+    Mains hum on one blow; its phase is where the blow happened to fall.
+
+    Parameters
+    ----------
+    chain : Chain
+        The measurement chain.
+    rng : numpy.random.Generator
+        Generator.
+
+    Returns
+    -------
+    ndarray, shape (channel, sample)
+        Hum over BLOCK [m/s^2].
+    """
     time = np.arange(round(BLOCK * FS)) / FS
     start, mains = rng.uniform(0, 1), 50.0 * (1 + 4e-4 * rng.standard_normal())
     total = np.zeros((len(CHANNELS), time.size))
@@ -83,7 +151,25 @@ def hum(chain: Chain, rng: np.random.Generator) -> Array:
 
 
 def noise(rng: np.random.Generator, deviation: float, wander: float, count: int) -> Array:
-    """White noise with a little 1/f, an offset and a slow drift of the size of `wander` deviations of ten."""
+    """
+    White noise with a little 1/f, an offset and a slow drift.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Generator.
+    deviation : float
+        Standard deviation of the white part, by sample.
+    wander : float
+        Offset and drift over ten standard deviations.
+    count : int
+        Number of samples.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Noise.
+    """
     white = rng.standard_normal(count)
     spectrum = np.fft.rfft(rng.standard_normal(count))
     slow = np.fft.irfft(spectrum / np.sqrt(np.maximum(np.arange(spectrum.size), 4.0) / 40.0), count)
@@ -93,7 +179,23 @@ def noise(rng: np.random.Generator, deviation: float, wander: float, count: int)
 
 
 def digitised(signal: Array, full_scale: float, bits: int) -> Array:
-    """Clipped at full scale and rounded to the converter's steps."""
+    """
+    Clipped at full scale and rounded to the converter's steps.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (sample,)
+        Analog signal.
+    full_scale : float
+        Largest value either way.
+    bits : int
+        Of the converter.
+
+    Returns
+    -------
+    ndarray, shape (sample,)
+        Digital signal.
+    """
     step = 2 * full_scale / 2**bits
     return np.asarray(np.clip(np.round(signal / step) * step, -full_scale, full_scale))
 
@@ -102,8 +204,32 @@ def recorded(
     chain: Chain, conditions: Conditions, force: Array, responses: Array, rng: np.random.Generator, overload: bool
 ) -> tuple[Array, Array]:
     """
-    One blow as the digitiser gives it: force and responses of all channels over BLOCK.
+    One blow as the digitiser gives it.
 
+    Parameters
+    ----------
+    chain : Chain
+        The measurement chain.
+    conditions : Conditions
+        Noise, range and bits.
+    force : ndarray, shape (sample,)
+        Force [N].
+    responses : ndarray, shape (channel, sample)
+        What `sensed` gives [m/s^2].
+    rng : numpy.random.Generator
+        Generator.
+    overload : bool
+        Whether the loudest channel exceeds its range.
+
+    Returns
+    -------
+    force : ndarray, shape (sample,)
+        Force as recorded [N].
+    responses : ndarray, shape (channel, sample)
+        Responses as recorded [m/s^2].
+
+    Notes
+    -----
     Noise, hum, range and rounding; at last the exponential window, where one is never taken out.
     """
     count = round(BLOCK * FS)

@@ -14,7 +14,18 @@ FORMATS = ("tdms", "csv", "mat", "uff", "csv_frf", "mat_frf")
 
 @dataclass(frozen=True)
 class Nominal:
-    """What machine.toml says: head, rail and its number of modes."""
+    """
+    What machine.toml says.
+
+    Parameters
+    ----------
+    head : Head
+        Nominal head.
+    rail : Rail
+        Nominal rail.
+    n_modes : int
+        How many modes of the rail the model takes.
+    """
 
     head: Head = field(default_factory=Head)
     rail: Rail = field(default_factory=Rail)
@@ -26,9 +37,36 @@ class Conditions:
     """
     How a campaign is measured.
 
-    Noise is white with a little 1/f, standard deviation by sample [N; m/s^2 by channel]; ranges are full scale of the
-    digitiser [N; m/s^2]. `hit_twice` is the probability that the hammer bounces, `overloads` how many blows exceed the range of a
-    response channel.
+    Parameters
+    ----------
+    positions : tuple of float
+        Positions y_b / L.
+    levels : tuple of float
+        Peak forces that are meant [N].
+    blows : int
+        Blows to a record.
+    channels : tuple of str
+        Response channels that are recorded.
+    file_format : str
+        One of `FORMATS`.
+    unit : str
+        Unit of the responses, ``"m/s^2"`` or ``"g"``.
+    width : float
+        How long the hammer's tip stays [s].
+    noise : tuple of float
+        Standard deviation of the noise of each channel, by sample [m/s^2].
+    force_noise : float
+        The same of the force [N].
+    wander : float
+        Offset and slow drift, over ten standard deviations of the noise.
+    bits : int
+        Of the digitiser.
+    response_range, force_range : float
+        Its full scale [m/s^2] and [N].
+    hit_twice : float
+        Probability that the hammer bounces.
+    overloads : int
+        How many blows exceed the range of a response channel.
     """
 
     positions: tuple[float, ...]
@@ -54,7 +92,19 @@ class Conditions:
 
 
 def draw_nominal(rng: np.random.Generator) -> Nominal:
-    """The published machine, or another of its kind."""
+    """
+    Draw a nominal machine: the published one, or another of its kind.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Generator.
+
+    Returns
+    -------
+    Nominal
+        The nominal machine.
+    """
     n_modes = int(rng.choice([32, 40, 40, 50]))
     if rng.random() < 0.6:
         return Nominal(n_modes=n_modes)
@@ -78,7 +128,19 @@ def draw_nominal(rng: np.random.Generator) -> Nominal:
 
 
 def draw_conditions(rng: np.random.Generator) -> Conditions:
-    """Conditions of one campaign."""
+    """
+    Draw the conditions of one campaign.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Generator.
+
+    Returns
+    -------
+    Conditions
+        The conditions.
+    """
     count = int(rng.choice([4, 5, 6, 6, 6, 7, 8]))
     grid = (np.arange(count) + 0.5 + 0.35 * rng.uniform(-1, 1, count)) / count
     if rng.random() < 0.5:
@@ -109,5 +171,19 @@ def draw_conditions(rng: np.random.Generator) -> Conditions:
 
 
 def changed(conditions: Conditions, changes: dict[str, object]) -> Conditions:
-    """Conditions with some of them given instead of drawn."""
+    """
+    Conditions with some of them given instead of drawn.
+
+    Parameters
+    ----------
+    conditions : Conditions
+        As drawn.
+    changes : dict of str to object
+        Fields and their values.
+
+    Returns
+    -------
+    Conditions
+        As changed.
+    """
     return replace(conditions, **changes)  # type: ignore[arg-type]

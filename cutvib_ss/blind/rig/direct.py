@@ -6,22 +6,41 @@ Some minutes a campaign, and so not what campaigns are made with; it is what `mo
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import exudyn as exu
 import numpy as np
 from exudyn import itemInterface as item
 from numpy.typing import NDArray
 
+from cutvib_ss.blind.rig.fittings import Law
 from cutvib_ss.blind.rig.multibody import Machine, build
-from cutvib_ss.blind.rig.structure import Law, Rig
+from cutvib_ss.blind.rig.structure import Rig
 
 Array = NDArray[np.float64]
 
 
 def stepped(rig: Rig, position: float, force: Array, fs: float, highest: float = 2500.0) -> Array:
     """
-    Accelerations of tool_x, tool_z and base_x (channel, sample) from rest, by Runge and Kutta's fourth order.
+    Accelerations from rest, by Runge and Kutta's fourth order.
 
-    The force is linear between its samples; laws at joints are exudyn's elements, other laws are refused.
+    Parameters
+    ----------
+    rig : Rig
+        The machine; laws at joints are exudyn's elements, other laws are refused.
+    position : float
+        y_b / L of the head.
+    force : ndarray, shape (sample,)
+        Force on the tool [N], linear between its samples.
+    fs : float
+        Steps per second [Hz].
+    highest : float
+        Frequency up to which the rail's component modes are kept [Hz].
+
+    Returns
+    -------
+    ndarray, shape (3, sample)
+        Accelerations of tool_x, tool_z and base_x [m/s^2].
     """
     machine = build(rig, position, highest, assemble=False)
     system = machine.system
@@ -78,7 +97,7 @@ def _add(machine: Machine, law: Law) -> None:
         friction = {"stickingStiffness": v[1], "dynamicFrictionForce": v[0]}
         system.AddObject(item.CoordinateSpringDamperExt(markerNumbers=pair, **friction, **memory))
     else:
-        torques = {
+        torques: dict[str, Callable[[float, float], float]] = {
             "cubic": lambda u, rate: v[0] * u**3,
             "bilinear": lambda u, rate: v[0] * abs(u),
             "quadratic_damping": lambda u, rate: v[0] * rate * abs(rate),

@@ -26,7 +26,18 @@ _DOFS = {"tool_x": (1, 1), "tool_z": (1, 3), "base_x": (2, 1)}
 
 
 def write(campaign: Campaign, nominal: Nominal, folder: Path) -> None:
-    """Write the whole campaign into a folder; campaign.toml comes last, so that a folder with one is complete."""
+    """
+    Write the whole campaign; campaign.toml comes last, so that a folder with one is complete.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    nominal : Nominal
+        The nominal machine.
+    folder : Path
+        Where to; made if absent.
+    """
     records = folder / "records"
     records.mkdir(parents=True, exist_ok=True)
     c = campaign.conditions
@@ -45,7 +56,19 @@ def write(campaign: Campaign, nominal: Nominal, folder: Path) -> None:
 
 
 def machine_toml(nominal: Nominal) -> str:
-    """The nominal machine, as its builder would write it down."""
+    """
+    The nominal machine, as its builder would write it down.
+
+    Parameters
+    ----------
+    nominal : Nominal
+        The nominal machine.
+
+    Returns
+    -------
+    str
+        Text of machine.toml.
+    """
     rail = {key: value for key, value in vars(nominal.rail).items() if key != "truncation"} | {
         "n_modes": nominal.n_modes
     }
@@ -57,7 +80,23 @@ def machine_toml(nominal: Nominal) -> str:
 
 
 def write_record(campaign: Campaign, record: int, path: Path) -> int:
-    """Write one record; returns the number of blows in it."""
+    """
+    Write one record.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    record : int
+        Which record.
+    path : Path
+        File to write.
+
+    Returns
+    -------
+    int
+        Number of blows in it.
+    """
     c = campaign.conditions
     if c.frf:
         frf = campaign.frf(record)

@@ -31,11 +31,29 @@ TOLERANCE = 1e-9
 @njit(cache=True, error_model="numpy")
 def force(kind: int, value: NDArray[np.float64], y: float, rate: float, slider: float) -> float:
     """
-    Force that an element puts on its port at deflection `y` and rate, beyond what the linear machine holds there.
+    Force that an element puts on its port, beyond what the linear machine holds there.
 
+    Parameters
+    ----------
+    kind : int
+        Its number in `KINDS`.
+    value : ndarray, shape (4,)
+        Its values.
+    y, rate : float
+        Deflection and rate of the port.
+    slider : float
+        Where a Jenkins element's slider is.
+
+    Returns
+    -------
+    float
+        The force.
+
+    Notes
+    -----
     cubic (k3): -k3 y³. freeplay (gap, k): what k y lacks of k (y ∓ gap). jenkins (limit, k): -k (y - slider) within ±limit.
     bilinear (k a): -k a |y|. quadratic_damping (c): -c rate |rate|. lift_off (k, preload): a support of stiffness k that
-    pushes only. cable (k2): -k2 y² where taut, y > 0. saturating_damper (limit, rate at which it saturates).
+    pushes only. cable (k2): -k2 y² where taut, y > 0. saturating_damper (limit, rate at which it saturates): -limit tanh.
     """
     if kind == 0:
         return float(-value[0] * y**3)
@@ -69,9 +87,29 @@ def integrate(
     """
     Accelerations of the channels under a force, from rest.
 
-    `decay` (mode), `begin` and `end` (mode, input) advance the modal state by a step; input 0 is the force, the others are
-    the elements. `motion` (2 elements, mode) gives deflections, then rates; `acceleration` (channel, mode) and `direct`
-    (channel, input) the channels.
+    Parameters
+    ----------
+    decay : ndarray of complex, shape (mode,)
+        By what a step multiplies a free mode.
+    begin, end : ndarray of complex, shape (mode, input)
+        What the inputs at its begin and end add; input 0 is the force, the others are the elements.
+    motion : ndarray of complex, shape (2 elements, mode)
+        Deflections of the elements, then their rates, by mode.
+    acceleration : ndarray of complex, shape (channel, mode)
+        Accelerations of the channels by mode.
+    direct : ndarray, shape (channel, input)
+        What inputs accelerate at once.
+    kinds : ndarray of int, shape (element,)
+        Numbers of the laws.
+    values : ndarray, shape (element, 4)
+        Their values.
+    drive : ndarray, shape (step,)
+        The force [N].
+
+    Returns
+    -------
+    ndarray, shape (channel, step)
+        Accelerations [m/s^2].
     """
     modes, inputs = begin.shape
     channels, elements = direct.shape[0], inputs - 1

@@ -31,7 +31,20 @@ _DECAY = 1.5
 
 @dataclass(frozen=True)
 class Modes:
-    """State-space modes: poles (one of each conjugate pair), ports by mode for displacement, and input to mode."""
+    """
+    State-space modes, one of each conjugate pair.
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (mode,)
+        Poles [rad/s].
+    shapes : ndarray of complex, shape (port, mode)
+        Displacement of the ports.
+    weights : ndarray of complex, shape (port, mode)
+        How forces at the ports drive the modes, twice where there is a pair.
+    names : tuple of str
+        The ports.
+    """
 
     poles: Complex
     shapes: Complex
@@ -39,20 +52,56 @@ class Modes:
     names: tuple[str, ...]
 
     def port(self, name: str) -> Complex:
-        """Displacement of a port in each mode; of a difference, ``"tool_x-base_x"``."""
+        """
+        Displacement of a port in each mode.
+
+        Parameters
+        ----------
+        name : str
+            A port, or a difference of two, ``"tool_x-base_x"``.
+
+        Returns
+        -------
+        ndarray of complex, shape (mode,)
+            Displacement.
+        """
         one, _, other = name.partition("-")
         row: Complex = self.shapes[self.names.index(one)]
         return row - self.shapes[self.names.index(other)] if other else row
 
     def input(self, name: str) -> Complex:
-        """How a force at a port drives each mode."""
+        """
+        How a force at a port drives each mode.
+
+        Parameters
+        ----------
+        name : str
+            A port, or a difference of two.
+
+        Returns
+        -------
+        ndarray of complex, shape (mode,)
+            Weights.
+        """
         one, _, other = name.partition("-")
         row: Complex = self.weights[self.names.index(one)]
         return row - self.weights[self.names.index(other)] if other else row
 
 
 def modes(machine: Linearised) -> Modes:
-    """Modes of the first-order form; real outputs are real parts over one of each conjugate pair."""
+    """
+    Modes of the first-order form.
+
+    Parameters
+    ----------
+    machine : Linearised
+        The machine.
+
+    Returns
+    -------
+    Modes
+        Its modes.
+    """
     n = machine.mass.shape[0]
     stiffness, damping = (np.linalg.solve(machine.mass, matrix) for matrix in (machine.stiffness, machine.damping))
     scale = np.sqrt(np.abs(np.diag(stiffness)).max())  # velocities over it: a balanced matrix
@@ -68,7 +117,23 @@ def modes(machine: Linearised) -> Modes:
 
 
 def receptance(m: Modes, s: Complex, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
-    """Displacements over forces at complex frequencies: output, input, frequency."""
+    """
+    Displacements over forces.
+
+    Parameters
+    ----------
+    m : Modes
+        The machine's modes.
+    s : ndarray of complex, shape (frequency,)
+        Complex frequencies [rad/s].
+    outputs, inputs : sequence of str
+        Ports.
+
+    Returns
+    -------
+    ndarray of complex, shape (output, input, frequency)
+        Receptances [m/N].
+    """
     # 2 Re of one of a pair holds in time; over s the conjugate has to be written out
     out = np.array([m.port(name) for name in outputs])
     force = np.array([m.input(name) for name in inputs])
@@ -81,7 +146,23 @@ def receptance(m: Modes, s: Complex, outputs: Sequence[str], inputs: Sequence[st
 
 
 def frequency_response(rig: Rig, machine: Linearised, s: Complex) -> Complex:
-    """Accelerations of the channels over the force on the tool, laws left out: channel, frequency."""
+    """
+    Accelerations of the channels over the force on the tool, nonlinear laws left out.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine, for its viscoelastic joints.
+    machine : Linearised
+        The same, assembled.
+    s : ndarray of complex, shape (frequency,)
+        Complex frequencies [rad/s].
+
+    Returns
+    -------
+    ndarray of complex, shape (channel, frequency)
+        Accelerances [m/s^2/N].
+    """
     m = modes(machine)
     elements = rig.fittings.viscoelastic
     ports = ["tool_x", *(e.joint for e in elements)]
@@ -98,7 +179,25 @@ def frequency_response(rig: Rig, machine: Linearised, s: Complex) -> Complex:
 
 
 def linear_answer(rig: Rig, machine: Linearised, forces: Array, fs: float) -> Array:
-    """Accelerations under band-limited forces (blow, sample) from rest: blow, channel, sample."""
+    """
+    Accelerations of a linear machine from rest.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine, for its viscoelastic joints.
+    machine : Linearised
+        The same, assembled.
+    forces : ndarray, shape (blow, sample)
+        Band-limited forces on the tool [N].
+    fs : float
+        Their sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray, shape (blow, channel, sample)
+        Accelerations [m/s^2].
+    """
     count = round(_PERIOD * fs)
     time = np.arange(forces.shape[-1]) / fs
     s = np.asarray(_DECAY + 2j * np.pi * np.fft.rfftfreq(count, 1 / fs), dtype=np.complex128)
@@ -109,7 +208,25 @@ def linear_answer(rig: Rig, machine: Linearised, forces: Array, fs: float) -> Ar
 
 
 def nonlinear_answer(rig: Rig, machine: Linearised, force: Array, fs: float) -> Array:
-    """Accelerations under one force that is linear between samples, from rest: channel, sample."""
+    """
+    Accelerations of a machine with nonlinear elements from rest.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine, for its laws.
+    machine : Linearised
+        The same, assembled.
+    force : ndarray, shape (sample,)
+        Force on the tool [N], linear between samples.
+    fs : float
+        Steps per second [Hz].
+
+    Returns
+    -------
+    ndarray, shape (channel, sample)
+        Accelerations [m/s^2].
+    """
     m = modes(machine)
     step = 1 / fs
     ports = [law.port for law in rig.fittings.laws]

@@ -32,9 +32,14 @@ _STEP = 1e-5
 @dataclass(frozen=True)
 class Linearised:
     """
-    The machine about its rest: M, C, K and rows of ports over its coordinates.
+    The machine about its rest.
 
-    Ports: ``tool_x``, ``tool_z``, ``head_x``, ``head_z``, ``base_x``, ``joint1``, ``joint2``, and ends of the rail that are free.
+    Parameters
+    ----------
+    mass, damping, stiffness : ndarray, shape (coordinate, coordinate)
+        Matrices [SI].
+    ports : mapping of str to ndarray, shape (coordinate,)
+        Rows of ``tool_x``, ``tool_z``, ``head_x``, ``head_z``, ``base_x``, ``joint1``, ``joint2``, and of the rail's free ends.
     """
 
     mass: Array
@@ -46,8 +51,24 @@ class Linearised:
 @dataclass(frozen=True)
 class Machine:
     """
-    An exudyn system, with the numbers of what is in it: markers of places, and of the joints' angles; coordinates that are
-    ports; the tree, how many coordinates it has (they come first), and link and distance along it of each place.
+    An exudyn system, with the numbers of what is in it.
+
+    Parameters
+    ----------
+    system : exudyn.MainSystem
+        The system.
+    markers : mapping of str to int
+        Markers of ``"tool"``, ``"head"``, ``"base"`` and ``"ground"``.
+    joints : mapping of str to int
+        Markers of the joints' angles.
+    coordinates : mapping of str to int
+        Coordinates that are ports.
+    tree : int
+        The kinematic tree.
+    tree_size : int
+        How many coordinates the tree has; they come first.
+    on_tree : mapping of str to (int, float)
+        Link of each place, and its distance along it [m].
     """
 
     system: exu.MainSystem
@@ -61,9 +82,25 @@ class Machine:
 
 def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = True) -> Machine:
     """
-    Put the machine together with the head at y_b / L; with ``assemble=False`` more may be added.
+    Put the machine together.
 
     Nonlinear laws and viscoelastic joints are left to who integrates it; their ports are there.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine.
+    position : float
+        y_b / L of the head.
+    highest : float
+        Frequency up to which the rail's component modes are kept [Hz].
+    assemble : bool
+        Whether the system is complete; more may be added otherwise.
+
+    Returns
+    -------
+    Machine
+        The system.
     """
     head, fittings = rig.head, rig.fittings
     free_ends = tuple(sorted({law.port for law in fittings.laws if law.port.startswith("rail_")}))
@@ -162,7 +199,19 @@ def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = 
 
 
 def linearise(machine: Machine) -> Linearised:
-    """M, C and K about the rest, and the rows of all ports."""
+    """
+    Matrices and ports about the rest.
+
+    Parameters
+    ----------
+    machine : Machine
+        An assembled system.
+
+    Returns
+    -------
+    Linearised
+        What exudyn's own differences give: stiffness to 1e-7 of itself, rows to 1e-10.
+    """
     system = machine.system
     # numerical differences inside exudyn: stiffness to 1e-7 of itself
     mass, stiffness, damping = system.ComputeLinearizedSystem()[:3]

@@ -12,18 +12,19 @@ from dataclasses import replace
 import numpy as np
 
 from cutvib_ss.blind.rig.causes import SWING, TYPICAL, Made, Maker, about, joint, with_law
+from cutvib_ss.blind.rig.fittings import Crack, Law, Oscillator, Spring, Supports, Viscoelastic
 from cutvib_ss.blind.rig.motion import CHANNELS
-from cutvib_ss.blind.rig.structure import Crack, Law, Oscillator, Rig, Spring, Supports, Viscoelastic
+from cutvib_ss.blind.rig.structure import Rig
 
 
-def mains_hum(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _mains_hum(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """50 Hz and harmonics on the responses."""
     size = about(rng, 0.4) * severity
     p = {f"amplitude{k}": size * float(rng.uniform(0.3, 1.0)) / k**0.5 for k in range(1, 8)}
     return rig.measured(hum=tuple(p.values())), "measurement", p
 
 
-def fractional_damper(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _fractional_damper(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A rubber-like torque c (iω)^α in a joint."""
     place, k = joint(rig, rng)
     order = float(rng.uniform(0.3, 0.6))
@@ -32,7 +33,7 @@ def fractional_damper(rig: Rig, severity: float, rng: np.random.Generator) -> Ma
     return rig.fitted(viscoelastic=(element,)), place, {"coefficient": coefficient, "order": order}
 
 
-def rattling_support(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _rattling_support(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A pillar on which an end of the rail only rests: it lifts off and lands."""
     k = about(rng, 6e7, 0.4)
     preload = about(rng, 12.0, 0.5) / severity
@@ -47,7 +48,7 @@ def rattling_support(rig: Rig, severity: float, rng: np.random.Generator) -> Mad
 _WARMING = {"joint1": ("k1", 0.3), "joint2": ("k2", 0.1), "rail": ("first_frequency", 0.12)}
 
 
-def warming(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _warming(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A value that changes from record to record, as the machine warms up."""
     place = str(rng.choice(list(_WARMING)))
     name, size = _WARMING[place]
@@ -55,13 +56,13 @@ def warming(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     return replace(rig, drift={name: change}), place, {"parameter": name, "change": change}
 
 
-def saturating_sensor(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _saturating_sensor(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A charge amplifier that saturates softly."""
     limit = about(rng, 120.0) / severity
     return rig.measured(saturation=dict.fromkeys(CHANNELS, limit)), "measurement", {"limit": limit}
 
 
-def z_pendulum(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _z_pendulum(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A mass on the tool that swings along the machine (the head hardly moves that way)."""
     p = {
         "mass": about(rng, 0.015) * severity,
@@ -71,13 +72,13 @@ def z_pendulum(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     return rig.fitted(oscillators=(Oscillator("tool", "z", **p),)), "tool", p
 
 
-def joint_coupling(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _joint_coupling(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A hose that couples the two joints: a spring on the difference of their angles."""
     stiffness = about(rng, 0.04) * severity * rig.head.k2
     return rig.fitted(coupling=stiffness), "joint2", {"stiffness": stiffness}
 
 
-def crack(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _crack(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A crack in the rail: it bends more at one point."""
     position = float(rng.uniform(0.2, 0.8))
     mu = rig.rail.mass / rig.rail.length
@@ -86,20 +87,20 @@ def crack(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     return rig.fitted(crack=Crack(position, stiffness)), "rail", {"position": position, "stiffness": stiffness}
 
 
-def cable_pull(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _cable_pull(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A cable between tool and base whose stiffness grows as it is drawn taut."""
     travel = 0.096 * SWING["joint2"]
     k2 = about(rng, 1.8) * severity * rig.head.k2 / rig.head.l2**2 / travel
     return with_law(rig, Law("tool_x-base_x", "cable", (k2,))), "tool", {"stiffness2": k2}
 
 
-def trigger_jitter(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _trigger_jitter(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """Force and responses on two devices that start together only about."""
     jitter = about(rng, 1.2e-4) * severity
     return rig.measured(jitter=jitter), "measurement", {"jitter": jitter}
 
 
-def saturating_damper(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _saturating_damper(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A damper whose torque levels off with the rate (a relief valve)."""
     place, _ = joint(rig, rng, 0.4)
     rate = 0.15 * SWING[place] * TYPICAL
@@ -107,13 +108,13 @@ def saturating_damper(rig: Rig, severity: float, rng: np.random.Generator) -> Ma
     return with_law(rig, Law(place, "saturating_damper", (torque, rate))), place, {"torque": torque, "rate": rate}
 
 
-def side_spring(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _side_spring(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A hose that holds the tool along the machine."""
     k = about(rng, 5e4) * severity
     return rig.fitted(springs=(Spring(("tool", "ground"), "z", k, 5.0),)), "tool", {"stiffness": k}
 
 
-def loose_mount(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
+def _loose_mount(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """An accelerometer on a mount that resonates."""
     resonance = about(rng, 700.0, 0.1) * severity**-0.5
     p = {"frequency": resonance, "damping_ratio": float(rng.uniform(0.02, 0.1))}
@@ -121,10 +122,18 @@ def loose_mount(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
 
 
 OUTSIDE: Mapping[str, Maker] = {
-    f.__name__: f
-    for f in (
-        mains_hum, fractional_damper, rattling_support, warming, saturating_sensor, z_pendulum, joint_coupling, crack,
-        cable_pull, trigger_jitter, saturating_damper, side_spring, loose_mount,
-    )
-}  # fmt: skip
+    "mains_hum": _mains_hum,
+    "fractional_damper": _fractional_damper,
+    "rattling_support": _rattling_support,
+    "warming": _warming,
+    "saturating_sensor": _saturating_sensor,
+    "z_pendulum": _z_pendulum,
+    "joint_coupling": _joint_coupling,
+    "crack": _crack,
+    "cable_pull": _cable_pull,
+    "trigger_jitter": _trigger_jitter,
+    "saturating_damper": _saturating_damper,
+    "side_spring": _side_spring,
+    "loose_mount": _loose_mount,
+}
 """Every kind outside the catalogue."""

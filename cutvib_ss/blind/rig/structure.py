@@ -1,4 +1,4 @@
-"""What the virtual machine is made of: the head, the rail, what is fitted to them, the measurement chain. Plain data."""
+"""What the virtual machine is made of: the head, the rail, faults of the measurement chain. Plain data."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+
+from cutvib_ss.blind.rig.fittings import Fittings
 
 JOINTS = ("joint1", "joint2")
 
@@ -19,7 +21,22 @@ TOLERANCE: Mapping[str, float] = {
 
 @dataclass(frozen=True)
 class Head:
-    """The two-link head (Table 3 of the paper): SI units, angles in degrees."""
+    """
+    The two-link head (Table 3 of the paper).
+
+    Parameters
+    ----------
+    m1, m2 : float
+        Masses at the links' tips [kg].
+    l1, l2 : float
+        Lengths of the links [m].
+    theta01_deg, theta02_deg : float
+        Angles at rest [degrees].
+    k1, k2 : float
+        Stiffness of the joints [N m/rad].
+    c1, c2 : float
+        Damping of the joints [N m s/rad].
+    """
 
     m1: float = 24.88
     m2: float = 0.60
@@ -36,9 +53,20 @@ class Head:
 @dataclass(frozen=True)
 class Rail:
     """
-    The rail between pins: length [m], whole mass [kg], first frequency without the head [Hz], modal damping ratio.
+    The rail between pins.
 
-    A `truncation` leaves only so many modes: not a rail, but a model of one, to see what truncation hides.
+    Parameters
+    ----------
+    length : float
+        Length [m].
+    mass : float
+        Mass of the whole rail [kg].
+    first_frequency : float
+        First natural frequency without the head [Hz].
+    damping_ratio : float
+        Damping ratio of every mode.
+    truncation : int, optional
+        Leave only so many modes: not a rail, but a model of one, to see what truncation hides.
     """
 
     length: float = 2.5
@@ -49,115 +77,28 @@ class Rail:
 
 
 @dataclass(frozen=True)
-class Supports:
-    """Springs [N/m] and dampers [N s/m] under the rail's ends."""
-
-    k_left: float
-    k_right: float
-    c_left: float = 0.0
-    c_right: float = 0.0
-
-
-@dataclass(frozen=True)
-class Twist:
-    """A rail that twists: eccentricity of the head [m], polar inertia of the rail [kg m^2], first frequency [Hz], damping."""
-
-    eccentricity: float
-    inertia: float
-    torsion_frequency: float
-    damping_ratio: float
-
-
-@dataclass(frozen=True)
-class Shear:
-    """Timoshenko's beam: κGA L²/(π² EI), and κG/E of section and material, which gives the rotary inertia."""
-
-    shear_ratio: float
-    modulus_ratio: float
-
-
-@dataclass(frozen=True)
-class Lump:
-    """A mass [kg] at y / L of the rail, with a damper to ground [N s/m]."""
-
-    position: float
-    mass: float
-    damping: float
-
-
-@dataclass(frozen=True)
-class Crack:
-    """A hinge in the rail at y / L: a rotational spring [N m/rad] in series with the bending."""
-
-    position: float
-    stiffness: float
-
-
-@dataclass(frozen=True)
-class Oscillator:
-    """A sprung mass on ``"tool"`` or ``"head"``, along ``"x"`` or ``"z"``: kg, Hz, damping ratio."""
-
-    place: str
-    axis: str
-    mass: float
-    frequency: float
-    damping_ratio: float
-
-
-@dataclass(frozen=True)
-class Spring:
-    """A spring and damper in X or Z between two of ``"tool"``, ``"head"``, ``"base"`` and ``"ground"``: N/m, N s/m."""
-
-    ends: tuple[str, str]
-    axis: str
-    stiffness: float
-    damping: float = 0.0
-
-
-@dataclass(frozen=True)
-class Viscoelastic:
-    """A torque in a joint that is stiffness·loss·i [hysteretic, order 0] or coefficient·(iω)^order [fractional]."""
-
-    joint: str
-    coefficient: float
-    order: float
-
-
-@dataclass(frozen=True)
-class Law:
-    """A nonlinear element at a port (`motion.ports`): its kind and up to four values (`laws`)."""
-
-    port: str
-    kind: str
-    values: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Fittings:
-    """What is fitted to the plain machine; nothing by default."""
-
-    supports: Supports | None = None
-    fixity: tuple[float, float] = (0.0, 0.0)
-    twist: Twist | None = None
-    shear: Shear | None = None
-    lumps: tuple[Lump, ...] = ()
-    crack: Crack | None = None
-    guide: tuple[float, float] | None = None
-    oscillators: tuple[Oscillator, ...] = ()
-    springs: tuple[Spring, ...] = ()
-    coupling: float = 0.0
-    viscoelastic: tuple[Viscoelastic, ...] = ()
-    laws: tuple[Law, ...] = ()
-
-
-@dataclass(frozen=True)
 class Chain:
     """
     What the measurement chain does that it should not; nothing by default.
 
-    Delays [s], gains, saturation levels [m/s^2] and loose mounts (resonance [Hz], damping ratio) by channel; `jitter` is
-    the standard deviation of how late the responses of a blow are [s]; `hum` is amplitudes [m/s^2] of 50 Hz and its harmonics;
-    `decay_rate` [1/s] is of an exponential window on force and response that is never taken out.
+    Parameters
+    ----------
+    delays : mapping of str to float
+        How late a channel is [s].
+    gains : mapping of str to float
+        Factor on a channel.
+    saturation : mapping of str to float
+        Level at which a channel's sensor saturates softly [m/s^2].
+    mounts : mapping of str to (float, float)
+        Resonance [Hz] and damping ratio of a channel's loose mount.
+    cross_axis : float
+        Fraction of X that leaks into Z.
+    decay_rate : float
+        Of an exponential window on force and response that is never taken out [1/s].
+    jitter : float
+        Standard deviation of how late the responses of a blow are [s].
+    hum : tuple of float
+        Amplitudes of 50 Hz and its harmonics [m/s^2].
     """
 
     delays: Mapping[str, float] = field(default_factory=dict)
@@ -175,8 +116,19 @@ class Rig:
     """
     A machine as it stands in the workshop.
 
-    `drift` is by how much named values of head and rail have changed (as a fraction) at the end of the campaign; they
-    change evenly from record to record.
+    Parameters
+    ----------
+    head : Head
+        The head.
+    rail : Rail
+        The rail.
+    fittings : Fittings
+        What is fitted to them.
+    chain : Chain
+        Faults of the measurement chain.
+    drift : mapping of str to float
+        By how much named values of head and rail have changed, as a fraction, at the end of the campaign; they change evenly
+        from record to record.
     """
 
     head: Head = field(default_factory=Head)
@@ -191,26 +143,86 @@ class Rig:
         return not self.fittings.laws
 
     def fitted(self, **changes: Any) -> Rig:
-        """The machine with fittings replaced."""
+        """
+        The machine with fittings replaced.
+
+        Parameters
+        ----------
+        **changes
+            Fields of `Fittings`.
+
+        Returns
+        -------
+        Rig
+            The machine.
+        """
         return replace(self, fittings=replace(self.fittings, **changes))
 
     def measured(self, **changes: Any) -> Rig:
-        """The machine with the measurement chain replaced."""
+        """
+        The machine with faults of the measurement chain replaced.
+
+        Parameters
+        ----------
+        **changes
+            Fields of `Chain`.
+
+        Returns
+        -------
+        Rig
+            The machine.
+        """
         return replace(self, chain=replace(self.chain, **changes))
 
     def value(self, name: str) -> float:
-        """A value of head or rail by its name."""
+        """
+        A value of head or rail.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Returns
+        -------
+        float
+            The value.
+        """
         return float(getattr(self.head if name in HEAD_NAMES else self.rail, name))
 
     def scaled(self, factors: Mapping[str, float]) -> Rig:
-        """The machine with values of head and rail times factors."""
+        """
+        The machine with values of head and rail times factors.
+
+        Parameters
+        ----------
+        factors : mapping of str to float
+            Factors by name.
+
+        Returns
+        -------
+        Rig
+            The machine.
+        """
         new = {name: self.value(name) * factor for name, factor in factors.items()}
         head: dict[str, Any] = {name: value for name, value in new.items() if name in HEAD_NAMES}
         rail: dict[str, Any] = {name: value for name, value in new.items() if name not in HEAD_NAMES}
         return replace(self, head=replace(self.head, **head), rail=replace(self.rail, **rail))
 
     def at(self, progress: float) -> Rig:
-        """The machine at a stage of the campaign, 0 to 1."""
+        """
+        The machine at a stage of the campaign.
+
+        Parameters
+        ----------
+        progress : float
+            0 at its first record, 1 at its last.
+
+        Returns
+        -------
+        Rig
+            The machine, its drift done.
+        """
         if not self.drift:
             return self
         return replace(self.scaled({name: 1 + change * progress for name, change in self.drift.items()}), drift={})
@@ -220,6 +232,20 @@ HEAD_NAMES = tuple(f.name for f in fields(Head))
 
 
 def scattered(rig: Rig, rng: np.random.Generator) -> Rig:
-    """A machine as built: every value drawn about its nominal one within the tolerance."""
+    """
+    A machine as built: every value drawn about its nominal one within the tolerance.
+
+    Parameters
+    ----------
+    rig : Rig
+        The nominal machine.
+    rng : numpy.random.Generator
+        Generator.
+
+    Returns
+    -------
+    Rig
+        The machine as built.
+    """
     names = [name for name in TOLERANCE if name != "calibration"]
     return rig.scaled({name: float(np.exp(TOLERANCE[name] * rng.standard_normal())) for name in names})
