@@ -1,0 +1,362 @@
+"""
+Compiled loops of the harmonic balance, second half: the balance itself, Newton's method, and continuation along a sweep.
+
+Unknowns are real: of each port the mean, where it has one, then a cosine and a sine of each harmonic. The residual is
+R = x - H(ω) f0 + A(kω) F(x), harmonic by harmonic, with F the laws' forces (`cutvib_ss.response.compiled_forces`) and H and A the
+model's receptances as sums over its modes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import numba
+import numpy as np
+
+from cutvib_ss.response.compiled_forces import Tables, forces
+from cutvib_ss.results import ComplexArray, FloatArray
+
+System: TypeAlias = tuple[ComplexArray, ComplexArray, ComplexArray]
+"""Poles (mode,); participation of the force and of the ports (mode, 1 + port); displacement of the ports (port, mode)."""
+Elements: TypeAlias = tuple[np.ndarray, FloatArray]
+"""Codes of the laws (port,), their parameters (port, 2)."""
+
+_TURN = 1e-7
+"""Relative step of the derivative to frequency."""
+_NEWTON = 12
+"""Steps of Newton's method at most."""
+_SAME = 1e-9
+"""Residual, relative to the motion, at which it ends."""
+_LONGEST = 1.0
+"""Longest arc: a fifth of the motion's size, or as much as `sweep` allows in frequency."""
+_SHORTEST = 1e-5
+"""Shortest arc, at which a curve is given up."""
+_ARC_OF_MOTION = 0.2
+"""Change of the motion over its size that counts as an arc of one."""
+
+
+@numba.njit(cache=True)
+def _receptance(system: System, s: complex) -> tuple[ComplexArray, ComplexArray]:
+    """Displacement of the ports per unit force at the input (port,), and at the ports (port, port)."""
+    poles, drives, shapes = system
+    ports = shapes.shape[0]
+    by_force = np.zeros(ports, dtype=np.complex128)
+    own = np.zeros((ports, ports), dtype=np.complex128)
+    for m in range(poles.size):
+        up, down = 0.5 / (s - poles[m]), 0.5 / (s - poles[m].conjugate())
+        for j in range(ports):
+            r = shapes[j, m] * drives[m, 0]
+            by_force[j] += r * up + r.conjugate() * down
+            for i in range(ports):
+                r = shapes[j, m] * drives[m, 1 + i]
+                own[j, i] += r * up + r.conjugate() * down
+    return by_force, own
+
+
+@numba.njit(cache=True)
+def balance(
+    x: FloatArray,
+    omega: float,
+    force: float,
+    system: System,
+    elements: Elements,
+    tables: Tables,
+    residual: FloatArray,
+    jacobian: FloatArray,
+    harmonics: FloatArray,
+    slopes: FloatArray,
+) -> None:
+    """
+    Residual of the harmonic balance and its derivatives to the unknowns.
+
+    Parameters
+    ----------
+    x : ndarray, shape (port · unknown,)
+        Motion of the ports.
+    omega : float
+        Frequency [rad/s].
+    force : float
+        Force amplitude, in phase with the cosine.
+    system, elements, tables : tuple
+        The model, the laws, the harmonics.
+    residual : ndarray, shape (port · unknown,)
+        Takes the residual.
+    jacobian : ndarray, shape (port · unknown, port · unknown)
+        Takes its derivatives.
+    harmonics : ndarray, shape (port · unknown,)
+        Takes the harmonics of the laws' forces.
+    slopes : ndarray, shape (port, unknown, unknown)
+        Takes their derivatives to the motion of the same port.
+    """
+    codes, parameters = elements
+    numbers, n = tables[0], tables[1].shape[1]
+    ports = codes.size
+    for j in range(ports):
+        forces(
+            x[j * n : (j + 1) * n], omega, codes[j], parameters[j], tables, harmonics[j * n : (j + 1) * n], slopes[j]
+        )
+    for row in range(x.size):
+        residual[row] = x[row]
+        for w in range(x.size):
+            jacobian[row, w] = 1.0 if row == w else 0.0
+    at = 0
+    for k in numbers:
+        # On the real axis the mean's receptance is real; so close to zero it is the static one.
+        s = complex(1e-5 * omega, 0.0) if k == 0 else complex(0.0, k * omega)
+        by_force, own = _receptance(system, s)
+        for j in range(ports):
+            row = j * n + at
+            if k == 1:
+                residual[row] -= by_force[j].real * force
+                residual[row + 1] += by_force[j].imag * force
+            for i in range(ports):
+                a, b, c = own[j, i].real, own[j, i].imag, i * n + at
+                if k == 0:
+                    residual[row] += a * harmonics[c]
+                    for w in range(n):
+                        jacobian[row, i * n + w] += a * slopes[i, at, w]
+                    continue
+                # (a + ib)(F_c - iF_s)
+                residual[row] += a * harmonics[c] + b * harmonics[c + 1]
+                residual[row + 1] += a * harmonics[c + 1] - b * harmonics[c]
+                for w in range(n):
+                    real, imag = slopes[i, at, w], slopes[i, at + 1, w]
+                    jacobian[row, i * n + w] += a * real + b * imag
+                    jacobian[row + 1, i * n + w] += a * imag - b * real
+        at += 1 if k == 0 else 2
+
+
+@numba.njit(cache=True)
+def _size(x: FloatArray) -> float:
+    total = 0.0
+    for value in x:
+        total += value * value
+    return math.sqrt(total)
+
+
+@numba.njit(cache=True)
+def _solve(a: FloatArray, b: FloatArray) -> None:
+    """The solution of a small system, in place of its right side, by elimination with pivots; quicker to compile than LAPACK's."""
+    n = b.size
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(a[i, k]) > abs(a[best, k]):
+                best = i
+        if best != k:
+            for w in range(k, n):
+                a[k, w], a[best, w] = a[best, w], a[k, w]
+            b[k], b[best] = b[best], b[k]
+        for i in range(k + 1, n):
+            factor = a[i, k] / a[k, k]
+            for w in range(k + 1, n):
+                a[i, w] -= factor * a[k, w]
+            b[i] -= factor * b[k]
+    for k in range(n - 1, -1, -1):
+        for w in range(k + 1, n):
+            b[k] -= a[k, w] * b[w]
+        b[k] /= a[k, k]
+
+
+@numba.njit(cache=True)
+def newton(x: FloatArray, omega: float, force: float, system: System, elements: Elements, tables: Tables) -> bool:
+    """
+    The solution at a frequency.
+
+    Parameters
+    ----------
+    x : ndarray, shape (port · unknown,)
+        A motion close by; takes the solution.
+    omega : float
+        Frequency [rad/s].
+    force : float
+        Force amplitude.
+    system, elements, tables : tuple
+        The model, the laws, the harmonics.
+
+    Returns
+    -------
+    bool
+        Whether there is one.
+    """
+    n = x.size
+    r, j, f = np.zeros(n), np.zeros((n, n)), np.zeros(n)
+    slopes = np.zeros((elements[0].size, tables[1].shape[1], tables[1].shape[1]))
+    for _ in range(_NEWTON):
+        balance(x, omega, force, system, elements, tables, r, j, f, slopes)
+        left = _size(r)
+        if not math.isfinite(left):
+            return False
+        small = left <= _SAME * _size(x)
+        _solve(j, r)
+        for k in range(n):
+            x[k] -= r[k]
+        if small:
+            return True
+    return False
+
+
+@numba.njit(cache=True)
+def sweep(
+    start: FloatArray,
+    omegas: FloatArray,
+    force: float,
+    system: System,
+    elements: Elements,
+    tables: Tables,
+    reach: float,
+) -> tuple[int, FloatArray]:
+    """
+    Steady motion along a sweep of frequency at constant force.
+
+    Parameters
+    ----------
+    start : ndarray, shape (port · unknown,)
+        The motion at the first frequency.
+    omegas : ndarray, shape (line,)
+        Frequencies in the order of the sweep, up or down [rad/s].
+    force : float
+        Force amplitude.
+    system, elements, tables : tuple
+        The model, the laws, the harmonics.
+    reach : float
+        Frequency that an arc of one may span [rad/s].
+
+    Returns
+    -------
+    done : int
+        Lines found; fewer than all where the curve was lost.
+    motions : ndarray, shape (line, port · unknown)
+        The motion of the ports.
+
+    Notes
+    -----
+    Pseudo-arclength continuation (Keller 1977) in the motion over its size and the frequency over ``reach``. Where the curve folds
+    it runs back along the unstable branch to the next fold; a line counts when it is reached for the first time, so that the
+    sweep jumps as a slow one does.
+    """
+    lines, n, ports = omegas.size, start.size, elements[0].size
+    sign = 1.0 if lines < 2 or omegas[-1] > omegas[0] else -1.0
+    motions = np.zeros((lines, n))
+    x, new, guess, trial = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    for k in range(n):
+        x[k] = motions[0, k] = start[k]
+    omega, done, arc = omegas[0], 1, 0.1
+    r, j, f, slopes = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((ports, n // ports, n // ports))
+    turned, spare = np.zeros(n), np.zeros((n, n))
+    bordered, right = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
+    tangent = np.zeros(n + 1)
+    tangent[n] = sign
+    for _ in range(200 * lines + 1000):
+        if done == lines:
+            break
+        size = _ARC_OF_MOTION * _size(x)
+        # The tangent: the kernel of (∂R/∂x, ∂R/∂ω), both scaled, on the side of the last one.
+        balance(x, omega, force, system, elements, tables, r, j, f, slopes)
+        balance(x, omega * (1.0 + _TURN), force, system, elements, tables, turned, spare, f, slopes)
+        for k in range(n):
+            turned[k] = (turned[k] - r[k]) / (omega * _TURN) * (reach / size)
+            right[k] = 0.0
+        right[n] = 1.0
+        _border(bordered, j, turned, tangent)
+        _solve(bordered, right)
+        length = _size(right)
+        for k in range(n + 1):
+            tangent[k] = right[k] / length
+        while True:
+            for k in range(n):
+                guess[k] = new[k] = x[k] + arc * size * tangent[k]
+            ahead = there = omega + arc * reach * tangent[n]
+            steps, found = 0, False
+            while steps < _NEWTON and there > 0.0 and not found:
+                steps += 1
+                balance(new, there, force, system, elements, tables, r, j, f, slopes)
+                left = _size(r)
+                if not math.isfinite(left):
+                    break
+                # ∂R/∂ω stays that of the arc's start.
+                _border(bordered, j, turned, tangent)
+                for k in range(n):
+                    right[k] = -r[k] / size
+                right[n] = 0.0
+                _solve(bordered, right)
+                for k in range(n):
+                    new[k] += size * right[k]
+                there += reach * right[n]
+                found = left <= 1e-6 * _size(new) and _size(right) < 1e-4
+            # A corrector that goes far has found another part of the curve.
+            aside = ((there - ahead) / reach) ** 2
+            for k in range(n):
+                aside += ((new[k] - guess[k]) / size) ** 2
+            good, reached = found and aside < 0.25 * arc * arc, done
+            while good and reached < lines and sign * (there - omegas[reached]) >= 0.0:
+                part = (omegas[reached] - omega) / (there - omega)
+                for k in range(n):
+                    guess[k] = trial[k] = x[k] + part * (new[k] - x[k])
+                good = newton(trial, omegas[reached], force, system, elements, tables)
+                far = 0.0
+                for k in range(n):
+                    far += (trial[k] - guess[k]) ** 2
+                    motions[reached, k] = trial[k]
+                good = good and far <= (arc * size) ** 2
+                reached += 1
+            if good:
+                break
+            arc *= 0.5
+            if arc < _SHORTEST:
+                return done, motions
+        done, omega = reached, there
+        for k in range(n):
+            x[k] = new[k]
+        arc = min(arc * (1.5 if steps <= 4 else 0.8), _LONGEST)
+    return done, motions
+
+
+@numba.njit(cache=True)
+def balances(
+    motions: FloatArray, omegas: FloatArray, system: System, elements: Elements, tables: Tables
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """
+    `balance` at many lines, without force.
+
+    Parameters
+    ----------
+    motions : ndarray, shape (line, port · unknown)
+        Motions of the ports.
+    omegas : ndarray, shape (line,)
+        Frequencies [rad/s].
+    system, elements, tables : tuple
+        The model, the laws, the harmonics.
+
+    Returns
+    -------
+    residuals : ndarray, shape (line, port · unknown)
+        What is left, without force.
+    jacobians : ndarray, shape (line, port · unknown, port · unknown)
+        Its derivatives.
+    harmonics : ndarray, shape (line, port · unknown)
+        Harmonics of the laws' forces.
+    slopes : ndarray, shape (line, port, unknown, unknown)
+        Their derivatives to the motion of the same port.
+    """
+    lines, n = motions.shape
+    ports, width = elements[0].size, tables[1].shape[1]
+    residuals, jacobians, harmonics = np.zeros((lines, n)), np.zeros((lines, n, n)), np.zeros((lines, n))
+    slopes = np.zeros((lines, ports, width, width))
+    for k in range(lines):
+        balance(
+            motions[k], omegas[k], 0.0, system, elements, tables, residuals[k], jacobians[k], harmonics[k], slopes[k]
+        )
+    return residuals, jacobians, harmonics, slopes
+
+
+@numba.njit(cache=True)
+def _border(bordered: FloatArray, jacobian: FloatArray, by_omega: FloatArray, tangent: FloatArray) -> None:
+    n = by_omega.size
+    for k in range(n):
+        for w in range(n):
+            bordered[k, w] = jacobian[k, w]
+        bordered[k, n] = by_omega[k]
+        bordered[n, k] = tangent[k]
+    bordered[n, n] = tangent[n]

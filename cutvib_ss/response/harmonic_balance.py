@@ -1,0 +1,286 @@
+"""
+Responses to a sine of constant amplitude, swept up or down, with nonlinear elements at ports: harmonic balance.
+
+The steady motion of the ports is a few harmonics, q = Re Σ Q_k e^(ikωt). The model is linear but for the elements' forces
+n(q, q̇), whose harmonics N_k are taken over the samples of a period, so that
+
+    Q_k = δ_k1 H(ω) f - A(kω) N_k(Q),   X = H_x(ω) f - A_x(ω) N_1
+
+with H and A the receptances from the input and between the ports, and X the channels' fundamental, which an analyser divides by the
+force. The motion is followed along the sweep by pseudo-arclength, over folds to where the branch goes on: the jumps of a slow
+sweep (`cutvib_ss.response.compiled_balance`). Elements at ports condense everything else; more modes cost little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.laws import LAWS
+from cutvib_ss.machine import Machine
+from cutvib_ss.parameters import check_number
+from cutvib_ss.response.axes import as_laplace, as_positions
+from cutvib_ss.response.frequency import ChainedResponse, output_quantities
+from cutvib_ss.response.modal_form import modal_form
+from cutvib_ss.response.port_motion import PortMotion, harmonic_tables
+from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
+from cutvib_ss.slots import NonlinearElement, Path
+from cutvib_ss.structure import Structure
+
+_SAMPLES = 32
+"""Samples of a period for each harmonic kept; corners of a law alias less the more there are."""
+_STICKS = 1000.0
+"""Stiffness that stands for friction at rest, over the model's own at the port; the largest motion over that at which it yields."""
+_EVEN = ("bilinear_stiffness",)
+"""Laws that are not odd: their forces have a mean and even harmonics."""
+
+
+def sine_response(
+    machine: Machine | Structure,
+    positions: ArrayLike | None,
+    freq: ArrayLike,
+    amplitude: float,
+    direction: Literal["up", "down"] = "up",
+    harmonics: int = 7,
+    outputs: Sequence[str] | None = None,
+    viscous_at: float | None = None,
+) -> FrequencyResponse:
+    """
+    First-harmonic responses over force along a slow sine sweep of constant force amplitude.
+
+    Parameters
+    ----------
+    machine : Machine or Structure
+        The model with its nonlinear elements; without any this is `frequency_response`.
+    positions : array_like, shape (position,)
+        y_b / L of the head; None for a structure.
+    freq : array_like, shape (frequency,)
+        Frequencies, ascending [Hz].
+    amplitude : float
+        Amplitude of the force [N], or of the base's acceleration [m/s^2].
+    direction : {"up", "down"}
+        Direction of the sweep: where the response folds, it tells on which branch the motion is.
+    harmonics : int
+        Highest harmonic of the ports' motion.
+    outputs : sequence of str, optional
+        Channels and ports; the model's channels by default.
+    viscous_at : float, optional
+        Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one where it meets the nonlinear elements.
+
+    Returns
+    -------
+    FrequencyResponse
+        ``data`` of shape (position, output, 1, frequency), through the measurement chain; an exponential window means nothing here.
+
+    Raises
+    ------
+    ParameterError
+        If a frequency, the amplitude, the direction or the number of harmonics is impossible.
+    CouplingError
+        If damping is hysteretic and no ``viscous_at`` is given, or no steady motion is found (a softening law runs away).
+
+    Notes
+    -----
+    Alternating frequency/time (Cameron and Griffin, J. Appl. Mech. 56, 1989); laws with memory are marched through two periods.
+    Friction at rest is a spring a thousand times as stiff as the model at its port, which leaves up to a percent of its effect.
+    Odd laws are given odd harmonics: motion that settles unevenly under them, to one side of a clearance for instance, is not
+    followed.
+
+    Examples
+    --------
+    >>> from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+    >>> from cutvib_ss.machine import published_machine
+    >>> machine = CubicStiffness("joint2", 8e9).apply(published_machine())
+    >>> frf = sine_response(machine, [0.5], [200.0, 215.0, 230.0], 20.0, outputs=["tool_x"])
+    >>> frf.data.shape, frf.unit
+    ((1, 1, 1, 3), 'm/s^2/N')
+    """
+    return SineSweep(machine, positions, freq, amplitude, direction, harmonics, outputs, viscous_at).response
+
+
+class SineSweep:
+    """
+    A sine sweep and its derivatives; the arguments are those of `sine_response`.
+
+    Parameters
+    ----------
+    machine : Machine or Structure
+        The model with its nonlinear elements.
+    positions : array_like, shape (position,)
+        y_b / L of the head; None for a structure.
+    freq : array_like, shape (frequency,)
+        Frequencies, ascending [Hz].
+    amplitude : float
+        Amplitude of the force [N], or of the base's acceleration [m/s^2].
+    direction : {"up", "down"}
+        Direction of the sweep.
+    harmonics : int
+        Highest harmonic of the ports' motion.
+    outputs : sequence of str, optional
+        Channels and ports; the model's channels by default.
+    viscous_at : float, optional
+        Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one where it meets the nonlinear elements.
+    """
+
+    def __init__(
+        self,
+        machine: Machine | Structure,
+        positions: ArrayLike | None,
+        freq: ArrayLike,
+        amplitude: float,
+        direction: Literal["up", "down"] = "up",
+        harmonics: int = 7,
+        outputs: Sequence[str] | None = None,
+        viscous_at: float | None = None,
+    ) -> None:
+        # A window's decay belongs to estimates from transients.
+        self.machine = replace(machine, chain=replace(machine.chain, decay_rate=0.0))
+        self.positions = as_positions(machine, positions)
+        self.freq, self._s = as_laplace(freq, 0.0)
+        if self.freq.size == 0 or self.freq[0] <= 0.0 or (np.diff(self.freq) <= 0.0).any():
+            raise ParameterError("the frequencies of a sweep must be above 0 Hz and ascend; `direction` turns it round")
+        self.amplitude = check_number("amplitude", amplitude, 0.0, strict=True)
+        if direction not in ("up", "down"):
+            raise ParameterError(f"direction {direction!r} is neither up nor down")
+        if harmonics < 1:
+            raise ParameterError(f"harmonics = {harmonics} must be at least 1")
+        self.direction, self.harmonics, self._viscous_at = direction, harmonics, viscous_at
+        self.elements: tuple[NonlinearElement, ...] = machine.nonlinear
+        self.outputs = tuple(machine.channels) if outputs is None else tuple(outputs)
+        self.quantities = output_quantities(machine, self.outputs, None)
+        ports = tuple(e.port for e in self.elements)
+        still: list[Quantity] = ["displacement"] * len(ports)
+        self._linear = ChainedResponse(
+            self.machine, self.positions, self._s, (*self.quantities, *still),
+            self.outputs + ports, ("force", *ports),
+        )  # fmt: skip
+        even = any(e.law in _EVEN for e in self.elements)
+        self._tables = harmonic_tables(
+            np.arange(harmonics + 1) if even else np.arange(1, harmonics + 1, 2), _SAMPLES * (harmonics + 1)
+        )
+
+    @cached_property
+    def _balances(self) -> list[PortMotion]:
+        if not self.elements:
+            return []
+        places = [None if np.isnan(y) else float(y) for y in self.positions]
+        forms = [modal_form(self.machine, y, (), self._viscous_at) for y in places]
+        return [
+            PortMotion((form.poles, form.drives, form.shapes), self._laws(h), self._tables)
+            for form, h in zip(forms, self._receptances, strict=True)
+        ]
+
+    @cached_property
+    def _solved(self) -> list[tuple[FloatArray, ComplexArray]]:
+        """Motion of the ports and fundamentals of the forces at each position, lines ascending."""
+        omegas = 2 * np.pi * self.freq[:: 1 if self.direction == "up" else -1]
+        found = []
+        for balance in self._balances:
+            motions = balance.sweep(omegas, self.amplitude)
+            if len(motions) < omegas.size:
+                raise CouplingError(
+                    f"no steady motion at {omegas[len(motions)] / (2 * np.pi):.4g} Hz under {self.amplitude:g}: "
+                    f"{', '.join(e.law for e in self.elements)} lets it run away, or the sweep is too coarse; "
+                    "lower the amplitude or add lines"
+                )
+            motions = np.ascontiguousarray(motions[:: 1 if self.direction == "up" else -1])
+            found.append((motions, balance.fundamentals(2 * np.pi * self.freq, motions)))
+        return found
+
+    @cached_property
+    def _slopes(self) -> list[tuple[FloatArray, FloatArray]]:
+        omegas = 2 * np.pi * self.freq
+        return [b.slopes(omegas, motions) for b, (motions, _) in zip(self._balances, self._solved, strict=True)]
+
+    @cached_property
+    def _receptances(self) -> ComplexArray:
+        """Channels, then ports, by the force, then by the ports; shape (position, output, input, frequency)."""
+        return self._linear.data()
+
+    def _laws(self, receptances: ComplexArray) -> tuple[np.ndarray, FloatArray]:
+        """Codes and parameters; friction as an element that slips, from a spring as good as rigid."""
+        names, values = list(LAWS), np.zeros((len(self.elements), 2))
+        codes = np.zeros(len(self.elements), dtype=np.int64)
+        n = len(self.outputs)
+        for j, e in enumerate(self.elements):
+            codes[j] = names.index(e.law)
+            values[j, : len(e.values)] = e.values
+            if e.law == "dry_friction":
+                own = 1.0 / np.abs(receptances[n + j, 1 + j])
+                moved = self.amplitude * np.abs(receptances[n + j, 0]).max()
+                codes[j] = names.index("joint_slip")
+                values[j] = _STICKS * max(float(np.median(own)), e.values[0] / moved), e.values[0]
+        return codes, values
+
+    @cached_property
+    def data(self) -> ComplexArray:
+        """The responses, shape (position, output, frequency)."""
+        n, h = len(self.outputs), self._receptances
+        out = h[:, :n, 0].copy()
+        for i, (_, forces) in enumerate(self._solved):
+            out[i] -= np.einsum("cjf,fj->cf", h[i, :n, 1:], forces) / self.amplitude
+        return out
+
+    @property
+    def response(self) -> FrequencyResponse:
+        """The responses as a result."""
+        unit = "m/s^2" if self.machine.input_quantity == "acceleration" else "N"
+        return FrequencyResponse(
+            self.data[:, :, None], self.freq, self.positions, self.outputs, ("force",), self.quantities, input_unit=unit
+        )
+
+    def derivative(self, path: Path) -> ComplexArray:
+        """
+        Derivative of the responses to one of the model's values, as a fit takes it.
+
+        Parameters
+        ----------
+        path : tuple of str and int
+            The value's path, as `slots.value_at` takes it; ``("nonlinear", k, "parameters", name)`` for those of a law.
+
+        Returns
+        -------
+        ndarray, shape (position, output, frequency)
+            The derivative along the branch that the motion is on; exact but for what a value of the linear model changes of the
+            receptances at higher harmonics.
+        """
+        n, f = len(self.outputs), self.amplitude
+        by_law = path[0] == "nonlinear"
+        d = np.zeros(self._receptances.shape, dtype=np.complex128) if by_law else self._linear.derivative(path)
+        out: ComplexArray = d[:, :n, 0].copy()
+        for i, ((_, forces), (by_motion, by_parameter)) in enumerate(zip(self._solved, self._slopes, strict=True)):
+            h = self._receptances[i]
+            own = _real(h[n:, 1:])
+            pushed = f * d[i, n:, 0].T - np.einsum("jif,fi->fj", d[i, n:, 1:], forces)
+            explicit = np.zeros((self.freq.size, 2 * len(self.elements)))
+            if by_law:
+                k = int(path[1])
+                explicit = by_parameter[:, :, k, list(LAWS[self.elements[k].law].units).index(str(path[3]))]
+                if self.elements[k].law == "dry_friction":
+                    explicit = by_parameter[:, :, k, 1]
+            right = _pairs(pushed) - np.einsum("fab,fb->fa", own, explicit)
+            moved = np.linalg.solve(np.eye(own.shape[1]) + own @ by_motion, right[..., None])[..., 0]
+            change = np.einsum("fab,fb->fa", by_motion, moved) + explicit
+            d_forces = change[:, 0::2] - 1j * change[:, 1::2]
+            out[i] -= np.einsum("cjf,fj->cf", d[i, :n, 1:], forces) / f
+            out[i] -= np.einsum("cjf,fj->cf", h[:n, 1:], d_forces) / f
+        return out
+
+
+def _pairs(values: ComplexArray) -> FloatArray:
+    """Cosines and sines of complex amplitudes, shape (frequency, port) to (frequency, 2 port)."""
+    return np.stack([values.real, -values.imag], axis=-1).reshape(len(values), -1)
+
+
+def _real(matrices: ComplexArray) -> FloatArray:
+    """Complex matrices (port, port, frequency) as they act on cosines and sines, (frequency, 2 port, 2 port)."""
+    a, b = matrices.real, matrices.imag
+    blocks = np.array([[a, b], [-b, a]])  # (2, 2, port, port, frequency)
+    n = 2 * a.shape[0]
+    return np.ascontiguousarray(blocks.transpose(4, 2, 0, 3, 1)).reshape(-1, n, n)
