@@ -147,9 +147,10 @@ def _confidence(cases: Cases) -> list[Row]:
     errors = [calibration_error(b[:, 0].tolist(), (b[:, 1] > 0.5).tolist()) for b in both[scatter]] if p else [np.nan]
     low, high = np.quantile(errors, [0.025, 0.975])
     sure = [c for c in cases if c.answer.confidence >= SURE]
+    sizes = [len(c.answer.likely) for c in cases if c.answer.entries]
     return [
         Row("coverage", "95 % set holds the truth", "%", _part(cases, lambda c: c.truth.causes in c.answer.likely), 0.93),
-        Row("set_size", "causes in the 95 % set", "", resampled([len(c.answer.likely) for c in cases]), 1.6, False),
+        Row("set_size", "causes in the 95 % set", "", resampled(sizes), 1.6, False, "of the cases that have a diagnosis"),
         Row("calibration_error", "expected calibration error", "",
             Estimate(calibration_error(p, right), float(low), float(high), len(p)), 0.03, False,
             f"perfect calibration would show {chance:.3f} at that many cases, at most {bound:.3f} in 95 of 100 trials"),

@@ -338,8 +338,16 @@ def case_data(case: Case) -> dict[str, Any]:
         "shrinkage_interval": gap.get("shrinkage_interval"),
         "achieved": case.achieved,
         "seconds": case.run.get("cpu_seconds"),
-        "message": case.run.get("message") if case.answer.verdict == "failed" else "",
+        "message": _last_words(case) if case.answer.verdict == "failed" else "",
     }
+
+
+def _last_words(case: Case) -> str:
+    """Why there is no diagnosis: the last line of what the process said, but for the command line's own good-bye."""
+    said = [
+        line for line in str(case.run.get("message", "")).splitlines() if line and "a fault of the program" not in line
+    ]
+    return f"{case.run.get('status', 'failed')}: {said[-1]}" if said else str(case.run.get("status", "failed"))
 
 
 def _row(row: Row) -> dict[str, Any]:

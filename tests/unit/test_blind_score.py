@@ -13,7 +13,7 @@ from scipy import stats
 
 from cutvib_ss.blind.cases import FAILED, NONE, UNKNOWN, Case, answer_of, causes_of, truth_of
 from cutvib_ss.blind.rows import Row, rows
-from cutvib_ss.blind.score import Score, scored
+from cutvib_ss.blind.score import Score, case_data, scored
 from cutvib_ss.blind.statistics import (
     calibration_error,
     calibration_error_if_perfect,
@@ -128,6 +128,13 @@ def test_a_case_without_a_diagnosis_counts_as_wrong_everywhere() -> None:
     assert found["inside_unknown"].estimate.value == 1.0
     assert found["failed"].estimate.value == 1.0
     assert found["missed"].estimate.value == 1.0
+
+
+def test_why_there_is_no_diagnosis_is_told_in_one_line() -> None:
+    said = "Traceback\n  File x\nValueError: 23 columns\ncutvib: a fault of the program, not of the input; please report it"
+    crashed = replace(case(label(*JOINT), None), run={"status": "failed", "message": said})
+    late = replace(crashed, run={"status": "timeout", "message": ""})
+    assert [case_data(c)["message"] for c in (crashed, late)] == ["failed: ValueError: 23 columns", "timeout"]
 
 
 def test_false_alarms_and_unknowns_go_by_the_verdict() -> None:
