@@ -197,6 +197,32 @@ class Machine:
         )  # fmt: skip
         return both if len(ours) == 1 else _tie(both, ours[1], "twist")
 
+    def matrices(
+        self, positions: Sequence[float], viscous_at: float | None = None
+    ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """
+        Mass, damping and stiffness at several positions: the matrices of `second_order`, at less cost.
+
+        Parameters
+        ----------
+        positions : sequence of float
+            y_b / L of the head, each strictly inside (0, 1).
+        viscous_at : float, optional
+            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
+
+        Returns
+        -------
+        list of (ndarray, ndarray, ndarray)
+            One a position.
+        """
+        if self.guide is not None or not positions:
+            systems = [self.second_order(y, viscous_at) for y in positions]
+            return [(s.mass, s.damping, s.stiffness) for s in systems]
+        rail_ = self.rail_system(positions[0], {f"at{i}": check_position(y) for i, y in enumerate(positions)})
+        head_, theirs = self.head_system(viscous_at), self.interface[1]
+        ends = ("", "_twist")[: len(theirs)]
+        return [rail_.joined([f"at{i}{end}" for end in ends], head_, theirs) for i in range(len(positions))]
+
     def plant(
         self,
         position: float,

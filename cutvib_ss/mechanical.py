@@ -229,6 +229,49 @@ class SecondOrder:
         With u the eliminated coordinates, u = P q, so that q_other = T (q, i) and M = M_self + Tᵀ M_other T: the primal
         assembly of dynamic substructuring, which leaves no constraint and no spurious pole.
         """
+        transform, kept = self._transform(ports, other, other_ports)
+        n, extra = len(self.dofs), len(kept)
+        wider = np.zeros((len(self.ports), n + extra))
+        wider[:, :n] = list(self.ports.values())
+        mine = dict(zip(self.ports, wider, strict=True))
+        carried = np.array(list(other.ports.values())) @ transform
+        theirs = {
+            prefix + name: row for name, row in zip(other.ports, carried, strict=True) if prefix + name not in mine
+        }
+        mass, damping, stiffness = self._joined(other, transform)
+        return SecondOrder(
+            mass, damping, stiffness, self.dofs + tuple(prefix + other.dofs[i] for i in kept), mine | theirs
+        )
+
+    def joined(
+        self, ports: Sequence[str], other: SecondOrder, other_ports: Sequence[str]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """
+        The matrices of `attach` alone, without names, ports and checks.
+
+        Parameters
+        ----------
+        ports, other_ports : sequence of str
+            Ports of this system and of the other, as in `attach`.
+        other : SecondOrder
+            The system to join.
+
+        Returns
+        -------
+        mass, damping, stiffness : ndarray
+            The joined matrices.
+
+        Raises
+        ------
+        CouplingError
+            If a port of ``other`` is not one degree of freedom.
+        """
+        return self._joined(other, self._transform(ports, other, other_ports)[0])
+
+    def _transform(
+        self, ports: Sequence[str], other: SecondOrder, other_ports: Sequence[str]
+    ) -> tuple[FloatArray, list[int]]:
+        """T, from the joined coordinates to the other system's, and which of those remain."""
         gone = []
         for name in other_ports:
             hits = np.flatnonzero(other.port(name))
@@ -241,23 +284,18 @@ class SecondOrder:
         for index, port in zip(gone, ports, strict=True):
             transform[index, :n] = self.port(port)
         transform[kept, n + np.arange(extra)] = 1.0
+        return transform, kept
+
+    def _joined(self, other: SecondOrder, transform: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        n = len(self.dofs)
 
         def joined(mine: FloatArray, theirs: FloatArray) -> FloatArray:
             out: FloatArray = transform.T @ theirs @ transform
             out[:n, :n] += mine
             return (out + out.T) / 2
 
-        wider = np.zeros((len(self.ports), n + extra))
-        wider[:, :n] = list(self.ports.values())
-        mine = dict(zip(self.ports, wider, strict=True))
-        carried = np.array(list(other.ports.values())) @ transform
-        theirs = {
-            prefix + name: row for name, row in zip(other.ports, carried, strict=True) if prefix + name not in mine
-        }
-        return SecondOrder(
-            mass=joined(self.mass, other.mass),
-            damping=joined(self.damping, other.damping),
-            stiffness=joined(self.stiffness, other.stiffness),
-            dofs=self.dofs + tuple(prefix + other.dofs[i] for i in kept),
-            ports=mine | theirs,
+        return (
+            joined(self.mass, other.mass),
+            joined(self.damping, other.damping),
+            joined(self.stiffness, other.stiffness),
         )

@@ -18,6 +18,7 @@ from scipy import linalg
 
 from cutvib_ss.effects.base import Carried, Model
 from cutvib_ss.gap.observations import Group
+from cutvib_ss.machine import Machine
 from cutvib_ss.response.frequency import ChainedResponse
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -212,11 +213,10 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: Compl
     points, owner, weights = [], [], []
     sigma = float(s[0].real)
     turn = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
-    for i, (position, time) in enumerate(zip(positions, rest, strict=True)):
-        if not np.isfinite(time):
-            continue
+    ending = np.flatnonzero(np.isfinite(rest))
+    for i, light in zip(ending, light_poles(model, positions[ending]), strict=True):
         # A window that was never taken out shifts the poles of what is measured.
-        poles = light_poles(model, float(position)) - model.chain.decay_rate
+        poles, time = light - model.chain.decay_rate, rest[i]
         for pole in poles[(poles.real - sigma) * time > DIED_OUT]:
             # No circle may hold another pole, which has its own.
             others = np.abs(poles - pole)
@@ -236,7 +236,7 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: Compl
     return Circles(z, own, np.concatenate(weights), tuple(inverse))
 
 
-def light_poles(model: Model, position: float) -> ComplexArray:
+def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:
     """
     Poles of the upper half plane, to first order in the damping: enough to draw a circle around them.
 
@@ -244,18 +244,24 @@ def light_poles(model: Model, position: float) -> ComplexArray:
     ----------
     model : Machine or Structure
         The model.
-    position : float
+    positions : ndarray, shape (position,)
         y_b / L; NaN for a structure.
 
     Returns
     -------
-    ndarray of complex
-        Poles of damped modes [rad/s].
+    list of ndarray of complex
+        Poles of damped modes at each position [rad/s].
     """
     # Hysteretic damping is made viscous at a low frequency, where slow modes are.
-    system = model.second_order(None if np.isnan(position) else position, viscous_at=30.0)
-    squares, shapes = linalg.eigh(system.stiffness, system.mass)
-    decay = np.einsum("im,ij,jm->m", shapes, system.damping, shapes) / 2
-    alive = (squares > decay**2) & (decay > 0)
-    poles: ComplexArray = -decay[alive] + 1j * np.sqrt(squares[alive] - decay[alive] ** 2)
-    return poles
+    if isinstance(model, Machine):
+        matrices = model.matrices([float(y) for y in positions], viscous_at=30.0)
+    else:
+        system = model.second_order(viscous_at=30.0)
+        matrices = [(system.mass, system.damping, system.stiffness)] * positions.size
+    found = []
+    for mass, damping, stiffness in matrices:
+        squares, shapes = linalg.eigh(stiffness, mass, check_finite=False)
+        decay = np.sum(shapes * (damping @ shapes), axis=0) / 2
+        alive = (squares > decay**2) & (decay > 0)
+        found.append(-decay[alive] + 1j * np.sqrt(squares[alive] - decay[alive] ** 2))
+    return found
