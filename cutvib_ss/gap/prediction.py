@@ -230,8 +230,8 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: Compl
         return Circles(nothing, np.zeros(0, dtype=int), nothing, ())
     z, own = np.concatenate(points), np.concatenate(owner)
     inverse = []
-    for i in range(positions.size):
-        mine = z[own == i]
+    for place in range(positions.size):
+        mine = z[own == place]
         inverse.append(np.asarray(1.0 / (s - np.concatenate([mine, mine.conj()])[:, None]), dtype=np.complex128))
     return Circles(z, own, np.concatenate(weights), tuple(inverse))
 

@@ -168,7 +168,8 @@ def _estimate(
         return Estimate(name, unit, float(value), "on lower bound" if bound == "lower" else "on upper bound")
     if not _told(gradient, covariances):
         return Estimate(name, unit, float(value), "not determined")
-    std = float(np.sqrt(sum(gradient @ c @ gradient for c in covariances)))
+    # Data without noise leave a variance of nothing, which rounding may put below zero.
+    std = float(np.sqrt(max(sum(float(gradient @ c @ gradient) for c in covariances), 0.0)))
     half = float(stats.norm.ppf(1.0 - (1.0 - level) / (2 * count))) * std
     return Estimate(name, unit, float(value), "determined", std, (float(value - half), float(value + half)))
 
