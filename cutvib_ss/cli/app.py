@@ -13,6 +13,7 @@ from cutvib_ss.cli.absorber_design import absorber_design_command
 from cutvib_ss.cli.absorbers import absorber_check_command
 from cutvib_ss.cli.blind import blind_calibrate_command, blind_run_command, blind_score_command
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
+from cutvib_ss.cli.control import control_check_command, control_design_command
 from cutvib_ss.cli.demo import demo_command
 from cutvib_ss.cli.models import bode_command, frf_command, modes_command, paper_command
 from cutvib_ss.cli.schedule import schedule_command
@@ -29,6 +30,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 absorber = typer.Typer(help="The tuned vibration absorber over the workspace.", rich_markup_mode="rich")
+control = typer.Typer(help="Controller prototypes and their check over the workspace.", rich_markup_mode="rich")
 blind = typer.Typer(help="The sealed trial of the diagnosis on a virtual machine.", rich_markup_mode="rich")
 
 
@@ -53,6 +55,13 @@ def root(
 @absorber.callback(invoke_without_command=True)
 def absorber_root(context: typer.Context) -> None:
     """The tuned vibration absorber over the workspace."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@control.callback(invoke_without_command=True)
+def control_root(context: typer.Context) -> None:
+    """Controller prototypes and their check over the workspace."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -85,6 +94,13 @@ absorber.command("check", epilog="Example: cutvib absorber check --frequency 215
 absorber.command(
     "design", epilog="Example: cutvib absorber design --mass 0.08 --direction z --tolerance 0.02 --harmonics 5"
 )(absorber_design_command)
+app.add_typer(control, name="control")
+control.command("design", epilog="Example: cutvib control design h2@rail --order 10 --out h2.json")(
+    control_design_command
+)
+control.command(
+    "check", epilog="Example: cutvib control check resonant@rail hinf@rail --corrected corrected.toml --plot rail.png"
+)(control_check_command)
 app.add_typer(blind, name="blind")
 blind.command("run", epilog="Example: cutvib blind run --cases 12 --seed 1 --out my-trial --jobs 2")(blind_run_command)
 blind.command("score", epilog="Example: cutvib blind score my-trial --json score.json --report score.html")(

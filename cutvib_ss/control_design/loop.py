@@ -158,8 +158,7 @@ def in_rad_per_s(poles: ArrayLike, period: float) -> ComplexArray:
         log(z)/T [rad/s]; a pole at z = 0 becomes one that dies in a small part of a period.
     """
     z = np.asarray(poles, dtype=np.complex128)
-    out: ComplexArray = np.log(np.where(np.abs(z) < 1e-30, np.complex128(1e-30), z)) / period
-    return out
+    return np.asarray(np.log(np.where(np.abs(z) < 1e-30, 1e-30, z)) / period, dtype=np.complex128)
 
 
 def discretised(controller: control.StateSpace, sampling: Sampling) -> control.StateSpace:

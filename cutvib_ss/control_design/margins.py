@@ -101,6 +101,7 @@ def margins(gain: control.StateSpace, poles: ComplexArray) -> Margins:
     period = float(gain.dt or 0.0)
     mine = np.asarray(gain.poles(), dtype=np.complex128)
     grid = _grid(np.concatenate([in_rad_per_s(mine, period) if period else mine, poles]), period)
+    direct = control.ss([], [], [], gain.D)
     up, down, phase, delay = np.inf, 0.0, np.inf, np.inf
     for k in range(gain.noutputs):
         values = _one_loop(gain, grid, k)
@@ -108,9 +109,11 @@ def margins(gain: control.StateSpace, poles: ComplexArray) -> Margins:
         def at(w: float, k: int = k) -> complex:
             return complex(_one_loop(gain, np.array([w]), k)[0])
 
-        for w in _crossings(lambda w: at(w).imag, grid, values.imag):
-            real = at(w).real
-            if real < 0.0:
+        crossed = [at(w).real for w in _crossings(lambda w: at(w).imag, grid, values.imag)]
+        # At rest, and at the last frequency, the transfer is real without crossing anything.
+        fast = at(np.pi / period) if period else complex(_one_loop(direct, np.zeros(1), k)[0])
+        for real in [*crossed, at(0.0).real, fast.real]:
+            if np.isfinite(real) and real < 0.0:
                 up, down = (min(up, -1 / real), down) if real > -1.0 else (up, max(down, -1 / real))
         for w in _crossings(lambda w: abs(at(w)) - 1.0, grid, np.abs(values) - 1.0):
             # How far the phase lies above -180 degrees: lag uses it up, lead uses up the rest of the turn.
@@ -123,7 +126,7 @@ def margins(gain: control.StateSpace, poles: ComplexArray) -> Margins:
 def _one_loop(gain: control.StateSpace, omega: FloatArray, k: int) -> ComplexArray:
     """Loop transfer at one command, the other loops closed."""
     at = np.exp(1j * omega * gain.dt) if gain.dt else 1j * omega
-    values = np.moveaxis(np.asarray(gain(at, squeeze=False)), -1, 0)
+    values = np.moveaxis(np.asarray(gain(at, squeeze=False, warn_infinite=False)), -1, 0)
     n = gain.noutputs
     others = [i for i in range(n) if i != k]
     out: ComplexArray = values[:, k, k]

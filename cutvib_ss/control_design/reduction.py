@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
+
 import control
 import numpy as np
+from slycot.exceptions import SlycotResultWarning
 
 from cutvib_ss.errors import DesignError
 from cutvib_ss.parameters import check_number
@@ -18,7 +21,7 @@ def reduced(system: control.StateSpace, order: int, match_dc: bool = False) -> c
     system : control.StateSpace
         Continuous plant or controller; unstable poles are kept.
     order : int
-        Number of states.
+        Number of states; there are fewer where a minimal realisation has fewer.
     match_dc : bool
         Whether to keep the static response (singular perturbation) instead of the one at high frequency.
 
@@ -47,7 +50,9 @@ def reduced(system: control.StateSpace, order: int, match_dc: bool = False) -> c
     rate = float(np.exp(np.mean(np.log(np.maximum(np.abs(system.poles()), 1.0)))))
     scaled = control.ss(system.A / rate, system.B / np.sqrt(rate), system.C / np.sqrt(rate), system.D)
     try:
-        small = control.balanced_reduction(scaled, order, "matchdc" if match_dc else "truncate")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SlycotResultWarning)  # says that the minimal order is lower
+            small = control.balanced_reduction(scaled, order, "matchdc" if match_dc else "truncate")
     except (ValueError, ArithmeticError) as error:
         raise DesignError(f"no balanced reduction to {order} states ({' '.join(str(error).split())})") from error
     return control.ss(

@@ -1,0 +1,241 @@
+"""Commands of the controller prototypes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cutvib_ss.cli.options import JsonOption, MachineOption, load_machine
+from cutvib_ss.cli.output import check_outputs, give_json, json_text, results, say, show, working, write_all
+from cutvib_ss.errors import ParameterError
+
+if TYPE_CHECKING:
+    import control
+
+    from cutvib_ss.control_design import ControllerCheck, Hardware, ScheduledController
+    from cutvib_ss.machine import Machine
+
+_FAMILY = 31
+"""Positions at which a controller scheduled over the rail is designed; the check visits others."""
+
+_PositionOption = Annotated[
+    float, typer.Option("--position", metavar="Y", help="y_b / L at which a controller without @ is designed.")
+]
+_ActuatorOption = Annotated[
+    str | None,
+    typer.Option("--actuator", metavar="PORT", help="Where the actuator sits: head_x, tool_x, base; each kind's own."),
+]
+_RateOption = Annotated[
+    float, typer.Option("--rate", metavar="HZ", help="Sampling rate; 0: analogue. One period goes by to compute.")
+]
+_OrderOption = Annotated[
+    int | None, typer.Option("--order", min=1, help="Reduce controllers to so many states (balanced truncation).")
+]
+
+
+def control_design_command(
+    name: Annotated[
+        str,
+        typer.Argument(metavar="NAME", help="lqg, h2, hinf, resonant, ppf or active-absorber; @Y or @rail after it."),
+    ],
+    position: _PositionOption = 0.5,
+    actuator: _ActuatorOption = None,
+    rate: _RateOption = 10_000.0,
+    order: _OrderOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.json", help="Write the controller, for `control check`.")
+    ] = None,
+    machine: MachineOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Design a controller for the tool's 217 Hz at a position, or (@rail) a family scheduled over the whole rail."""
+    check_outputs(out, json)
+    import numpy as np
+
+    from cutvib_ss.control_design import ScheduledController, check_controller, controller_data
+
+    model = load_machine(machine, "cutvib control")
+    label, made, hardware = _controller(name, model, position, actuator, rate, order)
+    places = made.positions if isinstance(made, ScheduledController) else np.array([_place(name, position)], dtype=float)
+    with working("checking at the positions of the design"):
+        check = check_controller(made, model, places, hardware, label)
+    data = controller_data(made, hardware)
+    if out is not None:
+        write_all({out: lambda draft: draft.write_text(json_text(data), encoding="utf-8")})
+    if give_json(data, json):
+        return
+    console = results()
+    first = made.controllers[0] if isinstance(made, ScheduledController) else made
+    say(console, f"{', '.join(first.input_labels)} to {', '.join(first.output_labels)}, {first.nstates} states")
+    _show([check], "Where it was designed, on all modes of the rail")
+    if out is not None:
+        say(console, f"controller: {out}")
+
+
+def control_check_command(
+    controllers: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[CONTROLLER]...",
+            help="NAME, NAME@Y, NAME@rail (scheduled) or FILE.json; by default every kind, scheduled.",
+        ),
+    ] = None,
+    corrected: Annotated[
+        list[Path] | None,
+        typer.Option("--corrected", metavar="FILE.toml", help="Check on this machine too; may be given several times."),
+    ] = None,
+    positions: Annotated[int, typer.Option("--positions", min=2, max=999, help="Positions over the rail.")] = 25,
+    modes: Annotated[int, typer.Option("--modes", min=1, max=200, help="Modes of the rail to check on.")] = 20,
+    position: _PositionOption = 0.5,
+    actuator: _ActuatorOption = None,
+    rate: _RateOption = 10_000.0,
+    order: _OrderOption = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="Picture over the rail: .png, .svg or .pdf.")
+    ] = None,
+    responses: Annotated[
+        Path | None, typer.Option("--responses", metavar="FILE", help="Picture over frequency: .png, .svg or .pdf.")
+    ] = None,
+    machine: MachineOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Stability, margins, attenuation at 217 Hz and effort over the whole rail, with modes that the design left out."""
+    check_outputs(plot, responses, json)
+    from cutvib_ss.control_design import PROTOTYPES, check_controller, check_positions
+
+    if plot is not None or responses is not None:
+        from cutvib_ss.plot.style import check_picture
+
+        for picture in (plot, responses):
+            if picture is not None:
+                check_picture(picture)
+    model = load_machine(machine, "cutvib control")
+    machines = {"nominal" if machine is None else machine.stem: model}
+    for file in corrected or []:
+        if file.stem in machines:
+            raise ParameterError(f"--corrected {file}: a machine is called {file.stem} already; rename the file")
+        machines[file.stem] = load_machine(file, "cutvib control")
+    checks = []
+    for name in controllers or [f"{kind}@rail" for kind in PROTOTYPES]:
+        with working(f"{name}: designing and checking"):
+            label, made, hardware = _controller(name, model, position, actuator, rate, order)
+            checks.append(check_controller(made, machines, check_positions(positions), hardware, label, modes))
+    pictures = {}
+    if plot is not None or responses is not None:
+        from cutvib_ss.plot.control import controller_overview, controller_responses
+        from cutvib_ss.plot.style import save
+
+        with working("drawing"):
+            for picture, draw in ((plot, controller_overview), (responses, controller_responses)):
+                if picture is not None:
+                    pictures[picture] = draw(checks)
+                    save(pictures[picture], picture)
+    data = {"schema": "cutvib-control-check/1", "checks": [_check_data(c) for c in checks]}
+    if give_json(data, json):
+        return
+    _show(checks, f"{positions} positions, y/L = 0.02 to 0.98; {modes} modes of the rail or more")
+    if pictures:
+        say(results(), f"picture: {', '.join(map(str, pictures))}")
+
+
+def _controller(
+    name: str, model: Machine, position: float, actuator: str | None, rate: float, order: int | None
+) -> tuple[str, control.StateSpace | ScheduledController, Hardware]:
+    """The controller of a name or a file, and what it is called."""
+    from cutvib_ss.control_design import Sampling, check_positions, prototype, read_controller, reduced, schedule
+
+    if name.endswith(".json"):
+        made, hardware = read_controller(name)
+        return Path(name).stem, made, hardware
+    kind = prototype(name.partition("@")[0])
+    place = _place(name, position)
+    if rate < 0.0 or not rate < float("inf"):
+        raise ParameterError(f"--rate {rate:g}: give samples per second, or 0 for an analogue controller")
+    hardware = kind.hardware(actuator or kind.port, Sampling(rate, 1.0 / rate) if rate else None)
+
+    def design(y: float) -> control.StateSpace:
+        found = kind.design(model, y, hardware)
+        return found if order is None else reduced(found, order)
+
+    label = name if actuator is None else f"{name}, {actuator}"
+    if place is not None:
+        return label, design(place), hardware
+    return label, schedule(design, check_positions(_FAMILY), align=order is not None), hardware
+
+
+def _place(name: str, position: float) -> float | None:
+    """Where a named controller is designed; None: over the whole rail."""
+    from cutvib_ss.parameters import check_position
+
+    _, at, where = name.partition("@")
+    if where == "rail":
+        return None
+    try:
+        return check_position(float(where) if at else position)
+    except ValueError:
+        raise ParameterError(f"{name}: after @ comes y_b / L between 0 and 1, or rail") from None
+
+
+def _show(checks: list[ControllerCheck], title: str) -> None:
+    columns = [
+        "controller", "machine", "stable", "left", "at y/L", "peak", "disk", "gain [dB]", "phase [°]", "delay [ms]",
+        "N/N",
+    ]  # fmt: skip
+    rows = []
+    for check in checks:
+        for machine in check.machines:
+            w = check.worst(machine)
+            rows.append(
+                [
+                    check.name, machine, f"{w.stable}/{w.positions}", _number(w.attenuation, ".3f"),
+                    f"{w.attenuation_position:.2f}", _number(w.amplification, ".2f"), _number(w.disk_margin, ".2f"),
+                    _number(w.gain_margin, ".1f"), _number(w.phase_margin, ".0f"), _number(1e3 * w.delay_margin, ".2f"),
+                    _number(w.effort, ".3g"),
+                ]
+            )  # fmt: skip
+    console = results()
+    show(console, title, columns, rows, "llr")
+    frequency, output = checks[0].working_frequency, checks[0].outputs[0]
+    say(
+        console,
+        f"left: of {output} at {frequency:g} Hz, largest over the positions; peak: largest response over that without "
+        "control; then the smallest margins, and the command per newton of cutting force",
+    )
+
+
+def _number(value: float, form: str) -> str:
+    """A figure as it is printed; what an unstable or unlimited loop lacks is a dash."""
+    return f"{value:{form}}" if abs(value) < float("inf") else "-"
+
+
+def _check_data(check: ControllerCheck) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    machines = []
+    for m, machine in enumerate(check.machines):
+        machines.append(
+            {
+                "machine": machine,
+                "stable": check.stable[m],
+                "growth_rate_per_s": check.growth_rate[m],
+                "growth_freq_hz": check.growth_freq[m],
+                "before_m_per_s2_per_n": dict(zip(check.outputs, check.before[m], strict=True)),
+                "passive_m_per_s2_per_n": dict(zip(check.outputs, check.passive[m], strict=True)),
+                "after_m_per_s2_per_n": dict(zip(check.outputs, check.after[m], strict=True)),
+                "effort_n_per_n": check.effort[m],
+                "noise_command_n": check.noise_command[m],
+                "disk_margin": check.disk_margin[m],
+                "gain_margin_db": check.gain_margin[m],
+                "phase_margin_deg": check.phase_margin[m],
+                "delay_margin_s": check.delay_margin[m],
+                "worst": {k: v for k, v in asdict(check.worst(machine)).items() if k != "machine"},
+            }
+        )
+    return {
+        "controller": check.name,
+        "working_frequency_hz": check.working_frequency,
+        "positions": check.positions,
+        "machines": machines,
+    }
