@@ -121,20 +121,22 @@ def test_both_quick_ways_agree_on_a_linear_machine() -> None:
     [
         Law("joint2", "freeplay", (2e-5, K2)),
         Law("joint2", "jenkins", (0.2, 60 * K2)),
-        Law("rail_left", "lift_off", (6e7, 8.0)),
+        Law("rail_left", "lift_off", (2e9, 4.0)),
     ],
     ids=lambda law: law.kind,
 )
 def test_the_time_step_has_converged(law: Law) -> None:
     rig = Rig().fitted(laws=(law,))
     if law.kind == "lift_off":
-        rig = rig.fitted(supports=Supports(6e7, 1e10))
+        rig = rig.fitted(supports=Supports(2e9, 1e10))
     machine = linearise(build(rig, POSITION))
     answers = []
     for fs in (FS * FINE, 4 * FS * FINE):
         force = pulse(50.0, fs, 0.5)
         answers.append(band(nonlinear_answer(rig, machine, force, fs)[:, :: round(fs / FS / FINE)], FS * FINE))
-    assert np.linalg.norm(answers[0] - answers[1]) / np.linalg.norm(answers[1]) < 1e-4
+    # an end that lands on a pin rattles: landings fall between steps
+    tolerance = 1e-3 if law.kind == "lift_off" else 1e-4
+    assert np.linalg.norm(answers[0] - answers[1]) / np.linalg.norm(answers[1]) < tolerance
 
 
 def test_modes_give_what_the_matrices_give() -> None:

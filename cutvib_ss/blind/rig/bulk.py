@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from cutvib_ss.blind.rig.cases import CAUSES, OUTSIDE_KINDS, Kind, draw_case, write_campaign
 
@@ -82,10 +81,9 @@ def make(folder: Path, seed: int, kind: Kind, cause: str | None, severity: tuple
     if kept.is_file():
         label: dict[str, Any] = json.loads(kept.read_text())
         return label
-    with threadpool_limits(1):  # small matrices: threads of the linear algebra only get in each other's way
-        case = draw_case(seed, kind, cause, severity)
-        write_campaign(case, folder)
-        label = case.label | {"seed": seed}
+    case = draw_case(seed, kind, cause, severity)
+    write_campaign(case, folder)
+    label = case.label | {"seed": seed}
     kept.write_text(json.dumps(label))
     return label
 

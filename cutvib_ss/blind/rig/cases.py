@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from cutvib_ss.blind.rig import files
 from cutvib_ss.blind.rig.blows import BLOCK, FS
@@ -105,7 +106,9 @@ class Case:
         """The faults, that with the larger share of the gap first."""
         if len(self.faults) < 2:
             return self.faults
-        size = {f.effect: _distance(self._without, Campaign(f.rig, self.conditions, self.seed), 2) for f in self.faults}
+        with threadpool_limits(1):
+            alone = {f.effect: Campaign(f.rig, self.conditions, self.seed) for f in self.faults}
+            size = {effect: _distance(self._without, campaign, 2) for effect, campaign in alone.items()}
         return tuple(sorted(self.faults, key=lambda f: -size[f.effect]))
 
     @cached_property
@@ -117,6 +120,10 @@ class Case:
         """What the faults change, over what scatter, calibration and noise change (root mean squares in 15-450 Hz)."""
         if not self.faults:
             return 0.0
+        with threadpool_limits(1):
+            return self._gap_sigma()
+
+    def _gap_sigma(self) -> float:
         if self.faults[0].effect == "modal_truncation":
             rail = replace(self.plain.rail, truncation=self.nominal.n_modes)
             model = Campaign(replace(self.plain, rail=rail), self.conditions, self.seed)
@@ -211,7 +218,9 @@ def write_campaign(case: Case, folder: Path) -> None:
     folder : Path
         Where to; made if absent. campaign.toml is written last.
     """
-    files.write(case.campaign, case.nominal, folder)
+    # one thread of linear algebra: its matrices are small, and the same case gives the same bytes anywhere
+    with threadpool_limits(1):
+        files.write(case.campaign, case.nominal, folder)
 
 
 _MAKERS = {**MECHANICAL, **MEASUREMENT, **OUTSIDE}
