@@ -35,6 +35,8 @@ REFINED_LAWS = 2
 """… and of those that are simulated."""
 CLOSE = 60.0
 """… and all whose objective on few lines lies within this of the best."""
+CLIMBED = 3
+"""Starts of a cause from which steps are taken: those that fit best as they stand."""
 FIRST_STEPS, LATER_STEPS = 3, 10
 """Steps from each start, and from the best of them."""
 SECOND_STEPS = 2
@@ -110,7 +112,7 @@ def search(nominal: Model, records: Records, observed: Observations) -> tuple[Ra
         moved = motions(none.fit.model, outlook)
         motion = {place: m.high for place, m in moved.items()}
         simulated = _rough_laws(nominal, outlook, nonlinear_candidates(nominal, moved), motion)
-        ranked += _refined(nominal, records, simulated, REFINED_LAWS)
+        ranked += _refined(nominal, records, simulated, REFINED_LAWS, _rival(nominal, outlook, ranked))
     if none.reduced > ENOUGH and not _enough(ranked, none):
         seconds = [*linear, *(c for c, _ in simulated)]
         ranked += _pairs(nominal, records, few, outlook, ranked, seconds, motion)
@@ -123,19 +125,39 @@ def _enough(ranked: Sequence[Ranked], none: Ranked) -> bool:
     return best.fit.log_evidence > none.fit.log_evidence and sufficient(best.reduced, none.reduced)
 
 
-def _refined(nominal: Model, records: Records, rough: Sequence[tuple[Candidate, Fit]], least: int) -> list[Ranked]:
-    """The best on few lines fitted on all; the others keep a bound."""
+def _refined(
+    nominal: Model,
+    records: Records,
+    rough: Sequence[tuple[Candidate, Fit]],
+    least: int,
+    rival: tuple[float, float] = (np.inf, -np.inf),
+) -> list[Ranked]:
+    """
+    The best on few lines fitted on all; the others keep a bound.
+
+    ``rival`` is the objective of another cause on the same few lines, and its evidence on all: what stays far behind it there
+    is not worth the dearer fit.
+    """
     ahead = rough[0][1].objective if rough else 0.0
     ranked: list[Ranked] = []
     for i, (candidate, start) in enumerate(rough):
         behind = start.objective - ahead
-        if i < least or behind < CLOSE:
+        if start.objective - rival[0] < CLOSE and (i < least or behind < CLOSE):
             ranked.append(Ranked(candidate.name, fit(nominal, records, start.hypothesis, start.x), True))
         else:
             # Few lines and a widened noise understate how far behind it is.
-            best = max(r.fit.log_evidence for r in ranked)
-            ranked.append(Ranked(candidate.name, replace(start, log_evidence=best - behind / 2), False))
+            bound = max(
+                (r.fit.log_evidence - behind / 2 for r in ranked), default=rival[1] - (start.objective - rival[0]) / 2
+            )
+            ranked.append(Ranked(candidate.name, replace(start, log_evidence=bound), False))
     return ranked
+
+
+def _rival(nominal: Model, outlook: Records, ranked: Sequence[Ranked]) -> tuple[float, float]:
+    """The best linear cause on the records on which laws start: its objective there, its evidence on all."""
+    best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
+    there = fit(nominal, outlook, best.fit.hypothesis, best.fit.x, LATER_STEPS, ROUGH)
+    return there.objective, best.fit.log_evidence
 
 
 def _rough(nominal: Model, few: Records, found: Sequence[Candidate]) -> list[tuple[Candidate, Fit]]:
@@ -143,9 +165,13 @@ def _rough(nominal: Model, few: Records, found: Sequence[Candidate]) -> list[tup
     out = []
     for candidate in found:
         # All start from the untuned model: the tuning of a model that lacks the cause leads away.
-        tries = [fit(nominal, few, Hypothesis((e,)), None, FIRST_STEPS, ROUGH) for e in candidate.starts]
-        best = min(tries, key=lambda f: f.objective)
-        out.append((candidate, fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)))
+        starts = [Hypothesis((e,)) for e in candidate.starts]
+        if len(starts) > CLIMBED:
+            starts.sort(key=lambda h: _untuned(nominal, few, h))
+        tries = [f for h in starts[:CLIMBED] if (f := _started(nominal, few, h, None, FIRST_STEPS)) is not None]
+        if tries:
+            best = min(tries, key=lambda f: f.objective)
+            out.append((candidate, fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)))
     return sorted(out, key=lambda pair: pair[1].objective)
 
 
@@ -169,7 +195,10 @@ def _rough_laws(
 def _untuned(nominal: Model, records: Records, hypothesis: Hypothesis) -> float:
     """χ² of a hypothesis as it stands, nothing tuned."""
     problem = problem_for(nominal, records, hypothesis)
-    chi2 = problem.residuals(problem.start())[2]
+    try:
+        chi2 = problem.residuals(problem.start())[2]
+    except (CutvibError, np.linalg.LinAlgError):
+        return np.inf
     return chi2 if np.isfinite(chi2) else np.inf
 
 

@@ -47,6 +47,8 @@ class Fit:
         Posterior covariance of the unknowns.
     chi2 : float
         Weighted squares of what the data leave, without the priors.
+    aside : float
+        Scatter of levels about their mean in that, where records stay apart; zero where they are merged.
     count : int
         Real data.
     objective : float
@@ -67,6 +69,7 @@ class Fit:
     first_effect: int
     covariance: FloatArray
     chi2: float
+    aside: float
     count: int
     objective: float
     log_evidence: float
@@ -114,7 +117,8 @@ def fit(
     """
     problem = problem_for(nominal, records, hypothesis)
     search = _Search(problem, problem.start(warm))
-    passes = PASSES if max_iterations > FEW_STEPS else 1
+    redrawn = not isinstance(problem, SimulatedProblem)
+    passes = PASSES if redrawn and max_iterations > FEW_STEPS else 1
     for _ in range(passes):
         before = search.objective
         search.climb(max_iterations, tolerance)
@@ -221,6 +225,7 @@ def _finished(problem: Problem, search: _Search, matrix: FloatArray, aside: floa
         first_effect=problem.first_effect,
         covariance=covariance,
         chi2=search.chi2,
+        aside=aside,
         count=problem.count,
         objective=search.objective - aside,
         log_evidence=log_evidence,

@@ -102,21 +102,21 @@ def candidates(model: Model, band: tuple[float, float], channels: Sequence[str])
 def _everywhere(model: Model, band: tuple[float, float]) -> list[Candidate]:
     scale = _port_scales(model)
     out = []
-    grid = np.geomspace(max(band[0], 1e-3) * 1.2, band[1], 9)[:-1]
+    grid = np.geomspace(max(band[0], 1e-3) * 1.2, band[1], 15)[:-1]
     for place in LocalResonator.places(model):
-        mass = scale[place][0] * 0.03
-        out.append(_candidate("local_resonator", place, *(LocalResonator(place, mass, float(f), 0.03) for f in grid)))
+        masses = (scale[place][0] * 0.01, scale[place][0] * 0.06)
+        starts = (LocalResonator(place, mass, float(f), 0.03) for f in grid for mass in masses)
+        out.append(_candidate("local_resonator", place, *starts))
     for place in AddedMass.places(model):
         mass = scale[place][0] * 0.02
-        out.append(_candidate("added_mass", place, AddedMass(place, mass), AddedMass(place, 10 * mass)))
+        out.append(_candidate("added_mass", place, *(AddedMass(place, f * mass) for f in (1.0, 4.0, 16.0))))
     for place in ToolContact.places(model):
         stiffness, damping = scale[place][1] * 0.02, scale[place][2] * 0.02
         out.append(
             _candidate(
                 "tool_contact",
                 place,
-                ToolContact(place, stiffness, damping),
-                ToolContact(place, 10 * stiffness, damping),
+                *(ToolContact(place, f * stiffness, g * damping) for f in (0.3, 2.0, 12.0, 60.0) for g in (0.3, 10.0)),
             )
         )
     for place, name in ParameterShift.choices(model):
@@ -142,9 +142,10 @@ def _on_the_rail(model: Machine, band: tuple[float, float]) -> list[Candidate]:
     k = p.mass / 2 * (2 * np.pi * p.first_frequency) ** 2
     turn = p.bending_stiffness / p.length
     loss = {"joint1": model.head.c1 / model.head.k1, "joint2": model.head.c2 / model.head.k2}
-    ends = [(a * k, b * k) for a, b in ((20, 20), (5, 5), (5, 40), (40, 5))]
-    spots = (0.15, 0.38, 0.62, 0.85)
-    twists = [(e, f) for f in (4.0, 7.0, 11.0) for e in (0.03, -0.03)]
+    ends = [(a * k, b * k) for a in (2, 8, 30, 120) for b in (2, 8, 30, 120)]
+    turns = (0.1, 0.4, 1.2, 4.0, 15.0)
+    spots = (0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.88)
+    twists = [(e, f) for f in (3.0, 4.5, 6.5, 9.0, 12.0) for e in (0.03, -0.03, 0.09, -0.09)]
     # Modes far above the band add a stiffness that nothing could tell from the tuning.
     omitted = p.first_frequency * (p.n_modes + 1) ** 2
     more = sorted({p.n_modes + 1, p.n_modes + 2, 2 * p.n_modes, 5 * p.n_modes}) if omitted < FAR * band[1] else []
@@ -160,9 +161,13 @@ def _on_the_rail(model: Machine, band: tuple[float, float]) -> list[Candidate]:
             )
             for share in (0.0, 1.0)
         ),
-        _candidate("end_fixity", "", *(EndFixity("rail_ends", f * turn, f * turn) for f in (0.3, 3.0))),
-        _candidate("guide_compliance", "", *(GuideCompliance("head_base", f * k, 500.0) for f in (20.0, 100.0))),
-        _candidate("rail_added_mass", "", *(RailAddedMass("rail", y, p.mass / 50, 1.0) for y in spots)),
+        _candidate("end_fixity", "", *(EndFixity("rail_ends", a * turn, b * turn) for a in turns for b in turns)),
+        _candidate(
+            "guide_compliance", "", *(GuideCompliance("head_base", f * k, 500.0) for f in (5.0, 20.0, 60.0, 200.0))
+        ),
+        _candidate(
+            "rail_added_mass", "", *(RailAddedMass("rail", y, p.mass * f, 1.0) for y in spots for f in (0.01, 0.06))
+        ),
         *([_candidate("rail_shear", "", *(RailShear("rail", ratio) for ratio in (15.0, 80.0)))] if told else []),
         _candidate("rail_torsion", "", *(RailTorsion("rail", e, 0.5, f * p.first_frequency, 0.02) for e, f in twists)),
         *(

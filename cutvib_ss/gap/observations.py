@@ -267,7 +267,8 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
                 f"record {campaign.records[e.record].name}: only {np.count_nonzero(keep)} lines lie in the usable band of "
                 f"{low:.3g} to {high:.3g} Hz; measure longer, with a harder tip, or with more blows"
             )
-        cut.append(thinned(e, keep))
+        e = thinned(e, keep)
+        cut.append(replace(e, replay=None if e.replay is None else e.replay.slower()))
     names = tuple(n for n in machine.channels if any(n in e.channels for e in cut))
     acceleration = all(q == "acceleration" for e in cut for q in e.quantities)
     per_newton = acceleration and machine.input_quantity == "force"

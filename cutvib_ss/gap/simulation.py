@@ -30,6 +30,8 @@ TUNING_STEP = 0.02
 """Step of a tuned value's unknown in a difference of two closed forms."""
 LAW_STEP = 2e-3
 """Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
+STILL = 5.0
+"""Modes this many times above the band yield statically to nonlinear forces."""
 HYSTERESIS_AT = 100.0
 """Frequency at which hysteretic damping is made viscous for stepping in time [Hz]."""
 
@@ -83,12 +85,15 @@ def simulated(model: Model, group: Group, wanted: np.ndarray | None = None) -> S
     data = np.zeros(group.data.shape, dtype=np.complex128)
     stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
     chain = _chain(model, group)
+    still = STILL * float(group.freq[-1])
     for rows in _batches(group, wanted):
         position = float(group.positions[rows[0]])
         replays = [_replay(group, row) for row in rows]
         form = modal_form(model, None if np.isnan(position) else position, outputs, viscous_at=HYSTERESIS_AT)
         # All records at a position in one call: they share the modal sum.
-        run = step(form, np.concatenate([np.stack(r.forces) for r in replays]), replays[0].fs, elements)
+        run = step(
+            form, np.concatenate([np.stack(r.forces) for r in replays]), replays[0].fs, elements, dynamic_below=still
+        )
         first = 0
         for row, replay in zip(rows, replays, strict=True):
             own = slice(first, first + len(replay.forces))
@@ -187,6 +192,9 @@ class SimulatedProblem(Problem):
             else:
                 by_law[i] = self._by_law(x, i, p)
         out: dict[int, ComplexArray] = dict(by_law)
+        if self.n_blow:
+            # The assumed blow has its instant.
+            out[self.first_effect - 1] = np.zeros(p.data.shape, dtype=np.complex128)
         for i, scale, carried in moves:
             closed = tuple((path, w) for path, w in carried if path[0] != "nonlinear")
             moved = x.copy()

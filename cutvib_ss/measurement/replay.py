@@ -19,6 +19,8 @@ from cutvib_ss.measurement.estimation import without_offset
 from cutvib_ss.measurement.records import Record
 from cutvib_ss.results import ComplexArray, FloatArray
 
+ROOM = 3.5
+"""Samples that the shortest period kept has on a slower clock."""
 PULSE_SAMPLES = 12
 """Samples that a blow made up for an estimated frequency response is long, at least."""
 
@@ -136,6 +138,35 @@ class Replay:
             The estimator on them.
         """
         return replace(self, lines=self.lines[keep])
+
+    def slower(self) -> Replay:
+        """
+        The same blows on a slower clock that still holds the kept lines and most of an octave above them.
+
+        Returns
+        -------
+        Replay
+            Forces and responses resampled through their spectra, by a whole divisor of the number of samples; recordings
+            that are cut into blocks stay as they are.
+        """
+        size = self.forces[0].size
+        if self.block or not self.lines.size:
+            return self
+        least = int(ROOM * self.lines[-1])
+        factor = max((k for k in range(1, size // max(least, 1) + 1) if size % (2 * k) == 0), default=1)
+        if factor == 1:
+            return self
+        count = size // factor
+
+        def resampled(x: FloatArray) -> FloatArray:
+            return np.asarray(signal.resample(x, count, axis=-1), dtype=np.float64)
+
+        return replace(
+            self,
+            forces=tuple(resampled(f) for f in self.forces),
+            measured=tuple(resampled(a) for a in self.measured),
+            fs=self.fs / factor,
+        )
 
 
 def replay_of(record: Record) -> Replay:
