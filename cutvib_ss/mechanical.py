@@ -251,10 +251,12 @@ class SecondOrder:
 
         Parameters
         ----------
-        ports, other_ports : sequence of str
-            Ports of this system and of the other, as in `attach`.
+        ports : sequence of str
+            Ports of this system, as in `attach`.
         other : SecondOrder
             The system to join.
+        other_ports : sequence of str
+            Its ports.
 
         Returns
         -------
