@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+pytest.importorskip("exudyn")
+
 from cutvib_ss.blind.rig.beam import RailMatrices, rail_matrices
 from cutvib_ss.blind.rig.fittings import Crack, Fittings, Lump, Shear, Supports, Twist
 from cutvib_ss.blind.rig.structure import Rail

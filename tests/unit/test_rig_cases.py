@@ -136,7 +136,7 @@ def test_the_digitisers_filter_neither_delays_nor_changes_the_band() -> None:
     history = Blow((Pulse(0.05, 50.0, 2.8e-3, -0.1),)).force()
     time = np.arange(history.size) / (FS * FINE)
     kept = antialiased(history)
-    freq = np.arange(15.0, 450.0, 5.0)
+    freq = np.arange(15.0, 450.0, 40.0)
     exact = np.exp(-2j * np.pi * np.outer(freq, time)) @ history / (FS * FINE)
     sampled = np.exp(-2j * np.pi * np.outer(freq, np.arange(kept.size) / FS)) @ kept / FS
     assert sampled == pytest.approx(exact, rel=3e-4)
@@ -162,6 +162,16 @@ def test_bulk_resumes_and_keeps_labels_apart_from_campaigns(tmp_path: Path) -> N
     assert bulk.make(tmp_path / "c0001", 4, "single", "cross_axis", (1.0, 1.001)) == label
     assert contents(tmp_path) == written
     assert not any(b"cross_axis" in text for name, text in written.items() if name.startswith("c0001/"))
+
+
+def test_a_channel_that_is_at_fault_is_measured() -> None:
+    channels = set()
+    for seed in range(30):
+        case = draw_case(seed, "single", "channel_delay", conditions={"channels": ("tool_x",)})
+        channel = case.faults[0].parameters["channel"]
+        assert channel in (*case.conditions.channels, "all")
+        channels.add(channel)
+    assert channels == {"tool_x", "tool_z", "base_x", "all"}
 
 
 def test_an_unknown_cause_is_refused() -> None:

@@ -202,7 +202,7 @@ def draw_case(
             break
         if cause is None:
             names = _names(kind, cause, rng)
-    if "cross_axis" in names and "tool_z" not in drawn.channels:
+    if any(_channel_of(fault) not in (*drawn.channels, "all") for fault in faults):
         drawn = replace(drawn, channels=CHANNELS)
     return Case(seed, kind, size if faults else None, new_nominal, plain, rig, faults, drawn)
 
@@ -257,6 +257,11 @@ def _with_faults(
         alone, _, _ = maker(plain, size, rng)
         faults.append(Fault(name, place, parameters, alone))
     return rig, tuple(faults), nominal
+
+
+def _channel_of(fault: Fault) -> str:
+    """The channel without which a fault of the measurement would not show."""
+    return "tool_z" if fault.effect == "cross_axis" else str(fault.parameters.get("channel", "all"))
 
 
 def _picked(campaign: Campaign) -> list[int]:

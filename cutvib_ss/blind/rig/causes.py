@@ -170,10 +170,10 @@ def _local_resonator(rig: Rig, severity: float, rng: np.random.Generator) -> Mad
 
 
 def _added_mass(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
-    """A mass that the model lacks."""
+    """A mass that the model lacks, or has too much of."""
     place = str(rng.choice(["tool", "head"]))
     name = {"tool": "m2", "head": "m1"}[place]
-    mass = about(rng, {"tool": 0.04, "head": 3.5}[place]) * severity
+    mass = about(rng, {"tool": 0.04, "head": 3.5}[place]) * severity * (1.0 if rng.random() < 0.75 else -1.0)
     return rig.scaled({name: 1 + mass / rig.value(name)}), place, {"mass": mass}
 
 
@@ -267,8 +267,8 @@ def _quadratic_damping(rig: Rig, severity: float, rng: np.random.Generator) -> M
 
 
 def _channels(rng: np.random.Generator) -> tuple[str, tuple[str, ...]]:
-    """A channel that every campaign has, or all."""
-    name = str(rng.choice(["tool_x", "all"]))
+    """A channel, or all."""
+    name = str(rng.choice([*CHANNELS, "all", "all"]))
     return name, CHANNELS if name == "all" else (name,)
 
 

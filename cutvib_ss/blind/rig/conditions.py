@@ -148,7 +148,7 @@ def draw_conditions(rng: np.random.Generator) -> Conditions:
     levels = {1: (50.0,), 2: (20.0, 100.0), 3: (15.0, 50.0, 150.0)}[int(rng.choice([1, 2, 3, 3, 3]))]
     loudness = float(np.exp(0.15 * rng.standard_normal()))
     channels = [("tool_x",), ("tool_x", "tool_z"), ("tool_x", "base_x"), ("tool_x", "tool_z", "base_x")]
-    floor = float(np.exp(rng.uniform(np.log(0.012), np.log(0.05))))
+    floor = float(np.exp(rng.uniform(np.log(0.02), np.log(0.06))))
     bits = int(rng.choice([24, 24, 24, 16]))
     top = max(levels) * loudness
     return Conditions(
