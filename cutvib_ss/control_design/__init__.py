@@ -22,7 +22,7 @@ from cutvib_ss.control_design.reduction import reduced, smallest_controller
 from cutvib_ss.control_design.resonant import resonant
 from cutvib_ss.control_design.result import ControllerCheck, WorstCase
 from cutvib_ss.control_design.scheduling import ScheduledController, in_common_coordinates, schedule
-from cutvib_ss.control_design.synthesis import central_controller, closed_norm, h2_synthesis, hinf_synthesis
+from cutvib_ss.control_design.synthesis import closed_norm, h2_synthesis, hinf_controller, hinf_synthesis
 
 __all__ = [
     "PROTOTYPES",
@@ -38,7 +38,6 @@ __all__ = [
     "Sensor",
     "WorstCase",
     "active_absorber",
-    "central_controller",
     "check_controller",
     "check_positions",
     "closed_norm",
@@ -50,6 +49,7 @@ __all__ = [
     "h2",
     "h2_synthesis",
     "hinf",
+    "hinf_controller",
     "hinf_synthesis",
     "in_common_coordinates",
     "lqg",

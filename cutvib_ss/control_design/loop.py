@@ -2,7 +2,7 @@
 The closed loop as it would run: a controller on the machine, sampled exactly where it is digital.
 
 A controller K turns sensors' signals into commands, u = K y. Of a digital loop the controller sees the plant at its samples:
-held commands that arrive late, in closed form (Åström and Wittenmark, Computer-Controlled Systems, 3rd ed., 1997, Section 3.2).
+held commands that arrive late, in closed form (Åström and Wittenmark, Computer-Controlled Systems, 3rd ed., 1997, Chapter 2).
 Between samples the motion goes on; its fundamental at the frequency of the force is what the responses give.
 """
 
@@ -180,7 +180,7 @@ def discretised(controller: control.StateSpace, sampling: Sampling) -> control.S
     Notes
     -----
     A first-order hold keeps every pole where it is, so that a resonator keeps its frequency, and adds no delay. A bilinear
-    transform would shift the second harmonic of 217 Hz by 2.6 Hz at 10 kHz.
+    transform would shift the second harmonic of 217 Hz by 2.7 Hz at 10 kHz.
     """
     if controller.dt:
         return controller

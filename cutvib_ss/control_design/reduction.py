@@ -5,9 +5,9 @@ from __future__ import annotations
 import warnings
 
 import control
-import numpy as np
 from slycot.exceptions import SlycotResultWarning
 
+from cutvib_ss.control_design.synthesis import in_seconds, scaled_in_time
 from cutvib_ss.errors import DesignError
 from cutvib_ss.parameters import check_number
 
@@ -46,9 +46,7 @@ def reduced(system: control.StateSpace, order: int, match_dc: bool = False) -> c
         )
     if order >= system.nstates:
         return system
-    # In units of the system's own time, where SLICOT's Lyapunov solver is at its best.
-    rate = float(np.exp(np.mean(np.log(np.maximum(np.abs(system.poles()), 1.0)))))
-    scaled = control.ss(system.A / rate, system.B / np.sqrt(rate), system.C / np.sqrt(rate), system.D)
+    scaled, rate = scaled_in_time(system)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SlycotResultWarning)  # says that the minimal order is lower
@@ -56,9 +54,8 @@ def reduced(system: control.StateSpace, order: int, match_dc: bool = False) -> c
     except (ValueError, ArithmeticError) as error:
         raise DesignError(f"no balanced reduction to {order} states ({' '.join(str(error).split())})") from error
     return control.ss(
-        small.A * rate, small.B * np.sqrt(rate), small.C * np.sqrt(rate), small.D,
-        inputs=system.input_labels, outputs=system.output_labels, name=system.name,
-    )  # fmt: skip
+        in_seconds(small, rate), inputs=system.input_labels, outputs=system.output_labels, name=system.name
+    )
 
 
 def smallest_controller(

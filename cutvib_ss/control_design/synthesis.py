@@ -1,36 +1,76 @@
 """
-H2 and H∞ synthesis by two Riccati equations, every norm computed anew from the closed loop.
+H2 and H∞ synthesis by SLICOT, every norm computed anew from the closed loop.
 
-`control.hinfsyn` and `control.h2syn` rest on SLICOT's Riccati solver, which loses these lightly damped plants: on the published
-machine hinfsyn takes a minute to report γ = 1.7 for a loop whose norm is 55. `scipy.linalg.solve_continuous_are` solves the
-same equations through a balanced pencil, sign-indefinite ones too; the formulas of the controller then take a few lines.
+Two things make it reliable on lightly damped plants. Time is scaled first, for rates of 1 s⁻¹ and of 1e5 s⁻¹ do not mix well in a
+Riccati equation. And γ is sought here, among controllers that keep it: the search inside `control.hinfsyn` takes what its
+formulas give for granted, and on the published machine with the head at y/L = 0.1 reports γ = 0.004 for a loop of norm 2.8, where
+0.205 is the least.
 """
 
 from __future__ import annotations
 
 import control
 import numpy as np
-from scipy import linalg
+import slycot
+from slycot.exceptions import SlycotError
 
 from cutvib_ss.errors import DesignError
-from cutvib_ss.results import FloatArray
 
 _FIRST, _LARGEST, _FINE = 1.0, 1e8, 1.005
 """Where the search for γ starts and gives up, and how closely it closes in on the smallest one."""
 
 
-def central_controller(plant: control.StateSpace, nmeas: int, ncon: int, gamma: float = np.inf) -> control.StateSpace:
+def scaled_in_time(system: control.StateSpace) -> tuple[control.StateSpace, float]:
     """
-    The central controller of H∞ control for a given γ, or the H2 optimal one.
+    A system in units of its own time.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous system.
+
+    Returns
+    -------
+    scaled : control.StateSpace
+        With s over the rate in place of s, unnamed.
+    rate : float
+        Geometric mean of the moduli of its poles [rad/s].
+    """
+    rate = float(np.exp(np.mean(np.log(np.maximum(np.abs(system.poles()), 1.0))))) if system.nstates else 1.0
+    return control.ss(system.A / rate, system.B / np.sqrt(rate), system.C / np.sqrt(rate), system.D), rate
+
+
+def in_seconds(system: control.StateSpace, rate: float) -> control.StateSpace:
+    """
+    A system back in seconds.
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        In units of a time.
+    rate : float
+        From `scaled_in_time`.
+
+    Returns
+    -------
+    control.StateSpace
+        Unnamed.
+    """
+    return control.ss(system.A * rate, system.B * np.sqrt(rate), system.C * np.sqrt(rate), system.D)
+
+
+def hinf_controller(plant: control.StateSpace, nmeas: int, ncon: int, gamma: float) -> control.StateSpace:
+    """
+    The central H∞ controller for a given γ, not verified.
 
     Parameters
     ----------
     plant : control.StateSpace
-        Generalised plant, (w, u) to (z, y); no feedthrough from w to z, nor from u to y.
+        Generalised plant, (w, u) to (z, y).
     nmeas, ncon : int
         Number of measurements y and of commands u, the last of outputs and inputs.
     gamma : float
-        Bound on the closed loop's H∞ norm; infinite for H2.
+        Bound on the closed loop's H∞ norm.
 
     Returns
     -------
@@ -44,54 +84,16 @@ def central_controller(plant: control.StateSpace, nmeas: int, ncon: int, gamma: 
 
     Notes
     -----
-    Zhou, Doyle and Glover, Robust and Optimal Control (1996), Theorems 14.7 and 17.1, for D11 = 0 and D22 = 0. With
-    F = -R⁻¹(D1ᵀC1 + BᵀX), L = -(B1 D1ᵀ + Y Cᵀ)R̃⁻¹ and Z = (I - YX/γ²)⁻¹ the controller is an observer of the state under the
-    worst disturbance w = F1 x: A_K = A + B1F1 + B2F2 + Z L2 (C2 + D21 F1), B_K = -Z L2, C_K = F2.
+    SLICOT's SB10FD, Glover and Doyle's formulas of 1988.
     """
-    n, m1, p1 = plant.nstates, plant.ninputs - ncon, plant.noutputs - nmeas
-    if np.any(plant.D[:p1, :m1]) or np.any(plant.D[p1:, m1:]):
-        raise DesignError(
-            "the generalised plant has feedthrough from disturbance to performance or from command to sensor"
-        )
-    # In units of the plant's own time: rates of 1 s⁻¹ and of 1e5 s⁻¹ do not mix well in one pencil.
-    rate = float(np.exp(np.mean(np.log(np.maximum(np.abs(plant.poles()), 1.0)))))
-    a, b, c, d = plant.A / rate, plant.B / np.sqrt(rate), plant.C / np.sqrt(rate), plant.D
-    f1, f2, x = _gains(a, b, c[:p1], d[:p1], m1, gamma)
-    _, l2, y = _gains(a.T, c.T, b[:, :m1].T, d[:, :m1].T, p1, gamma)
-    z = np.eye(n)
-    if np.isfinite(gamma):
-        if float(np.abs(linalg.eigvals(x @ y)).max()) >= gamma**2:
-            raise DesignError(f"no controller for γ = {gamma:.6g}: the spectral radius of XY is too large")
-        z = linalg.inv(np.eye(n) - y @ x / gamma**2)
-    inject = z @ l2.T
-    a_k = a + b[:, :m1] @ f1 + b[:, m1:] @ f2 + inject @ (c[p1:] + d[p1:, :m1] @ f1)
-    return control.ss(
-        a_k * rate, -inject * np.sqrt(rate), f2 * np.sqrt(rate), np.zeros((ncon, nmeas)),
-        inputs=plant.output_labels[p1:], outputs=plant.input_labels[m1:],
-    )  # fmt: skip
-
-
-def _gains(
-    a: FloatArray, b: FloatArray, c1: FloatArray, d1: FloatArray, m1: int, gamma: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gains on disturbance and command, and the solution of the Riccati equation behind them."""
-    n, m = b.shape
-    used = slice(0 if np.isfinite(gamma) else m1, m)
-    weight = d1.T @ d1
-    weight[:m1, :m1] -= gamma**2 * np.eye(m1) if np.isfinite(gamma) else 0.0
+    scaled, rate = scaled_in_time(plant)
     try:
-        x = np.asarray(
-            linalg.solve_continuous_are(a, b[:, used], c1.T @ c1, weight[used, used], s=c1.T @ d1[:, used]), np.float64
+        a, b, c, d, _ = slycot.sb10fd(
+            scaled.nstates, scaled.ninputs, scaled.noutputs, ncon, nmeas, gamma, scaled.A, scaled.B, scaled.C, scaled.D
         )
-    except (linalg.LinAlgError, ValueError) as error:
-        raise DesignError(
-            f"no controller for γ = {gamma:.6g}: a Riccati equation has no stabilising solution"
-        ) from error
-    if float(linalg.eigvalsh(x)[0]) < -1e-7 * float(np.abs(x).max()):
-        raise DesignError(f"no controller for γ = {gamma:.6g}: a Riccati equation has no positive solution")
-    gains = np.zeros((m, n))
-    gains[used] = -linalg.solve(weight[used, used], d1[:, used].T @ c1 + b[:, used].T @ x)
-    return gains[:m1], gains[m1:], x
+    except SlycotError as error:
+        raise DesignError(f"no H∞ controller for γ = {gamma:.6g} ({' '.join(str(error).split())})") from error
+    return in_seconds(control.ss(a, b, c, d), rate)
 
 
 def closed_norm(plant: control.StateSpace, controller: control.StateSpace) -> float:
@@ -121,23 +123,27 @@ def h2_synthesis(plant: control.StateSpace, nmeas: int, ncon: int) -> tuple[cont
     Parameters
     ----------
     plant : control.StateSpace
-        Generalised plant, as for `central_controller`.
+        Generalised plant, (w, u) to (z, y), no feedthrough from w to z.
     nmeas, ncon : int
         Number of measurements and of commands.
 
     Returns
     -------
     controller : control.StateSpace
-        Controller u = K y.
+        Controller u = K y, in the plant's coordinates.
     norm : float
         H2 norm of the loop that it closes, computed from that loop.
 
     Raises
     ------
     DesignError
-        If the loop that it closes is unstable.
+        If there is no solution, or the loop that it closes is unstable.
     """
-    controller = central_controller(plant, nmeas, ncon)
+    scaled, rate = scaled_in_time(plant)
+    try:
+        controller = in_seconds(control.h2syn(scaled, nmeas, ncon), rate)
+    except SlycotError as error:
+        raise DesignError(f"no H2 controller ({' '.join(str(error).split())})") from error
     closed = plant.lft(controller)
     if closed.poles().real.max() >= 0.0:
         raise DesignError("the H2 controller does not stabilise its own plant; raise the noise or the effort's weight")
@@ -153,7 +159,7 @@ def hinf_synthesis(
     Parameters
     ----------
     plant : control.StateSpace
-        Generalised plant, as for `central_controller`.
+        Generalised plant, (w, u) to (z, y).
     nmeas, ncon : int
         Number of measurements and of commands.
     slack : float
@@ -198,7 +204,7 @@ def _verified(
 ) -> tuple[control.StateSpace, float] | None:
     """The controller for γ, if its loop keeps γ when the norm is computed from it."""
     try:
-        controller = central_controller(plant, nmeas, ncon, gamma)
+        controller = hinf_controller(plant, nmeas, ncon, gamma)
     except DesignError:
         return None
     norm = closed_norm(plant, controller)

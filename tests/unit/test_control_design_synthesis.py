@@ -7,10 +7,10 @@ import pytest
 from cutvib_ss.control_design import (
     PROTOTYPES,
     Sampling,
-    central_controller,
     closed_norm,
     control_plant,
     h2_synthesis,
+    hinf_controller,
     hinf_synthesis,
     lqg,
 )
@@ -48,22 +48,15 @@ def test_hinf_of_the_integrator() -> None:
     controller, norm = hinf_synthesis(integrator(), 1, 1, slack=1.0)
     assert np.sqrt(2) < norm < np.sqrt(2) * 1.006
     assert closed_norm(integrator(), controller) == norm
-    with pytest.raises(DesignError, match=r"γ = 1\.4"):
-        central_controller(integrator(), 1, 1, 1.4)
+    # Below the least γ SLICOT gives a controller all the same; the norm tells.
+    assert closed_norm(integrator(), hinf_controller(integrator(), 1, 1, 1.4)) > 1.4
 
 
-def test_a_benign_plant_agrees_with_python_control() -> None:
-    rng = np.random.default_rng(5)
-    a = rng.normal(size=(4, 4)) - 3 * np.eye(4)
-    b, c = rng.normal(size=(4, 3)), rng.normal(size=(3, 4))
-    plant = control.ss(a, b, c, [[0, 0, 0], [0, 0, 1], [0, 1, 0]])
-    theirs = control.h2syn(plant, 1, 1)
-    ours, norm = h2_synthesis(plant, 1, 1)
-    s = 1j * np.logspace(-2, 2, 30)
-    assert np.allclose(ours(s), theirs(s), rtol=1e-8)
-    assert norm == pytest.approx(control.system_norm(plant.lft(theirs), 2), rel=1e-8)
-    _, _, gamma, _ = control.hinfsyn(plant, 1, 1)
-    assert hinf_synthesis(plant, 1, 1, slack=1.0)[1] == pytest.approx(gamma, rel=0.01)
+def test_gamma_is_the_least_where_hinfsyn_misses_it() -> None:
+    plant = generalised_plant(control_plant(published_machine(), 0.1, KIT), 0.4, 0.04, 217.0, 0.003)
+    _, norm = hinf_synthesis(plant, 1, 1, slack=1.0)
+    assert norm == pytest.approx(0.2046, rel=0.01)  # by Riccati equations solved another way
+    assert closed_norm(plant, hinf_controller(plant, 1, 1, 0.98 * norm)) > 0.98 * norm
 
 
 def test_the_norm_of_an_hinf_loop_is_what_its_responses_show() -> None:
@@ -117,8 +110,6 @@ def test_lqg_is_h2_of_its_own_problem_and_keeps_the_separation() -> None:
 
 
 def test_what_has_no_solution_is_refused() -> None:
-    with pytest.raises(DesignError, match="feedthrough"):
-        central_controller(control.ss([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], [[1.0, 0.0], [0.0, 0.0]]), 1, 1)
     # An unstable state that no command moves.
     lost = control.ss(
         [[1.0, 0.0], [0.0, -1.0]], [[1, 0, 0], [1, 0, 1]], [[1.0, 1], [0, 0], [1, 1]], [[0, 0, 0], [0, 0, 1], [0, 1, 0]]
