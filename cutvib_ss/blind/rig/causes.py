@@ -162,7 +162,7 @@ def _local_resonator(rig: Rig, severity: float, rng: np.random.Generator) -> Mad
     """A panel or hose on tool or head."""
     place = str(rng.choice(["tool", "head"]))
     p = {
-        "mass": about(rng, {"tool": 0.045, "head": 2.0}[place]) * severity,
+        "mass": about(rng, {"tool": 0.06, "head": 3.0}[place]) * severity,
         "frequency": float(np.exp(rng.uniform(np.log(80.0), np.log(380.0)))),
         "damping_ratio": float(rng.uniform(0.01, 0.05)),
     }

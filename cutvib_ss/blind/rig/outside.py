@@ -58,7 +58,7 @@ def _warming(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
 
 def _saturating_sensor(rig: Rig, severity: float, rng: np.random.Generator) -> Made:
     """A charge amplifier that saturates softly."""
-    limit = about(rng, 120.0) / severity
+    limit = about(rng, 80.0) / severity
     return rig.measured(saturation=dict.fromkeys(CHANNELS, limit)), "measurement", {"limit": limit}
 
 
