@@ -27,3 +27,7 @@ class DiagnosisError(CutvibError):
 
 class DesignError(CutvibError):
     """A controller cannot be designed: no solution, or one that does not keep what it promises."""
+
+
+class ConvergenceError(CutvibError):
+    """A nonlinear response runs away, or what was asked of it, such as a steady state, is not found."""

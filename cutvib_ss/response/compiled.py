@@ -27,7 +27,7 @@ CUBIC, FREEPLAY, BILINEAR, FRICTION, QUADRATIC, SLIP = range(6)
 
 _SWEEPS = 30
 """Largest number of sweeps over the elements in a step; two or three do, unless elements fight."""
-_SAME = 1e-6
+_SAME = 1e-9
 """Sweeps end when forces move by less than this part of the largest one so far."""
 _STIFF = 0.3
 """Slope of a law times the step's compliance beyond which the force is held constant over the step, since its course there is not
@@ -123,7 +123,7 @@ def implicit_force(code: int, p: Values, q: float, a: float, v: float, b: float,
     Notes
     -----
     Closed forms, but for the cubic, whose x + a k3 x³ = q Newton's method solves monotonically from x = q, from either side.
-    A softening law (k3 < 0) has no such root beyond the peak of the left side; x then stays at the peak.
+    A softening law (k3 < 0) has no such root beyond the peak of the left side, and runs away: NaN.
     """
     if code == CUBIC:
         g = a * p[0]
@@ -131,8 +131,7 @@ def implicit_force(code: int, p: Values, q: float, a: float, v: float, b: float,
         for _ in range(50):
             slope = 1.0 + 3.0 * g * x * x
             if slope < 1e-6:
-                x = math.copysign(1.0, q) / math.sqrt(-3.0 * g)
-                break
+                return math.nan
             change = (x + g * x * x * x - q) / slope
             x -= change
             if abs(change) <= 1e-15 * abs(x):
@@ -346,15 +345,15 @@ def interact(
             for e in range(elements):
                 if not abs(q[e]) <= bound:
                     away[blow] = True
+            if away[blow]:
+                break
+            for e in range(elements):
                 forces[blow, e, k] = f1[e]
                 if codes[e] != FRICTION:
                     # Half of a step's mean correction to either end: the same impulse.
                     forces[blow, e, k] += 0.5 * mean[e]
                     forces[blow, e, k - 1] += 0.5 * mean[e]
                 q0[e], v0[e], f0[e] = q[e], v[e], f1[e]
-            if away[blow]:
-                forces[blow, :, k:] = 0.0
-                break
         for e in range(elements):
             kept[blow, e] = f0[e]
             if codes[e] == FRICTION and instants > 1:

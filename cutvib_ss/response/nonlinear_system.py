@@ -1,0 +1,116 @@
+"""A model with its nonlinear elements as python-control's nonlinear system, for others' tools."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+
+from cutvib_ss.laws import LAWS
+from cutvib_ss.machine import Machine
+from cutvib_ss.parameters import check_number
+from cutvib_ss.response.modal_form import drive_of, row_of, system_with
+from cutvib_ss.results import FloatArray, Quantity
+from cutvib_ss.structure import Structure
+
+
+def nonlinear_system(
+    machine: Machine | Structure,
+    position: float | None = None,
+    outputs: Sequence[str] | None = None,
+    quantity: Quantity | None = None,
+    viscous_at: float | None = None,
+    sticking_rate: float = 1e-6,
+) -> control.NonlinearIOSystem:
+    """
+    The model with its nonlinear elements as a `control.nlsys`.
+
+    Parameters
+    ----------
+    machine : Machine or Structure
+        The model; its measurement chain is not applied.
+    position : float, optional
+        y_b / L of the head, strictly inside (0, 1); left out for a structure.
+    outputs : sequence of str, optional
+        Channels or ports; the channels by default.
+    quantity : {"displacement", "velocity", "acceleration"}, optional
+        Motion of the outputs; by default each channel's own, displacement of a port.
+    viscous_at : float, optional
+        Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
+    sticking_rate : float
+        Rate [rad/s or m/s] over which friction turns from one sign to the other: a solver of differential equations cannot stick.
+
+    Returns
+    -------
+    control.NonlinearIOSystem
+        Input ``force``; the states of the linear plant, then the force of each slipping element.
+
+    Raises
+    ------
+    ParameterError
+        If a signal is impossible.
+    CouplingError
+        If damping is hysteretic and no ``viscous_at`` is given.
+
+    Notes
+    -----
+    Friction is torque · tanh(rate/sticking_rate); it creeps where `time_response` sticks. Slip has corners, on which implicit
+    methods stall: integrate it with an explicit one (RK45), and always with a ``max_step`` below the force's shortest detail.
+
+    Examples
+    --------
+    >>> from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+    >>> from cutvib_ss.machine import published_machine
+    >>> nonlinear_system(CubicStiffness("joint2", 8e9).apply(published_machine()), 0.5).nstates
+    12
+    """
+    check_number("sticking_rate", sticking_rate, 0.0, strict=True)
+    names = tuple(machine.channels) if outputs is None else tuple(outputs)
+    elements = machine.nonlinear
+    system = system_with(machine, position, viscous_at, [n for n in names if n not in machine.channels])
+    ports = {"force": drive_of(machine, system)}
+    reads: dict[str, tuple[str, Quantity]] = {}
+    for name in names:
+        channel = machine.channels.get(name)
+        ports[f"read {name}"] = row_of(system, channel.port if channel else name)
+        reads[name] = (f"read {name}", quantity or (channel.quantity if channel else "displacement"))
+    inputs = {"force": "force"}
+    for k, e in enumerate(elements):
+        ports[f"element {k}"] = row_of(system, e.port)
+        inputs[f"element {k}"] = f"element {k}"
+        reads |= {f"motion {k}": (f"element {k}", "displacement"), f"rate {k}": (f"element {k}", "velocity")}
+    plant = replace(system, ports=ports).state_space(inputs, reads)
+    count, n = len(names), plant.nstates
+    slips = [k for k, e in enumerate(elements) if e.law == "joint_slip"]
+    states = [*plant.state_labels, *(f"slip {k}" for k in slips)]
+
+    def resisting(x: FloatArray) -> FloatArray:
+        motion = plant.C[count:] @ x[:n]
+        forces = np.zeros(len(elements))
+        for k, e in enumerate(elements):
+            q, v = motion[2 * k], motion[2 * k + 1]
+            if k in slips:
+                forces[k] = np.clip(x[n + slips.index(k)], -e.values[1], e.values[1])
+            elif e.law == "dry_friction":
+                forces[k] = e.values[0] * np.tanh(v / sticking_rate)
+            else:
+                forces[k] = LAWS[e.law].force(q, v, *e.values)
+        return forces
+
+    def update(t: float, x: FloatArray, u: FloatArray, params: Any) -> FloatArray:
+        rates = plant.A @ x[:n] + plant.B @ np.concatenate([np.atleast_1d(u), -resisting(x)])
+        slipping = []
+        for k in slips:
+            stiffness, limit = elements[k].values
+            v, f = plant.C[count + 2 * k + 1] @ x[:n], x[n + slips.index(k)]
+            slipping.append(0.0 if abs(f) >= limit and f * v > 0.0 else stiffness * v)
+        return np.concatenate([rates, slipping])
+
+    def output(t: float, x: FloatArray, u: FloatArray, params: Any) -> FloatArray:
+        inputs_ = np.concatenate([np.atleast_1d(u), -resisting(x)])
+        return np.asarray(plant.C[:count] @ x[:n] + plant.D[:count] @ inputs_)
+
+    return control.nlsys(update, output, inputs=["force"], outputs=list(names), states=states, name="corrected machine")

@@ -1,0 +1,188 @@
+"""What the outputs of a response in time read: motion of channels and ports, and the force that the rail's ends pass on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.machine import Machine
+from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.response.modal_form import ModalBasis, row_of
+from cutvib_ss.results import ComplexArray, FloatArray, Quantity
+from cutvib_ss.structure import Structure
+from cutvib_ss.subsystems.rail import EndSupports
+from cutvib_ss.units import DERIVATIVE_ORDER, SI_UNIT
+
+END_FORCES = ("rail_left_force", "rail_right_force")
+"""Outputs that are forces of the rail on what holds its ends, in X [N]."""
+
+
+@dataclass(frozen=True)
+class OutputRow:
+    """
+    An output as a sum over displacement, velocity and acceleration of the degrees of freedom, and over forces.
+
+    Parameters
+    ----------
+    name, unit : str
+        Name and SI unit.
+    motion : ndarray, shape (3, n)
+        Rows over displacement, velocity and acceleration.
+    forces : ndarray, shape (force,)
+        What each force adds directly.
+    """
+
+    name: str
+    unit: str
+    motion: FloatArray
+    forces: FloatArray
+
+    def weights(self, modes: ModalBasis) -> ComplexArray:
+        """
+        The output as a sum over modes.
+
+        Parameters
+        ----------
+        modes : ModalBasis
+            The modes.
+
+        Returns
+        -------
+        ndarray, shape (mode,)
+            Weights of the modes' amplitudes.
+        """
+        powers = modes.poles ** np.arange(3)[:, None]
+        total: ComplexArray = np.sum((self.motion @ modes.shapes) * powers, axis=0)
+        return total
+
+    def direct(self, system: SecondOrder, drives: FloatArray, signs: FloatArray) -> FloatArray:
+        """
+        What forces pass to the output at once.
+
+        Parameters
+        ----------
+        system : SecondOrder
+            The system.
+        drives : ndarray, shape (n, force)
+            How each force pushes the degrees of freedom.
+        signs : ndarray, shape (force,)
+            1 for forces along their ports, -1 against.
+
+        Returns
+        -------
+        ndarray, shape (force,)
+            The direct terms: those of acceleration, and the output's own.
+        """
+        return np.asarray(signs * self.forces + self.motion[2] @ np.linalg.solve(system.mass, drives))
+
+
+def output_rows(
+    machine: Machine | Structure,
+    system: SecondOrder,
+    position: float | None,
+    viscous_at: float | None,
+    names: Sequence[str],
+    quantities: Sequence[Quantity | None],
+    inputs: Sequence[str],
+) -> list[OutputRow]:
+    """
+    Rows of outputs by name.
+
+    Parameters
+    ----------
+    machine : Machine or Structure
+        The model.
+    system : SecondOrder
+        Its second-order form with the ports that the names need.
+    position : float or None
+        y_b / L of the head.
+    viscous_at : float or None
+        Frequency [Hz] at which hysteretic damping is made viscous.
+    names : sequence of str
+        Channels, ports, or `END_FORCES`.
+    quantities : sequence of str or None
+        Motion quantity of each; None for a channel's own, displacement of a port.
+    inputs : sequence of str
+        Ports of the forces that act; ``force`` for the input.
+
+    Returns
+    -------
+    list of OutputRow
+        One an output.
+
+    Raises
+    ------
+    ParameterError
+        If a name is unknown, or a structure is asked for the rail's ends.
+    """
+    rows = []
+    for name, quantity in zip(names, quantities, strict=True):
+        if name in END_FORCES:
+            if not isinstance(machine, Machine):
+                raise ParameterError(f"output {name!r} needs a cutting machine; this model has no rail")
+            rows.append(_end_force(machine, system, position, viscous_at, name, inputs))
+            continue
+        channel = machine.channels.get(name)
+        read: Quantity = quantity or (channel.quantity if channel else "displacement")
+        motion = np.zeros((3, len(system.dofs)))
+        motion[DERIVATIVE_ORDER[read]] = row_of(system, channel.port if channel else name)
+        rows.append(OutputRow(name, motion_unit(machine, name, read), motion, np.zeros(len(inputs))))
+    return rows
+
+
+def motion_unit(machine: Machine | Structure, name: str, quantity: Quantity) -> str:
+    """
+    Unit of an output that reads motion.
+
+    Parameters
+    ----------
+    machine : Machine or Structure
+        The model.
+    name : str
+        Channel or port.
+    quantity : {"displacement", "velocity", "acceleration"}
+        Which motion.
+
+    Returns
+    -------
+    str
+        Of displacement, or of rotation for the joints and the twist of a cutting machine.
+    """
+    unit = SI_UNIT[quantity]
+    turns = isinstance(machine, Machine) and (name.startswith(("joint", "theta")) or "twist" in name)
+    return unit.replace("m", "rad", 1) if turns else unit
+
+
+def _end_force(
+    machine: Machine,
+    system: SecondOrder,
+    position: float | None,
+    viscous_at: float | None,
+    name: str,
+    inputs: Sequence[str],
+) -> OutputRow:
+    """
+    Force of the rail on what holds an end.
+
+    Of springs and dampers under the ends: k u + c u̇. A rigid pin passes on what the equation of the end's motion, released, lacks:
+    the forces that would push it, less M q̈ + C q̇ + K q in its row, at u = 0.
+    """
+    end = name.removesuffix("_force")
+    motion, forces = np.zeros((3, len(system.dofs))), np.zeros(len(inputs))
+    supports = machine.rail.supports
+    if supports is not None:
+        k, c = (supports.k_left, supports.c_left) if end == "rail_left" else (supports.k_right, supports.c_right)
+        motion[0], motion[1] = k * system.port(end), c * system.port(end)
+        return OutputRow(name, "N", motion, forces)
+    released = replace(machine, rail=replace(machine.rail, supports=EndSupports(1.0, 1.0)))
+    free = released.second_order(position, viscous_at)
+    row = free.dofs.index(end)
+    kept = [free.dofs.index(dof) for dof in system.dofs]
+    for order, matrix in enumerate((free.stiffness, free.damping, free.mass)):
+        motion[order] = -matrix[row, kept]
+    for j, port in enumerate(inputs):
+        forces[j] = row_of(free, machine.input_port if port == "force" else port)[row]
+    return OutputRow(name, "N", motion, forces)
