@@ -12,10 +12,13 @@ from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.gap import shrinkage, where
 from cutvib_ss.gap.calibration import Evidence, posterior, shipped, tempered
-from cutvib_ss.gap.cause import Ranked, search
+from cutvib_ss.gap.cause import ENOUGH, Ranked, search
+from cutvib_ss.gap.detail import found
 from cutvib_ss.gap.fit import Fit
+from cutvib_ss.gap.levels import level_stands_out
 from cutvib_ss.gap.next_test import next_test
 from cutvib_ss.gap.observations import Entry, Observations, Records, merged, observe
+from cutvib_ss.gap.place import Located, locate
 from cutvib_ss.gap.problem import Hypothesis, Problem
 from cutvib_ss.gap.result import CandidateEvidence, Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.gap.verdict import ambiguity_set, verdict
@@ -118,8 +121,11 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     evidence = replace(evidence, held={name: h.reduced for name, h in held.items()})
     odds = posterior(evidence, shipped())
     unknown = odds["unknown"]
-    place_odds, unknown_place = _place_odds(nominal, none.fit, fitted, problem, levels > where.LEVEL_EXCESS)
-    rows = _causes(none, shown, odds, unknown, unknown_place, held, before, observed)
+    by_level = bool(levels > where.LEVEL_EXCESS) or level_stands_out(records)
+    located = Located()
+    if by_level or none.reduced > ENOUGH:
+        located = locate(nominal, none.fit, fitted, problem.blow_at(none.fit.x), by_level)
+    rows = _causes(none, shown, odds, unknown, located.best, held, before, observed)
     result = verdict(rows)
     chosen = none.fit if result == "no_gap" else after.ranked.fit
     figures = _figures(observed, before, tuned, held[none.name] if result == "no_gap" else after, seed)
@@ -127,17 +133,19 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     test = None
     if result == "ambiguous" and len(remaining) > 1:
         test = next_test([r.fit.model for r in remaining], [r.name for r in remaining], fitted)
-    places = _places(rows, unknown, place_odds)
+    places = _places(rows, unknown, located.odds)
+    bands_hz = _bands(problem, none.fit)
+    second = next((held[r.name].records for r in shown if r is not first and r.name in held), None)
     return Diagnosis(
         verdict=result,
         gap=figures,
         where=Where(
             place="none" if result == "no_gap" else places[0][0] if places[0][0] != "none" else places[1][0],
             places=places,
-            bands_hz=_bands(problem, none.fit),
+            bands_hz=bands_hz,
             by_position=where.by_position(tuned.records, observed.per_unit),
             by_channel=where.by_channel(tuned.records, observed.channels, observed.per_unit),
-            level_dependent=bool(levels > where.LEVEL_EXCESS),
+            level_dependent=by_level,
         ),
         causes=rows,
         ambiguity_set=ambiguity_set(rows),
@@ -160,6 +168,9 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             for r in ranked
         ),
         reduced_chi2=evidence.reduced,
+        findings=found(
+            nominal, chosen.model, observed, bands_hz, located, before, tuned.records, after.records, second
+        ),
     )
 
 
@@ -239,31 +250,6 @@ def _figures(
         shrinkage=1.0 - end / start,
         shrinkage_interval=shrinkage.shrinkage_interval(before, after.records, seed),
     )
-
-
-def _place_odds(
-    nominal: Model, none: Fit, entries: Sequence[Entry], problem: Problem, by_level: bool
-) -> tuple[dict[str, float], str]:
-    """Places by what one free z(ω) leaves there, on the model as given and as re-tuned; one z a level where levels differ."""
-    levels = sorted({float(np.nan_to_num(e.level, nan=-1.0)) for e in entries}) if by_level else [None]
-    best: dict[str, float] = {}
-    for model, x in ((none.tuned, none.x), (nominal, np.zeros(none.x.size))):
-        total: dict[str, list[float]] = {}
-        for level in levels:
-            own = [e for e in entries if level is None or float(np.nan_to_num(e.level, nan=-1.0)) == level]
-            calibration = [problem.calibration_of(g.channels, g.freq, x) for g in merged(own)]
-            for score in where.locate(model, own, calibration, problem.blow_at(none.x)):
-                total.setdefault(score.place, []).append(score.chi2 / score.freedom)
-        for place, left in total.items():
-            best[place] = min(best.get(place, np.inf), float(np.mean(left)))
-    if by_level:
-        # A gain does not know how hard the structure was hit.
-        best.pop("measurement", None)
-    names = sorted(best, key=lambda n: best[n])
-    left_over = np.array([best[n] for n in names])
-    # Ratios of what is left, not differences of χ²: a free z(ω) rarely closes the gap to noise.
-    weight = (left_over[0] / left_over) ** 4
-    return dict(zip(names, (weight / weight.sum()).tolist(), strict=True)), names[0]
 
 
 def _places(rows: Sequence[Cause], unknown: float, place_odds: dict[str, float]) -> tuple[tuple[str, float], ...]:

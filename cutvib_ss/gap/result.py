@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from cutvib_ss.effects.base import Model
+from cutvib_ss.gap.findings import Findings
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 
 SCHEMA = "cutvib-diagnosis/1"
@@ -242,6 +243,8 @@ class Diagnosis:
         What the probabilities were made of.
     reduced_chi2 : float
         χ² a degree of freedom that the candidate of most evidence leaves of what it was fitted to.
+    findings : Findings
+        What was found beside: distances, bands, the free dynamic stiffness at the place, and what it means.
     """
 
     verdict: Verdict
@@ -257,6 +260,7 @@ class Diagnosis:
     comparisons: tuple[Comparison, ...] = ()
     evidence: tuple[CandidateEvidence, ...] = ()
     reduced_chi2: float = math.nan
+    findings: Findings = field(default_factory=Findings)
 
     def to_dict(self) -> dict[str, Any]:
         """
@@ -288,6 +292,7 @@ class Diagnosis:
                 "by_position": [{"position": f.label, "error": f.error, "noise": f.noise} for f in w.by_position],
                 "by_channel": [{"channel": f.label, "error": f.error, "noise": f.noise} for f in w.by_channel],
                 "level_dependent": w.level_dependent,
+                **self.findings.where(),
             },
             "causes": [
                 {
@@ -305,6 +310,7 @@ class Diagnosis:
             ],
             "ambiguity_set": list(self.ambiguity_set),
             "next_test": None if self.next_test is None else dict(vars(self.next_test)),
+            "meaning": self.findings.means(),
             "title": self.title,
             "warnings": list(self.warnings),
             "evidence": {

@@ -56,12 +56,15 @@ class Judged:
         What noise alone leaves.
     chi2 : ndarray, shape (channel,)
         χ² a degree of freedom.
+    predicted : ndarray, shape (channel, frequency)
+        What was predicted of it.
     """
 
     entry: Entry
     error: FloatArray
     noise: FloatArray
     chi2: FloatArray
+    predicted: ComplexArray
 
 
 def folds(observations: Observations, fraction: float | None, seed: int) -> tuple[Fold, ...]:
@@ -216,7 +219,7 @@ def judged(e: Entry, prediction: ComplexArray) -> Judged:
     error = np.abs(e.data - prediction)
     # E|n| of complex Gaussian noise of variance v is √(πv)/2.
     noise = np.sqrt(np.pi * e.variance) / 2
-    return Judged(e, error.mean(axis=1), noise.mean(axis=1), np.mean(error**2 / e.variance, axis=1))
+    return Judged(e, error.mean(axis=1), noise.mean(axis=1), np.mean(error**2 / e.variance, axis=1), prediction)
 
 
 def mean_error(records: Sequence[Judged]) -> float:
