@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError
 from cutvib_ss.machine import Machine
@@ -82,9 +83,54 @@ class AffineMachine:
         """Names of the coordinates q: the rail's, then the head's, as `Machine.second_order` has them."""
         return self.fixed.dofs
 
+    def rail_rows(self, positions: ArrayLike, twist: bool = False, order: int = 0) -> FloatArray:
+        """
+        How the rail moves at points, over all coordinates, or a derivative of that to position.
+
+        Parameters
+        ----------
+        positions : array_like, shape (position,)
+            y / L.
+        twist : bool
+            The twist there instead of the deflection.
+        order : int
+            Order of the derivative to y / L.
+
+        Returns
+        -------
+        ndarray, shape (position, n)
+            The rows.
+
+        Raises
+        ------
+        CouplingError
+            If a derivative of the twist is asked for, whose shapes have kinks at the nodes of its mesh.
+
+        Notes
+        -----
+        dᵏ/dyᵏ sin(rπy) = (rπ)ᵏ sin(rπy + kπ/2); ends that give add 1 - y and y.
+        """
+        y = np.atleast_1d(np.asarray(positions, dtype=float))
+        rows = np.zeros((y.size, len(self.dofs)))
+        if twist:
+            if order:
+                raise CouplingError(
+                    "the rail's twist is linear between the nodes of its mesh and has no derivatives along the rail"
+                )
+            shapes = np.array([rail(self.rail, {"here": place}).port("here_twist") for place in y])
+            rows[:, : shapes.shape[1]] = shapes
+            return rows
+        modes, scale = self.rail.modes, np.sqrt(2.0 / self.rail.parameters.mass)
+        turn = np.pi * modes.number
+        m = turn.size
+        rows[:, :m] = scale * modes.deflection * turn**order * np.sin(np.outer(y, turn) + order * np.pi / 2)
+        if self.rail.supports is not None and order < 2:
+            rows[:, m], rows[:, m + 1] = (1.0 - y, y) if order == 0 else (-1.0, 1.0)
+        return rows
+
     def rail_row(self, position: float, twist: bool = False, order: int = 0) -> FloatArray:
         """
-        How the rail moves at a point, over all coordinates, or a derivative of that to position.
+        How the rail moves at one point.
 
         Parameters
         ----------
@@ -98,33 +144,9 @@ class AffineMachine:
         Returns
         -------
         ndarray, shape (n,)
-            The row.
-
-        Raises
-        ------
-        CouplingError
-            If a derivative of the twist is asked for, whose shapes have kinks at the nodes of its mesh.
-
-        Notes
-        -----
-        dᵏ/dyᵏ sin(rπy) = (rπ)ᵏ sin(rπy + kπ/2); ends that give add 1 - y and y.
+            The row, as `rail_rows` gives it.
         """
-        row = np.zeros(len(self.dofs))
-        if twist:
-            if order:
-                raise CouplingError(
-                    "the rail's twist is linear between the nodes of its mesh and has no derivatives along the rail"
-                )
-            shapes = rail(self.rail, {"here": position}).port("here_twist")
-            row[: shapes.size] = shapes
-            return row
-        modes, scale = self.rail.modes, np.sqrt(2.0 / self.rail.parameters.mass)
-        turn = np.pi * modes.number
-        m = turn.size
-        row[:m] = scale * modes.deflection * turn**order * np.sin(turn * position + order * np.pi / 2)
-        if self.rail.supports is not None:
-            row[m : m + 2] = ((1.0 - position, position), (-1.0, 1.0))[order] if order < 2 else 0.0
-        return row
+        return np.array(self.rail_rows([position], twist, order)[0])
 
     def rail_row_bound(self, order: int) -> FloatArray:
         """

@@ -193,6 +193,28 @@ def system_with(
     """
     if isinstance(machine, Structure):
         return machine.second_order(position, viscous_at)
+    return machine.second_order(position, viscous_at, rail_points(names))
+
+
+def rail_points(names: Sequence[str]) -> dict[str, float]:
+    """
+    Points of the rail among signals.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Signals; points of the rail as ``rail(0.25)``.
+
+    Returns
+    -------
+    dict of str to float
+        The name of each point, and its y / L.
+
+    Raises
+    ------
+    ParameterError
+        If a point of the rail is no number.
+    """
     points = {}
     for name in names:
         if found := re.fullmatch(r"rail\((.*)\)", name):
@@ -200,7 +222,7 @@ def system_with(
                 points[name] = float(found[1])
             except ValueError:
                 raise ParameterError(f"signal {name!r}: write rail(0.25) for the rail at a quarter") from None
-    return machine.second_order(position, viscous_at, points)
+    return points
 
 
 def row_of(system: SecondOrder, name: str) -> FloatArray:

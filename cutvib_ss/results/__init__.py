@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.results.arrays import ComplexArray, FloatArray, Form, Quantity, label_indices, read_only
+from cutvib_ss.results.moving import Energies, MovingResponse
 from cutvib_ss.results.time import TimeResponse
 from cutvib_ss.units import DERIVATIVE_ORDER, SI_UNIT
 
@@ -19,11 +20,13 @@ __all__ = [
     "QUANTITY_OF_FORM",
     "AbsorberCheck",
     "ComplexArray",
+    "Energies",
     "FloatArray",
     "Form",
     "FrequencyResponse",
     "MeasuredFrequencyResponse",
     "Modes",
+    "MovingResponse",
     "Quantity",
     "TimeResponse",
     "TrackedModes",
