@@ -8,9 +8,10 @@ import numpy as np
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.parameters import check_number
+from cutvib_ss.response.pulses import PULSE_RATE
 from cutvib_ss.results import FloatArray, read_only
 
-WORKING_FREQUENCY = 217.0
+WORKING_FREQUENCY = PULSE_RATE
 """Fundamental frequency of the cutting tool's force [Hz] (Section 2)."""
 
 
@@ -68,7 +69,7 @@ class HarmonicForce:
         harmonics: int = 5,
     ) -> HarmonicForce:
         """
-        A train of trapezoidal pulses.
+        A train of trapezoidal pulses, whose history is `cutvib_ss.response.pulses.pulse_train`.
 
         Parameters
         ----------

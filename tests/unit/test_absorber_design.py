@@ -24,6 +24,7 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.machine import published_machine
 from cutvib_ss.parameters import AbsorberParameters, table_7
 from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.response.pulses import pulse_train
 from cutvib_ss.results import FloatArray
 from cutvib_ss.subsystems.elements import SprungMass
 
@@ -47,6 +48,14 @@ def test_harmonics_of_a_trapezoid_are_those_of_its_fourier_transform() -> None:
     found = HarmonicForce.pulses(rate, duty, rise, fall, peak, 12)
     assert found.amplitude == pytest.approx(expected, abs=1e-6 * peak)
     assert found.freq == pytest.approx(rate * np.arange(1, 13))
+
+
+def test_harmonics_are_those_of_the_pulses_that_time_response_takes() -> None:
+    fs = 217.0 * 256
+    spectrum = 2 * np.abs(np.fft.rfft(pulse_train(fs, 1 / 217.0, amplitude=40.0)))[1:6] / 256
+    # A sample of the train is its mean over the sample.
+    box = np.sinc(PULSES.freq / fs)
+    assert spectrum == pytest.approx(40.0 * PULSES.amplitude * box, rel=1e-5)
 
 
 def test_a_pulse_without_room_is_refused() -> None:
