@@ -7,6 +7,7 @@ import pytest
 from scipy import integrate, interpolate
 
 import cutvib_ss as cv
+from cutvib_ss import plot
 from cutvib_ss.effects.guide_compliance import GuideCompliance
 from cutvib_ss.effects.rail_torsion import RailTorsion
 from cutvib_ss.effects.support_compliance import SupportCompliance
@@ -267,3 +268,14 @@ def test_an_absorber_travels_along() -> None:
     found = moving_response(attach_absorber(MACHINE, table_7()), FAST, FORCE, FS, ("tool_x",))
     bare = moving_response(MACHINE, FAST, FORCE, FS, ("tool_x",))
     assert found.after(0.1).rms()[0] < 0.8 * bare.after(0.1).rms()[0]
+
+
+def test_the_picture_shows_path_and_outputs() -> None:
+    response = moving_response(MACHINE, FAST, FORCE, FS)
+    figure = plot.travel_histories(response)
+    assert len(figure.axes) == 4
+    assert np.array_equal(figure.axes[0].lines[0].get_ydata(), response.path)
+    assert figure.axes[2].get_ylabel() == "tool_z [m/s²]"
+    rms = np.asarray(figure.axes[1].lines[0].get_ydata())
+    assert rms.max() < np.abs(response.data[0]).max()
+    assert rms.mean() == pytest.approx(np.sqrt(np.mean(response.data[0] ** 2)), rel=0.3)
