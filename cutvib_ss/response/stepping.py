@@ -35,6 +35,8 @@ _STEPS = 40
 """Steps in a period of a port's motion: errors of smooth laws are then about 1e-6, of laws with corners 1e-4."""
 _FINEST = 32
 """Largest oversampling that is chosen unasked."""
+_BLOCK = 200_000
+"""Fine instants of several blows that are treated together."""
 _CHUNK = 1 << 15
 """Instants of a free response that are computed at once."""
 
@@ -185,8 +187,9 @@ class _Run:
         modes: ComplexArray = drives * (spectrum @ upper + spectrum.conj() @ lower)
         return modes
 
-    def _free(self, modes: ComplexArray, orders: FloatArray) -> FloatArray:
+    def _free(self, modes: ComplexArray) -> FloatArray:
         """Free responses of all outputs, shape (blow, output, sample)."""
+        orders = np.array([*self.form.orders, *(0 for _ in self.form.ports)])
         rows = self.form.shapes * self.form.poles ** orders[:, None]
         each = (modes[:, None, :] * rows).reshape(-1, modes.shape[1])
         out = np.zeros((len(modes), len(rows), self.samples))
@@ -205,32 +208,43 @@ class _Run:
         return out
 
     def result(self) -> Stepped:
-        form, n = self.form, len(self.form.outputs)
+        form, n, elements = self.form, len(self.form.outputs), len(self.elements)
         force = self._transform(self.force, 1)
         # What is in the transforms and not in the responses; less what is in these and not in the transforms.
         surplus = self._wrapped(force, form.drives[:, 0])
         if self.initial is not None:
             surplus = surplus - self.initial
-        spectrum = np.empty((len(force), len(form.shapes), self.s.size), dtype=np.complex128)
-        for k in range(len(form.shapes)):
-            np.multiply(force, self.receptance[k, 0], out=spectrum[:, k])
+        self.fine = self.given or (self._enough(force) if elements else 1)
+        shown = np.empty((len(force), len(form.shapes), self.samples))
+        resisting = np.empty((len(force), elements, self.samples))
+        away = np.zeros(len(force), dtype=bool)
+        # A few blows at a time stay in the processor's cache.
+        count = max(1, _BLOCK // (self.size * self.fine))
+        for k in range(0, len(force), count):
+            some = slice(k, k + count)
+            shown[some], resisting[some], away[some] = self._blows(force[some], surplus[some])
+        shown -= self._free(surplus)
+        return Stepped(shown[:, :n], shown[:, n:], resisting, away)
+
+    def _blows(self, force: ComplexArray, surplus: ComplexArray) -> tuple[FloatArray, FloatArray, np.ndarray]:
+        """Responses and nonlinear forces of some blows; what their transforms wrap around goes into the surplus."""
+        form, n = self.form, len(self.form.outputs)
+        spectrum = self.receptance[:, 0] * force[:, None]
         resisting, away = np.zeros((len(force), 0, self.s.size), dtype=np.complex128), np.zeros(len(force), dtype=bool)
         if self.elements:
             resisting, away = self._nonlinear(spectrum[:, n:], surplus)
             for e in range(len(self.elements)):
-                surplus = surplus - self._wrapped(resisting[:, e], form.drives[:, 1 + e])
-                for k in range(len(form.shapes)):
-                    spectrum[:, k] -= self.receptance[k, 1 + e] * resisting[:, e]
-        orders = np.array([*form.orders, *(0 for _ in form.ports)])
-        for k, order in enumerate(orders):
+                surplus -= self._wrapped(resisting[:, e], form.drives[:, 1 + e])
+                spectrum -= self.receptance[:, 1 + e] * resisting[:, e, None]
+        for k, order in enumerate(form.orders):
             if order:
                 spectrum[:, k] *= self.s**order
-        shown = self._history(spectrum, self.samples) - self._free(surplus, orders)
-        return Stepped(shown[:, :n], shown[:, n:], self._history(resisting, self.samples), away)
+        return self._history(spectrum, self.samples), self._history(resisting, self.samples), away
 
-    def _enough(self, linear: ComplexArray) -> int:
+    def _enough(self, force: ComplexArray) -> int:
         """Steps in a sample that resolve the ports' motion."""
-        power = np.einsum("bel,bel,l->l", linear, linear.conj(), np.abs(self.s) ** 2).real
+        size = np.sqrt(np.mean(np.abs(force) ** 2, axis=0))
+        power = np.sum(np.abs(self.s * size * self.receptance[len(self.form.outputs) :, 0]) ** 2, axis=0)
         mean = float(np.abs(self.s) @ power / np.sum(power)) / (2 * np.pi) if power.any() else 0.0
         if self.initial is not None:
             mean = max(mean, float(np.abs(self.form.poles).min()) / (2 * np.pi))
@@ -241,8 +255,7 @@ class _Run:
         """Spectra of the nonlinear forces, shape (blow, element, frequency)."""
         from cutvib_ss.response import compiled  # numba takes half a second to import
 
-        form = self.form
-        fine = self.given or self._enough(linear)
+        form, fine = self.form, self.fine
         instants = self.run * fine
         h = 1.0 / (self.fs * fine)
         rows = form.shapes[len(form.outputs) :]
