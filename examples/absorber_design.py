@@ -21,7 +21,7 @@ from cutvib_ss.parameters import table_7
 from cutvib_ss.plot import absorber_front, absorber_study, absorbers_over_the_rail, save
 
 machine = cv.published_machine()
-rail = np.arange(1, 50) / 50
+rail = np.arange(1, 40) / 40
 pulses = HarmonicForce.pulses(rate=217.0, duty=0.3, rise=5e-4, fall=5e-4, peak=1.0)
 box = AbsorberTolerance(frequency=0.02, damping_ratio=0.2, mass=0.01, rate=0.01)
 
@@ -44,7 +44,7 @@ for name, check in checks.items():
 save(absorbers_over_the_rail(checks, "Absorbers of 0.08 kg under 217 Hz pulses of 1 N"), "absorbers_over_the_rail.png")
 
 # Mass against the worst over the rail.
-masses = np.geomspace(0.02, 0.4, 5)
+masses = np.geomspace(0.02, 0.4, 4)
 fronts = {
     "tool X": mass_front(machine, masses, tolerance=box, **judged),
     "tool Z": mass_front(machine, masses, ports=("tool_z",), tolerance=box, **judged),

@@ -106,7 +106,8 @@ def absorber_design_command(
         "tolerance": box,
     }  # fmt: skip
     with working("designing"):
-        study = parametric_study(model, where, masses[0], tunings, dampings, working_frequency, ports[0])
+        studies = [parametric_study(model, where, m, tunings, dampings, working_frequency, ports[0]) for m in masses]
+        study = studies[0]
         ends = {"tuning": (tunings[0], tunings[-1]), "damping_ratio": (dampings.min(), dampings.max())}
         front = mass_front(model, masses, ports=ports, seed=seed, **ends, **judged)
         baseline = workspace_check(model, [MountedAbsorber(table_7())], **judged)
@@ -127,7 +128,10 @@ def absorber_design_command(
         "force": {"freq_hz": force.freq, "amplitude_n": force.amplitude},
         "optimum": _check_data(front[0].check),
         "table_7": _check_data(baseline),
-        "front": [_check_data(design.check) for design in front],
+        "front": [
+            _check_data(design.check) | {"grid_worst_m_per_s2_per_n": s.worst}
+            for design, s in zip(front, studies, strict=True)
+        ],
     }
     if not give_json(data, json):
         _tell(study, front, baseline, plot)
