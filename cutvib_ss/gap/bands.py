@@ -9,6 +9,7 @@ import numpy as np
 from scipy import stats
 
 from cutvib_ss.gap.findings import Band
+from cutvib_ss.gap.metrics import Sides
 from cutvib_ss.gap.shrinkage import Judged
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -25,10 +26,7 @@ NARROW = 3
 def bands(
     stand_out: Sequence[tuple[float, float]],
     whole: tuple[float, float],
-    before: Sequence[Judged],
-    tuned: Sequence[Judged],
-    after: Sequence[Judged],
-    second: Sequence[Judged] | None,
+    sides: Sides,
     per_unit: float,
 ) -> tuple[Band, ...]:
     """
@@ -40,10 +38,8 @@ def bands(
         Bands in which the re-tuned model's error stands out of the noise at all [Hz]; a precise measurement shows it all over.
     whole : tuple of float
         The campaign's band [Hz].
-    before, tuned, after : sequence of Judged
-        The same held-out records against the model as given, re-tuned, and with the cause.
-    second : sequence of Judged or None
-        The same with the second-best cause.
+    sides : Sides
+        Held-out records against each model.
     per_unit : float
         SI value of the reported unit.
 
@@ -52,6 +48,7 @@ def bands(
     tuple of Band
         Ascending, the whole band covered but for slivers.
     """
+    tuned = sides.tuned
     edges = [whole[0], *(f for band in _main(stand_out, whole, tuned) for f in band), whole[1]]
     out = []
     for i, (low, high) in enumerate(pairwise(edges)):
@@ -59,10 +56,10 @@ def bands(
         inside = [(j.entry.freq >= low) & (j.entry.freq <= high) for j in tuned]
         if not any(m.any() for m in inside) or (not stands_out and max(m.sum() for m in inside) < NARROW):
             continue
-        sides = [
+        before, again, after, second = (
             float("nan") if side is None else _mean_error(side, inside) / per_unit
-            for side in (before, tuned, after, second)
-        ]
+            for side in (sides.before, tuned, sides.after, sides.second)
+        )
         noise = np.mean([np.sqrt(np.pi * j.entry.variance[:, m]).mean() / 2 for j, m in zip(tuned, inside) if m.any()])
         by_position = _centres(tuned, inside, lambda j: float(np.nan_to_num(j.entry.position, nan=-1.0)))
         by_level = _centres(tuned, inside, lambda j: float(np.nan_to_num(j.entry.level, nan=-1.0)))
@@ -70,11 +67,11 @@ def bands(
             Band(
                 low=low,
                 high=high,
-                before=sides[0],
-                tuned=sides[1],
-                after=sides[2],
+                before=before,
+                tuned=again,
+                after=after,
                 noise=float(noise) / per_unit,
-                second=sides[3],
+                second=second,
                 stands_out=stands_out,
                 centres=tuple((p, c) for p, c, _ in by_position if p >= 0) if stands_out else (),
                 moves_with_position=stands_out and _moves(by_position),

@@ -16,6 +16,7 @@ from cutvib_ss.gap.cause import ENOUGH, Ranked, search
 from cutvib_ss.gap.detail import found
 from cutvib_ss.gap.fit import Fit
 from cutvib_ss.gap.levels import level_stands_out
+from cutvib_ss.gap.metrics import Sides
 from cutvib_ss.gap.next_test import next_test
 from cutvib_ss.gap.observations import Entry, Observations, Records, merged, observe
 from cutvib_ss.gap.place import Located, locate
@@ -136,6 +137,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     places = _places(rows, unknown, located.odds)
     bands_hz = _bands(problem, none.fit)
     second = next((held[r.name].records for r in shown if r is not first and r.name in held), None)
+    sides = Sides(before, tuned.records, after.records, second)
     return Diagnosis(
         verdict=result,
         gap=figures,
@@ -168,9 +170,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             for r in ranked
         ),
         reduced_chi2=evidence.reduced,
-        findings=found(
-            nominal, chosen.model, observed, bands_hz, located, before, tuned.records, after.records, second
-        ),
+        findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
     )
 
 

@@ -67,32 +67,50 @@ class Metric:
 
 
 @dataclass(frozen=True)
+class ChannelGap:
+    """
+    The ν-gap of one channel.
+
+    Parameters
+    ----------
+    channel : str
+        Channel; ``"all"`` takes the channels as one response with several outputs.
+    scale : float or None
+        What its response was divided by [SI]: the nominal model's root mean square over records and band, unless given; None for
+        all.
+    before, tuned, after : float
+        Largest distance of the measurement from each model over positions, at each the record of least noise.
+    noise : float
+        What noise alone would show.
+    models : float
+        The largest between the nominal and the corrected model at these positions: without noise.
+    """
+
+    channel: str
+    scale: float | None
+    before: float
+    tuned: float
+    after: float
+    noise: float
+    models: float
+
+
+@dataclass(frozen=True)
 class NuGap:
     """
     Whether a controller that is designed on the model would notice.
 
     Parameters
     ----------
-    scale : dict of str to float
-        What each channel's response was divided by [SI]: the nominal model's root mean square over records and band, unless given.
-    before, tuned, after : float
-        Largest ν-gap of the measurement from each model over records, channels taken together.
-    noise : float
-        What noise alone would show.
-    models : float
-        The largest between the nominal and the corrected model, at the measured positions: without noise.
+    channels : tuple of ChannelGap
+        By channel, and all together where there are several.
     winding : str
         ``"holds"``, ``"fails"`` or ``"not checked"``: the winding condition between the nominal and the corrected model.
     why : str
         Where it fails, or why it cannot be checked.
     """
 
-    scale: dict[str, float]
-    before: float
-    tuned: float
-    after: float
-    noise: float
-    models: float
+    channels: tuple[ChannelGap, ...]
     winding: str
     why: str
 

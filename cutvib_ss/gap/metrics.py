@@ -19,6 +19,7 @@ R. J. Allemang, The modal assurance criterion: twenty years of use and abuse, So
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize, special
@@ -34,6 +35,25 @@ TOGETHER = 5
 """Neighbouring lines over which a measured distance is averaged, for noise alone lies anywhere on the sphere."""
 ONE_IN = 20.0
 """Noise exceeds its stated distance in one record out of so many."""
+
+
+@dataclass(frozen=True)
+class Sides:
+    """
+    The same held-out records against several models.
+
+    Parameters
+    ----------
+    before, tuned, after : tuple of Judged
+        Against the model as given, re-tuned, and with the cause.
+    second : tuple of Judged or None
+        With the second-best cause; None where there is none.
+    """
+
+    before: tuple[Judged, ...]
+    tuned: tuple[Judged, ...]
+    after: tuple[Judged, ...]
+    second: tuple[Judged, ...] | None = None
 
 
 def mean_modulus(measured: ComplexArray, computed: ComplexArray) -> float:
@@ -203,23 +223,14 @@ def scales_of(records: Sequence[Judged]) -> dict[str, float]:
     return {c: float(np.sqrt(np.mean(p))) or 1.0 for c, p in power.items()}
 
 
-def metrics(
-    before: Sequence[Judged],
-    tuned: Sequence[Judged],
-    after: Sequence[Judged],
-    second: Sequence[Judged] | None,
-    per_unit: float,
-    scales: Mapping[str, float],
-) -> tuple[Metric, ...]:
+def metrics(sides: Sides, per_unit: float, scales: Mapping[str, float]) -> tuple[Metric, ...]:
     """
     Distances by record and channel.
 
     Parameters
     ----------
-    before, tuned, after : sequence of Judged
-        The same held-out records against the model as given, re-tuned, and with the cause.
-    second : sequence of Judged or None
-        The same with the second-best cause.
+    sides : Sides
+        Held-out records against each model.
     per_unit : float
         SI value of the reported unit.
     scales : mapping of str to float
@@ -231,16 +242,19 @@ def metrics(
         A row for each record and channel, and one for the channels together where there are several.
     """
     out = []
-    for i, j in enumerate(before):
+    for i, j in enumerate(sides.before):
         names = j.entry.channels
         rows = [(c, [k]) for k, c in enumerate(names)]
         for channel, index in rows if len(names) == 1 else [*rows, (ALL, list(range(len(names))))]:
             scale = np.array([scales[names[k]] for k in index])[:, None]
             scaled, spread = j.entry.data[index] / scale, j.entry.variance[index] / scale**2
             given, again, corrected = (
-                _distances(j.entry, side[i].predicted, index, scale, per_unit) for side in (before, tuned, after)
+                _distances(j.entry, side[i].predicted, index, scale, per_unit)
+                for side in (sides.before, sides.tuned, sides.after)
             )
-            other = None if second is None else _distances(j.entry, second[i].predicted, index, scale, per_unit)
+            other = None
+            if sides.second is not None:
+                other = _distances(j.entry, sides.second[i].predicted, index, scale, per_unit)
             out.append(
                 Metric(
                     position=finite_or_none(j.entry.position),

@@ -49,7 +49,7 @@ class Loop:
     stable : bool
         Whether the corrected loop is stable.
     nominal_margin, corrected_margin : float
-        Modulus margin: least distance of the loop's Nyquist curve from -1; 0 where unstable.
+        Disk margin: gain and phase may change at once by as much; 0 where unstable.
     nominal_attenuation_db, corrected_attenuation_db : float
         By how much the loop lowers the vibration at the working frequency [dB].
     """

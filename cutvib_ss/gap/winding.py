@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from cutvib_ss.effects.base import Model
-from cutvib_ss.gap.findings import Metric, NuGap
+from cutvib_ss.gap.findings import ChannelGap, Metric, NuGap
 from cutvib_ss.gap.metrics import ALL, chordal_distance
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.modes import modes
@@ -25,6 +25,8 @@ TURN = 1.0
 """Largest step of the phase that is trusted [rad]."""
 ROUNDS = 14
 """Halvings of the grid where the phase turns faster."""
+SETTLED = 0.1
+"""Half turns that the two ends may lack of a whole number."""
 BEYOND = 30.0
 """Times the band's upper end to which the axis is followed."""
 
@@ -51,31 +53,42 @@ def nu_gap(
     NuGap
         The summary.
     """
-    together = [m for m in rows if m.channel == ALL] or list(rows)
-    winding, why, apart = "holds", "between the nominal and the corrected model, at every measured position", 0.0
-    for position in dict.fromkeys(m.position for m in together):
-        pair = _Pair(nominal, corrected, position, scales)
-        place = "" if position is None else f" at y/L = {position:.3g}"
-        apart = max(apart, float(chordal_distance(*pair.responses(pair.grid(*band))).max()))
-        if winding != "holds":
-            continue
-        turns, reason = winding_number(nominal, corrected, position, scales, band)
+    positions = dict.fromkeys(m.position for m in rows)
+    pairs = {position: _Pair(nominal, corrected, position, scales) for position in positions}
+    out = []
+    for channel in dict.fromkeys(m.channel for m in rows):
+        quiet = [
+            min(
+                (m for m in rows if (m.position, m.channel) == (p, channel)), key=lambda m: m.noise_nu_gap, default=None
+            )
+            for p in positions
+        ]
+        seen = [m for m in quiet if m is not None]
+        only = list(scales) if channel == ALL else [channel]
+        out.append(
+            ChannelGap(
+                channel=channel,
+                scale=None if channel == ALL else scales[channel],
+                before=max(m.before.nu_gap for m in seen),
+                tuned=max(m.tuned.nu_gap for m in seen),
+                after=max(m.after.nu_gap for m in seen),
+                noise=max(m.noise_nu_gap for m in seen),
+                models=max(pair.apart(band, only) for pair in pairs.values()),
+            )
+        )
+    return NuGap(tuple(out), *_winding(pairs, band, bool(corrected.nonlinear)))
+
+
+def _winding(pairs: Mapping[float | None, _Pair], band: tuple[float, float], nonlinear: bool) -> tuple[str, str]:
+    for position, pair in pairs.items():
+        turns, reason = pair.winding(band)
         if turns is None:
-            winding, why = "not checked", reason
-        elif turns != 0:
-            winding, why = "fails", f"1 + P₂ᴴP₁ turns {turns} times around the origin{place}: the ν-gap is 1 there"
-    if corrected.nonlinear and winding == "holds":
-        why += ", without its nonlinear force"
-    return NuGap(
-        scale=dict(scales),
-        before=max(m.before.nu_gap for m in together),
-        tuned=max(m.tuned.nu_gap for m in together),
-        after=max(m.after.nu_gap for m in together),
-        noise=max(m.noise_nu_gap for m in together),
-        models=apart,
-        winding=winding,
-        why=why,
-    )
+            return "not checked", reason
+        if turns != 0:
+            place = "" if position is None else f" at y/L = {position:.3g}"
+            return "fails", f"1 + P₂ᴴP₁ turns {turns} times around the origin{place}: the ν-gap is 1 there"
+    told = "between the nominal and the corrected model, at every measured position"
+    return "holds", told + (", without its nonlinear force" if nonlinear else "")
 
 
 @dataclass(frozen=True)
@@ -98,15 +111,50 @@ class _Pair:
         freq = np.unique(np.concatenate([np.geomspace(low, high, 1500), sharp]))
         return freq[(freq >= low) & (freq <= high)]
 
-    def responses(self, freq: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    def responses(self, freq: FloatArray, channels: Sequence[str]) -> tuple[ComplexArray, ComplexArray]:
         """Of both, shape (output, frequency)."""
-        names = list(self.scales)
-        divide = np.array([self.scales[c] for c in names])[:, None]
+        divide = np.array([self.scales[c] for c in channels])[:, None]
         places = None if self.position is None else [self.position]
         first, second = (
-            frequency_response(m, places, freq, outputs=names).data[0, :, 0] / divide for m in (self.first, self.second)
+            frequency_response(m, places, freq, outputs=channels).data[0, :, 0] / divide
+            for m in (self.first, self.second)
         )
         return first, second
+
+    def apart(self, band: tuple[float, float], channels: Sequence[str]) -> float:
+        """Largest distance over a band."""
+        return float(chordal_distance(*self.responses(self.grid(*band), channels)).max())
+
+    def winding(self, band: tuple[float, float]) -> tuple[int | None, str]:
+        """Turns of 1 + P₂ᴴP₁ around the origin, all channels together; None and the reason where they cannot be told."""
+        for found in self.modes:
+            if (found.damping_ratio <= 0.0).any() or (found.natural_freq <= 1e-6 * band[1]).any():
+                return (
+                    None,
+                    "a pole on or beyond the imaginary axis: its encirclements cannot be counted off a response",
+                )
+        freq = self.grid(1e-3 * band[0], BEYOND * band[1])
+        values = self._product(freq)
+        for _ in range(ROUNDS):
+            fast = np.flatnonzero(np.abs(np.angle(values[1:] / values[:-1])) > TURN)
+            if not fast.size:
+                break
+            between = (freq[fast] + freq[fast + 1]) / 2
+            order = np.argsort(np.concatenate([freq, between]), kind="stable")
+            freq = np.concatenate([freq, between])[order]
+            values = np.concatenate([values, self._product(between)])[order]
+        else:
+            return None, "1 + P₂ᴴP₁ passes too close to the origin for its turns to be counted"
+        # The axis from -∞ to ∞ mirrors this half; both ends are real where the responses settle.
+        turns = float(np.sum(np.angle(values[1:] / values[:-1])) / np.pi)
+        if abs(turns - round(turns)) > SETTLED:
+            return None, "a delay keeps the responses from settling at high frequency"
+        return round(turns), ""
+
+    def _product(self, freq: FloatArray) -> ComplexArray:
+        p1, p2 = self.responses(freq, list(self.scales))
+        value: ComplexArray = 1.0 + np.sum(p2.conj() * p1, axis=0)
+        return value
 
 
 def winding_number(
@@ -133,33 +181,4 @@ def winding_number(
     why : str
         Why not.
     """
-    pair = _Pair(first, second, position, scales)
-    for found in pair.modes:
-        if (found.damping_ratio <= 0.0).any() or (found.natural_freq <= 1e-6 * band[1]).any():
-            return (
-                None,
-                "a pole lies on or beyond the imaginary axis: its encirclements cannot be counted off a response",
-            )
-
-    def product(freq: FloatArray) -> ComplexArray:
-        p1, p2 = pair.responses(freq)
-        value: ComplexArray = 1.0 + np.sum(p2.conj() * p1, axis=0)
-        return value
-
-    freq = pair.grid(1e-3 * band[0], BEYOND * band[1])
-    values = product(freq)
-    for _ in range(ROUNDS):
-        fast = np.flatnonzero(np.abs(np.angle(values[1:] / values[:-1])) > TURN)
-        if not fast.size:
-            break
-        between = (freq[fast] + freq[fast + 1]) / 2
-        order = np.argsort(np.concatenate([freq, between]), kind="stable")
-        freq = np.concatenate([freq, between])[order]
-        values = np.concatenate([values, product(between)])[order]
-    else:
-        return None, "1 + P₂ᴴP₁ passes too close to the origin for its turns to be counted"
-    # The axis from -∞ to ∞ mirrors this half; both ends are real where the responses settle.
-    turns = float(np.sum(np.angle(values[1:] / values[:-1])) / np.pi)
-    if abs(turns - round(turns)) > 0.1:
-        return None, "a delay keeps the responses from settling at high frequency"
-    return round(turns), ""
+    return _Pair(first, second, position, scales).winding(band)
