@@ -58,7 +58,9 @@ def control_design_command(
 
     model = load_machine(machine, "cutvib control")
     label, made, hardware = _controller(name, model, position, actuator, rate, order)
-    places = made.positions if isinstance(made, ScheduledController) else np.array([_place(name, position)], dtype=float)
+    places = (
+        made.positions if isinstance(made, ScheduledController) else np.array([_place(name, position)], dtype=float)
+    )
     with working("checking at the positions of the design"):
         check = check_controller(made, model, places, hardware, label)
     data = controller_data(made, hardware)
@@ -159,7 +161,7 @@ def _controller(
         found = kind.design(model, y, hardware)
         return found if order is None else reduced(found, order)
 
-    label = name if actuator is None else f"{name}, {actuator}"
+    label = name if actuator in (None, kind.port) else f"{name}, {actuator}"
     if place is not None:
         return label, design(place), hardware
     return label, schedule(design, check_positions(_FAMILY), align=order is not None), hardware

@@ -92,7 +92,7 @@ def check_controller(
     n_modes : int
         Modes of the rail in the plant that it is checked on, at least.
     freq : array_like, shape (frequency,), optional
-        Frequencies of the responses [Hz]; 10 to 600 Hz by default, finely around the working frequency.
+        Frequencies of the responses [Hz]; 100 to 350 Hz by default, finely around the working frequency.
     working_frequency : float
         Frequency of the tool's force [Hz].
 
@@ -110,8 +110,8 @@ def check_controller(
     named = {"machine": machines} if isinstance(machines, Machine) else dict(machines)
     places = check_positions() if positions is None else np.atleast_1d(np.asarray(positions, dtype=float))
     check_number("working_frequency", working_frequency, 0.0, strict=True)
-    fine = working_frequency + np.arange(-100, 101) / 10
-    lines = np.union1d(np.arange(10.0, 600.5), fine) if freq is None else np.asarray(freq, dtype=float)
+    fine = working_frequency + np.arange(-50, 51) / 5
+    lines = np.union1d(np.arange(100.0, 350.5), fine) if freq is None else np.asarray(freq, dtype=float)
     full = [replace(full_order(m, n_modes), chain=MeasurementChain()) for m in named.values()]
     here = [[_visit(controller, m, float(y), kit, working_frequency, lines) for y in places] for m in full]
     table = {f.name: np.array([[getattr(visit, f.name) for visit in row] for row in here]) for f in fields(_Visit)}

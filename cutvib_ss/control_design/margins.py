@@ -141,7 +141,7 @@ def _grid(poles: ComplexArray, period: float) -> FloatArray:
     low = min(1.0, 1e-3 * top)
     poles = poles[(poles.imag > 0) & (poles.imag < top)]
     fine = (poles.imag[:, None] + np.abs(poles.real)[:, None] * _AROUND).ravel()
-    grid = np.concatenate([np.geomspace(low, top * (1 - 1e-6), 400), fine])
+    grid = np.concatenate([np.geomspace(low, top * (1 - 1e-6), 200), fine])
     return np.unique(grid[(grid >= low) & (grid < top)])
 
 

@@ -100,7 +100,7 @@ PROTOTYPES: Mapping[str, Prototype] = MappingProxyType(
             Prototype("lqg", "LQG for a force of coloured noise", "head_x", _reading_the_tool, _on_plant(lqg)),
             Prototype("h2", "H2, weighed at the tool's frequency", "head_x", _reading_the_tool, _on_plant(h2)),
             Prototype("hinf", "H∞ mixed sensitivity, norm verified", "head_x", _reading_the_tool, _on_plant(hinf)),
-            Prototype("resonant", "a resonator at the tool's frequency", "head_x", _reading_the_tool, _on_plant(resonant)),
+            Prototype("resonant", "resonators at 217 Hz and two harmonics", "head_x", _reading_the_tool, _on_plant(resonant)),
             Prototype(
                 "ppf", "positive position feedback at the actuator", "tool_x", _collocated,
                 _on_plant(positive_position_feedback),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import control
 import numpy as np
+from scipy import linalg
 
 from cutvib_ss.absorber import WORKING_FREQUENCY
 from cutvib_ss.control_design.weights import commands_and_signals, one_loop
@@ -16,7 +17,7 @@ def resonant(
     plant: control.StateSpace,
     gain: float = 3.0,
     frequency: float = WORKING_FREQUENCY,
-    harmonics: Sequence[int] = (1,),
+    harmonics: Sequence[int] = (1, 2, 3),
     width: float = 0.002,
 ) -> control.StateSpace:
     """
@@ -47,21 +48,21 @@ def resonant(
 
     Notes
     -----
-    Each resonator is (a s + b)/(s² + 2ζω s + ω²) with a and b such that K(jω) = -gain/G(jω): the loop transfer -KG is real
-    and positive there, as far from -1 as it can turn. The states do not depend on the plant, only a and b do, so that a
-    family over positions has common coordinates.
+    A bank Σ (aₙ s + bₙ)/(s² + 2ζωₙ s + ωₙ²), its a and b solved for K(jωₙ) = -gain/G(jωₙ) at every harmonic: the loop
+    transfer -KG is real and positive there, as far from -1 as it can turn. The states do not depend on the plant, only a and b
+    do, so that a family over positions has common coordinates.
     """
     part = one_loop(plant)
     (command,), (signal,) = commands_and_signals(plant)
     check_number("gain", gain, 0.0, strict=True)
     check_number("width", width, 0.0, strict=True)
-    bank = control.ss([], [], [], [[0.0]])
-    for n in harmonics:
-        w = 2 * np.pi * n * check_number("frequency", frequency, 0.0, strict=True)
-        # a jω + b at the resonance, where the denominator is 2ζω jω.
-        top = -gain / complex(part(1j * w)) * 2j * width * w**2
-        root = np.sqrt(2 * width * w)
-        bank = bank + control.ss(
-            [[0.0, w], [-w, -2 * width * w]], [[0.0], [root]], [[top.real / w / root, top.imag / w / root]], [[0.0]]
-        )
-    return control.ss(bank, inputs=[signal], outputs=[command], name="resonant")
+    w = 2 * np.pi * check_number("frequency", frequency, 0.0, strict=True) * np.asarray(harmonics, dtype=float)
+    a, b = [], []
+    for own in w:
+        a.append(np.array([[0.0, own], [-own, -2 * width * own]]))
+        b.append(np.array([[0.0], [np.sqrt(2 * width * own)]]))
+    bank = control.ss(linalg.block_diag(*a), np.vstack(b), np.eye(2 * w.size), np.zeros((2 * w.size, 1)))
+    # Each state's response at each harmonic; the row that reads them is real, so that both parts count.
+    states, wanted = bank(1j * w)[:, 0].T, -gain / part(1j * w)
+    read = np.linalg.solve(np.vstack([states.real, states.imag]), np.concatenate([wanted.real, wanted.imag]))
+    return control.ss(bank.A, bank.B, read[None], [[0.0]], inputs=[signal], outputs=[command], name="resonant")

@@ -53,6 +53,7 @@ def controller_overview(checks: Sequence[ControllerCheck]) -> Figure:
             rows[2, m].set_xlabel("position of the head, y/L")
             rows[2, m].set_xlim(0.0, 1.0)
         rows[0, 0].set_yscale("log")
+        rows[0, 0].margins(y=0.15)
         rows[0, 0].set_ylabel(f"left at {first.working_frequency:g} Hz\n({first.outputs[0]}, closed over open)")
         rows[1, 0].set_ylabel("disk margin")
         rows[1, 0].set_ylim(bottom=0.0)
