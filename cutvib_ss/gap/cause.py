@@ -31,10 +31,12 @@ COARSE_ERROR = 0.03
 """Relative error by which the noise is widened there."""
 REFINED = 3
 """Causes that are fitted again on all lines, at least …"""
-REFINED_LAWS = 2
-"""… and of those that are simulated."""
 CLOSE = 60.0
-"""… and all whose objective on few lines lies within this of the best."""
+"""… and all whose objective on few lines lies within this of the best …"""
+MOST_LAWS = 3
+"""Of those that are simulated no more are fitted on all lines."""
+MOST = 5
+"""… but no more than this: where so many are alike on few lines, none of them is the cause."""
 CLIMBED = 3
 """Starts of a cause from which steps are taken: those that fit best as they stand."""
 FIRST_STEPS, LATER_STEPS = 3, 10
@@ -47,10 +49,12 @@ ROUGH = 1e-2
 """Relative gain at which steps on few lines end."""
 ENOUGH = 1.1
 """Reduced χ² below which the re-tuned model needs no cause, if the level does not show either."""
+LEADS = 0.1
+"""Part of the excess that a single cause has to take away before a second one is tried on top: else neither is known."""
 PAIRED = 2
 """Single causes to which a second one is added."""
-SECONDS = 6
-"""Second causes that are tried on each of them with all steps."""
+SECONDS = 4
+"""Second causes that are tried on each of them with all steps, linear ones and laws."""
 
 
 @dataclass(frozen=True)
@@ -112,8 +116,8 @@ def search(nominal: Model, records: Records, observed: Observations) -> tuple[Ra
         moved = motions(none.fit.model, outlook)
         motion = {place: m.high for place, m in moved.items()}
         simulated = _rough_laws(nominal, outlook, nonlinear_candidates(nominal, moved), motion)
-        ranked += _refined(nominal, records, simulated, REFINED_LAWS, _rival(nominal, outlook, ranked))
-    if none.reduced > ENOUGH and not _enough(ranked, none):
+        ranked += _refined(nominal, records, simulated, 2, _rival(nominal, outlook, ranked), MOST_LAWS)
+    if none.reduced > ENOUGH and not _enough(ranked, none) and _gained(ranked, none) > LEADS:
         seconds = [*linear, *(c for c, _ in simulated)]
         ranked += _pairs(nominal, records, few, outlook, ranked, seconds, motion)
     return (none, *sorted(ranked, key=lambda r: -r.fit.log_evidence))
@@ -125,12 +129,19 @@ def _enough(ranked: Sequence[Ranked], none: Ranked) -> bool:
     return best.fit.log_evidence > none.fit.log_evidence and sufficient(best.reduced, none.reduced)
 
 
+def _gained(ranked: Sequence[Ranked], none: Ranked) -> float:
+    """Part of the re-tuned model's excess that the best single cause takes away."""
+    best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
+    return (none.reduced - best.reduced) / (none.reduced - 1.0)
+
+
 def _refined(
     nominal: Model,
     records: Records,
     rough: Sequence[tuple[Candidate, Fit]],
     least: int,
     rival: tuple[float, float] = (np.inf, -np.inf),
+    most: int = MOST,
 ) -> list[Ranked]:
     """
     The best on few lines fitted on all; the others keep a bound.
@@ -142,7 +153,7 @@ def _refined(
     ranked: list[Ranked] = []
     for i, (candidate, start) in enumerate(rough):
         behind = start.objective - ahead
-        if start.objective - rival[0] < CLOSE and (i < least or behind < CLOSE):
+        if start.objective - rival[0] < CLOSE and (i < least or (behind < CLOSE and i < most)):
             ranked.append(Ranked(candidate.name, fit(nominal, records, start.hypothesis, start.x), True))
         else:
             # Few lines and a widened noise understate how far behind it is.
@@ -167,7 +178,7 @@ def _rough(nominal: Model, few: Records, found: Sequence[Candidate]) -> list[tup
         # All start from the untuned model: the tuning of a model that lacks the cause leads away.
         starts = [Hypothesis((e,)) for e in candidate.starts]
         if len(starts) > CLIMBED:
-            starts.sort(key=lambda h: _untuned(nominal, few, h))
+            starts.sort(key=lambda h: _as_it_stands(nominal, few, h))
         tries = [f for h in starts[:CLIMBED] if (f := _started(nominal, few, h, None, FIRST_STEPS)) is not None]
         if tries:
             best = min(tries, key=lambda f: f.objective)
@@ -183,7 +194,7 @@ def _rough_laws(
     for candidate in found:
         starts = [Hypothesis((e,), motion) for e in candidate.starts]
         started = _started(
-            nominal, outlook, min(starts, key=lambda h: _untuned(nominal, outlook, h)), None, FIRST_STEPS
+            nominal, outlook, min(starts, key=lambda h: _as_it_stands(nominal, outlook, h)), None, FIRST_STEPS
         )
         if started is not None:
             out.append((candidate, started))
@@ -192,11 +203,11 @@ def _rough_laws(
     return sorted([*on, *out[len(on) :]], key=lambda pair: pair[1].objective)
 
 
-def _untuned(nominal: Model, records: Records, hypothesis: Hypothesis) -> float:
-    """χ² of a hypothesis as it stands, nothing tuned."""
+def _as_it_stands(nominal: Model, records: Records, hypothesis: Hypothesis, warm: FloatArray | None = None) -> float:
+    """χ² of a hypothesis at its start, nothing tuned but what ``warm`` holds."""
     problem = problem_for(nominal, records, hypothesis)
     try:
-        chi2 = problem.residuals(problem.start())[2]
+        chi2 = problem.residuals(problem.start(warm))[2]
     except (CutvibError, np.linalg.LinAlgError):
         return np.inf
     return chi2 if np.isfinite(chi2) else np.inf
@@ -223,33 +234,25 @@ def _pairs(
 ) -> list[Ranked]:
     """A second cause on top of the best single ones."""
     out: list[Ranked] = []
-    bases = sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[:PAIRED]
     seen: set[frozenset[str]] = set()
-    for base in bases:
-        first = base.fit.hypothesis.effects
-        tried = []
-        for candidate in seconds:
-            names = frozenset((base.name, candidate.name))
-            if len(names) == 1 or names in seen:
+    for base in sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[:PAIRED]:
+        warm = base.fit.x[: base.fit.first_effect]
+        for family in (few, outlook):
+            if family is None:
                 continue
-            seen.add(names)
-            starts = [Hypothesis((*first, e), motion) for e in candidate.starts]
-            data = few if starts[0].linear else outlook
-            if data is None:
-                continue
-            warm = base.fit.x[: base.fit.first_effect]
-            tries = [f for h in starts if (f := _started(nominal, data, h, warm, SECOND_STEPS)) is not None]
-            if tries:
-                tried.append((candidate, min(tries, key=lambda f: f.objective)))
-        for linear in (True, False):
-            own = sorted((t for t in tried if t[1].hypothesis.linear == linear), key=lambda t: t[1].objective)[:SECONDS]
-            data = few if linear else outlook
-            if not own or data is None:
-                continue
-            better = [
-                (Candidate(f"{base.name} + {c.name}", ()), fit(nominal, data, f.hypothesis, f.x, LATER_STEPS, ROUGH))
-                for c, f in own
-            ]
+            tried: list[tuple[Candidate, Fit]] = []
+            for candidate in seconds:
+                names = frozenset((base.name, candidate.name))
+                starts = [Hypothesis((*base.fit.hypothesis.effects, e), motion) for e in candidate.starts]
+                if len(names) == 1 or names in seen or starts[0].linear != (family is few):
+                    continue
+                seen.add(names)
+                best = min(starts, key=lambda h: _as_it_stands(nominal, family, h, warm))
+                started = _started(nominal, family, best, warm, SECOND_STEPS)
+                if started is not None:
+                    tried.append((Candidate(f"{base.name} + {candidate.name}", ()), started))
+            tried.sort(key=lambda pair: pair[1].objective)
+            better = [(c, fit(nominal, family, f.hypothesis, f.x, LATER_STEPS, ROUGH)) for c, f in tried[:SECONDS]]
             better.sort(key=lambda pair: pair[1].objective)
             out += [r for r in _refined(nominal, records, better[:2], 1) if r.refined]
     return out

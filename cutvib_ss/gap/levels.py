@@ -8,6 +8,7 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.hypotheses import LAWS, Motion
 from cutvib_ss.gap.observations import Records, merged
 from cutvib_ss.gap.simulation import HYSTERESIS_AT
+from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step
 
 BAND = 24
@@ -68,8 +69,14 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
     rates: list[np.ndarray] = []
     for g in merged(records.simulable, apart=True):
         for position, (entry, *_) in zip(g.positions, g.entries, strict=True):
-            assert entry.replay is not None
-            form = modal_form(model, None if np.isnan(position) else float(position), places, HYSTERESIS_AT)
+            at = None if np.isnan(position) else float(position)
+            if entry.replay is None:
+                sweep = frequency_response(model, None if at is None else [at], g.freq, "receptance", ["force"], places)
+                size = entry.sweep * np.abs(sweep.data[0, :, 0])
+                peaks.append(size.max(axis=1))
+                rates.append((size * 2 * np.pi * g.freq).max(axis=1))
+                continue
+            form = modal_form(model, at, places, HYSTERESIS_AT)
             moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
             peaks.append(np.abs(moved).max(axis=(0, 2)))
             rates.append(np.abs(np.diff(moved, axis=-1)).max(axis=(0, 2)) * entry.replay.fs)

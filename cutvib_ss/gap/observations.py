@@ -64,6 +64,8 @@ class Entry:
         Whether the record is only for judging.
     replay : Replay or None
         The estimator itself, through which simulated histories pass; None where no force history can be told.
+    sweep : float
+        Amplitude of the force of a stepped or swept sine [N]; NaN otherwise.
     """
 
     record: int
@@ -79,6 +81,7 @@ class Entry:
     decay_rate: float
     check: bool
     replay: Replay | None = None
+    sweep: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -144,8 +147,8 @@ class Records:
 
     @cached_property
     def simulable(self) -> tuple[Entry, ...]:
-        """Records whose force history is known or can be assumed."""
-        return tuple(e for e in self.entries if e.replay is not None)
+        """Records whose force history is known or can be assumed, and sine sweeps."""
+        return tuple(e for e in self.entries if e.replay is not None or np.isfinite(e.sweep))
 
     @property
     def leaking(self) -> bool:
@@ -420,6 +423,7 @@ def _entry(index: int, record: Record) -> Entry:
         decay_rate=record.exponential_decay,
         check=record.use == "check",
         replay=replay,
+        sweep=record.peak_force if record.excitation == "sine" and record.peak_force is not None else np.nan,
     )
 
 

@@ -10,8 +10,9 @@ law's own parameters are differences of two simulations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from cutvib_ss.gap.prediction import Circles, Prediction
 from cutvib_ss.gap.problem import Hypothesis, Predicted, Problem, stages_of
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.response.condensed import CondensedModel
+from cutvib_ss.response.harmonic_balance import SineSweep
 from cutvib_ss.response.stepping import modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.units import DERIVATIVE_ORDER
@@ -30,6 +32,10 @@ TUNING_STEP = 0.02
 """Step of a tuned value's unknown in a difference of two closed forms."""
 LAW_STEP = 2e-3
 """Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
+HARMONICS = 3
+"""Highest harmonic in which sine sweeps are balanced: what is compared is the first."""
+JUMP = 0.2
+"""Step between lines, against the largest response, from which a sweep may have jumped."""
 STILL = 5.0
 """Modes this many times above the band yield statically to nonlinear forces."""
 HYSTERESIS_AT = 100.0
@@ -51,12 +57,15 @@ class Simulated:
         The prediction.
     stiffness : ndarray, shape (record, element, frequency)
         Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port.
+    sweeps : mapping of int to SineSweep
+        Sine sweeps among the records, by row: they are balanced in their harmonics instead of stepped in time.
     """
 
     model: Model
     group: Group
     data: ComplexArray
     stiffness: ComplexArray
+    sweeps: Mapping[int, SineSweep] = field(default_factory=dict)
 
 
 def simulated(model: Model, group: Group, wanted: np.ndarray | None = None) -> Simulated:
@@ -86,6 +95,9 @@ def simulated(model: Model, group: Group, wanted: np.ndarray | None = None) -> S
     stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
     chain = _chain(model, group)
     still = STILL * float(group.freq[-1])
+    sweeps = {row: _swept(model, group, row) for row in range(len(data)) if np.isfinite(group.entries[row][0].sweep)}
+    for row, sweep in sweeps.items():
+        data[row] = sweep.data[0]
     for rows in _batches(group, wanted):
         position = float(group.positions[rows[0]])
         replays = [_replay(group, row) for row in rows]
@@ -105,7 +117,25 @@ def simulated(model: Model, group: Group, wanted: np.ndarray | None = None) -> S
             data[row] = chain * shown[: len(group.channels)]
             if elements:
                 stiffness[row] = _equivalent(replay, run.motions[own], run.forces[own])
-    return Simulated(model, group, data, stiffness)
+    return Simulated(model, group, data, stiffness, sweeps)
+
+
+def _swept(model: Model, group: Group, row: int) -> SineSweep:
+    """A sine sweep; where it jumps, in the direction that the record is nearer to: no record says which way it went."""
+    entry, position = group.entries[row][0], group.positions[row : row + 1]
+    at = None if np.isnan(position[0]) else position
+
+    def swept(direction: Literal["up", "down"]) -> SineSweep:
+        return SineSweep(
+            model, at, group.freq, entry.sweep, direction, HARMONICS, group.channels, viscous_at=HYSTERESIS_AT
+        )
+
+    up = swept("up")
+    size = np.abs(up.data[0])
+    if np.all(np.abs(np.diff(size, axis=1)) < JUMP * size.max(axis=1, keepdims=True)):
+        return up
+    weight = 1.0 / group.variance[row]
+    return min((up, swept("down")), key=lambda s: float(np.sum(weight * np.abs(group.data[row] - s.data[0]) ** 2)))
 
 
 def _replay(group: Group, row: int) -> Replay:
@@ -119,7 +149,7 @@ def _batches(group: Group, wanted: np.ndarray | None) -> list[list[int]]:
     """Rows at one position whose histories have one length and clock."""
     found: dict[tuple[float, float, int], list[int]] = {}
     for row, position in enumerate(group.positions):
-        if wanted is None or wanted[row]:
+        if not np.isfinite(group.entries[row][0].sweep) and (wanted is None or wanted[row]):
             replay = _replay(group, row)
             key = (float(np.nan_to_num(position, nan=-1.0)), replay.fs, replay.forces[0].size)
             found.setdefault(key, []).append(row)
@@ -201,6 +231,8 @@ class SimulatedProblem(Problem):
             moved[i] += TUNING_STEP if i < self.first_effect else LAW_STEP
             change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
             out[i] = scale * linear.derivative(closed)[row] - change
+            for k, sweep in p.sweeps.items():
+                out[i][k] = scale * sum(w * sweep.derivative(path)[0] for path, w in carried)
         return [out[i] for i in sorted(out)]
 
     def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
