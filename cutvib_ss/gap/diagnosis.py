@@ -159,17 +159,20 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         comparisons=_comparisons(nominal, none.fit, chosen, fitted),
         evidence=tuple(
             CandidateEvidence(
-                r.name,
-                r.fit.hypothesis.effect,
-                r.fit.hypothesis.place,
-                _discrete(r.fit),
-                r.fit.log_evidence,
-                r.name in held,
-                held[r.name].reduced if r.name in held else float("nan"),
+                name=r.name,
+                effect=r.fit.hypothesis.effect,
+                place=r.fit.hypothesis.place,
+                parameters=_discrete(r.fit),
+                log_evidence=r.fit.log_evidence,
+                chi2=r.fit.chi2 - r.fit.aside if r.refined else float("nan"),
+                unknowns=r.fit.x.size - r.fit.first_effect,
+                judged=r.name in held,
+                held_reduced_chi2=held[r.name].reduced if r.name in held else float("nan"),
             )
             for r in ranked
         ),
         reduced_chi2=evidence.reduced,
+        data_count=problem.count,
         findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
     )
 

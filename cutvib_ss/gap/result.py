@@ -152,6 +152,10 @@ class CandidateEvidence:
         What is discrete about it.
     log_evidence : float
         Up to a constant that all share.
+    chi2 : float
+        χ² that it leaves of all data, the scatter of levels about their mean put aside; NaN where it was only tried on few lines.
+    unknowns : int
+        Parameters of its own, tuning and calibration apart.
     judged : bool
         Whether it was judged on held-out records.
     held_reduced_chi2 : float
@@ -163,6 +167,8 @@ class CandidateEvidence:
     place: str
     parameters: dict[str, str]
     log_evidence: float
+    chi2: float
+    unknowns: int
     judged: bool
     held_reduced_chi2: float
 
@@ -243,6 +249,8 @@ class Diagnosis:
         What the probabilities were made of.
     reduced_chi2 : float
         χ² a degree of freedom that the candidate of most evidence leaves of what it was fitted to.
+    data_count : int
+        Real data that the candidates were fitted to.
     findings : Findings
         What was found beside: distances, bands, the free dynamic stiffness at the place, and what it means.
     """
@@ -260,6 +268,7 @@ class Diagnosis:
     comparisons: tuple[Comparison, ...] = ()
     evidence: tuple[CandidateEvidence, ...] = ()
     reduced_chi2: float = math.nan
+    data_count: int = 0
     findings: Findings = field(default_factory=Findings)
 
     def to_dict(self) -> dict[str, Any]:
@@ -315,6 +324,7 @@ class Diagnosis:
             "warnings": list(self.warnings),
             "evidence": {
                 "reduced_chi2": self.reduced_chi2,
+                "data": self.data_count,
                 "candidates": [dict(vars(e)) for e in self.evidence],
             },
         }

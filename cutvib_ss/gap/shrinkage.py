@@ -192,7 +192,8 @@ def predicted(
     """
     (group,) = merged([e])
     # What depends on the level, or leaks, is simulated with the record's own force.
-    simulate = e.replay is not None and bool(model.nonlinear or e.replay.block)
+    leaks = e.replay is not None and e.replay.block > 0
+    simulate = leaks or (bool(model.nonlinear) and (e.replay is not None or np.isfinite(e.sweep)))
     data: ComplexArray = (simulated(model, group) if simulate else Prediction(model, group, blow_at)).data[0]
     if problem is None or x is None:
         return data
