@@ -137,14 +137,14 @@ class AffineMachine:
         position : float
             y / L.
         twist : bool
-            The twist there instead of the deflection.
+            As for `rail_rows`.
         order : int
-            Order of the derivative to y / L.
+            As for `rail_rows`.
 
         Returns
         -------
         ndarray, shape (n,)
-            The row, as `rail_rows` gives it.
+            The row.
         """
         return np.array(self.rail_rows([position], twist, order)[0])
 
@@ -260,11 +260,9 @@ class AffineMachine:
             Bounds; not the smallest there are.
         """
         t = [self.transform_bound(k) for k in range(order + 1)]
-        out = []
-        for name in ("mass", "damping", "stiffness"):
-            x = np.abs(getattr(self.carried, name))
-            out.append(sum(comb(order, k) * (t[k].T @ x @ t[order - k]) for k in range(order + 1)))
-        return out[0], out[1], out[2]
+        riding = (np.abs(x) for x in (self.carried.mass, self.carried.damping, self.carried.stiffness))
+        m, c, k = (sum(comb(order, i) * (t[i].T @ x @ t[order - i]) for i in range(order + 1)) for x in riding)
+        return m, c, k
 
     def port(self, name: str, position: float, order: int = 0) -> FloatArray:
         """
