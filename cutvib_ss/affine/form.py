@@ -259,11 +259,9 @@ class AffineMachine:
         mass, damping, stiffness : ndarray, shape (n, n)
             Bounds; not the smallest there are.
         """
-        t = [self.transform_bound(k) for k in range(order + 1)]
+        t, d = [self.transform_bound(k) for k in range(order + 1)], order
         riding = (np.abs(x) for x in (self.carried.mass, self.carried.damping, self.carried.stiffness))
-        m, c, k = (
-            np.sum([comb(order, i) * (t[i].T @ x @ t[order - i]) for i in range(order + 1)], axis=0) for x in riding
-        )
+        m, c, k = (np.sum([comb(d, i) * (t[i].T @ x @ t[d - i]) for i in range(d + 1)], axis=0) for x in riding)
         return m, c, k
 
     def port(self, name: str, position: float, order: int = 0) -> FloatArray:
