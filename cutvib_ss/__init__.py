@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from cutvib_ss.model_files import read_machine, write_machine
     from cutvib_ss.response.frequency import frequency_response
     from cutvib_ss.response.modes import modes, track_modes
+    from cutvib_ss.response.pulses import pulse_train
+    from cutvib_ss.response.time_response import time_response
     from cutvib_ss.structure import Structure
 
 __version__ = "0.1.0"
@@ -31,6 +33,8 @@ _HOMES = {
     "track_modes": "response.modes",
     "schedule": "lpv",
     "frequency_response": "response.frequency",
+    "time_response": "response.time_response",
+    "pulse_train": "response.pulses",
     "read_campaign": "measurement.campaign",
     "write_campaign": "measurement.campaign",
     "estimate": "measurement.estimation",
@@ -46,9 +50,11 @@ __all__ = [
     "frequency_response",
     "modes",
     "published_machine",
+    "pulse_train",
     "read_campaign",
     "read_machine",
     "schedule",
+    "time_response",
     "track_modes",
     "write_campaign",
     "write_machine",

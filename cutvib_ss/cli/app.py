@@ -17,6 +17,7 @@ from cutvib_ss.cli.control import control_check_command, control_design_command
 from cutvib_ss.cli.demo import demo_command
 from cutvib_ss.cli.models import bode_command, frf_command, modes_command, paper_command
 from cutvib_ss.cli.schedule import schedule_command
+from cutvib_ss.cli.simulate import simulate_command
 from cutvib_ss.errors import CutvibError
 
 # Older and newer typer keep their parser's exceptions in different modules; BadParameter is public in both.
@@ -87,6 +88,7 @@ app.command("bode", epilog="Example: cutvib bode --position 0.02 --position 0.5 
 app.command("schedule", epilog="Example: cutvib schedule --out schedule.png --bode bode.png --table plants.mat")(
     schedule_command
 )
+app.command("simulate", epilog="Example: cutvib simulate --position 0.5 --steady --plot pulses.png")(simulate_command)
 app.add_typer(absorber, name="absorber")
 absorber.command("check", epilog="Example: cutvib absorber check --frequency 215 --damping-ratio 0.03 --mass 0.08")(
     absorber_check_command

@@ -11,6 +11,7 @@ from cutvib_ss.plot.moving import travel_histories
 from cutvib_ss.plot.response import absorber_effect, bode
 from cutvib_ss.plot.schedule import bode_map, interpolation_error, pole_map, schedule
 from cutvib_ss.plot.style import png, save
+from cutvib_ss.plot.time import time_histories
 
 __all__ = [
     "absorber_effect",
@@ -29,5 +30,6 @@ __all__ = [
     "png",
     "save",
     "schedule",
+    "time_histories",
     "travel_histories",
 ]
