@@ -103,7 +103,7 @@ def time_response(
     >>> force = pulse_train(fs=217 * 64, duration=1 / 217, amplitude=100.0)
     >>> steady = time_response(published_machine(), 0.5, force, 217 * 64, start="periodic")
     >>> steady.sel("tool_x").in_g().rms().round(2)
-    array([0.89])
+    array([8.77])
     """
     f = np.asarray(force, dtype=np.float64)
     if f.ndim != 1 or f.size < 2 or not np.isfinite(f).all():
