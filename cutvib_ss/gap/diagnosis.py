@@ -116,6 +116,12 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     for r in shown[:JUDGED]:
         if odds[r.name] > 1e-3 or r is shown[0]:
             held[r.name] = _Held(r, shrinkage.judge(nominal, turns, r.fit))
+    other = next(
+        (r for r in shown if not _same_cause(r, shown[0]) and (r.name in held or r.fit.hypothesis.linear)), None
+    )
+    if other is not None and other.name not in held:
+        # However improbable, so that the reader sees what the choice is worth.
+        held[other.name] = _Held(other, shrinkage.judge(nominal, turns, other.fit))
     first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
     after = held[first.name]
     levels = where.level_dependence(fitted)
@@ -136,8 +142,8 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         test = next_test([r.fit.model for r in remaining], [r.name for r in remaining], fitted)
     places = _places(rows, unknown, located.odds)
     bands_hz = _bands(problem, none.fit)
-    second = next((held[r.name].records for r in shown if r is not first and r.name in held), None)
-    sides = Sides(before, tuned.records, after.records, second)
+    second = other if first is shown[0] else shown[0]
+    sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
     return Diagnosis(
         verdict=result,
         gap=figures,
@@ -175,6 +181,12 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         data_count=problem.count,
         findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
     )
+
+
+def _same_cause(one: Ranked, two: Ranked) -> bool:
+    """Whether two candidates are variants of one cause."""
+    a, b = one.fit.hypothesis, two.fit.hypothesis
+    return (a.effect, a.place) == (b.effect, b.place)
 
 
 def _causes(
