@@ -95,6 +95,49 @@ def family_of(quantity: str, freq: FloatArray, value: ComplexArray, std: FloatAr
     return best if best is not None and best.share >= EXPLAINS else None
 
 
+def family_value(family: Family, quantity: str, freq: FloatArray) -> ComplexArray:
+    """
+    A named law over frequency, as the function that it was found in.
+
+    Parameters
+    ----------
+    family : Family
+        The law.
+    quantity : str
+        What the function is.
+    freq : ndarray, shape (frequency,)
+        Frequency [Hz].
+
+    Returns
+    -------
+    ndarray of complex, shape (frequency,)
+        The function.
+    """
+    s: ComplexArray = np.asarray(2j * np.pi * freq, dtype=np.complex128)
+    values = list(family.parameters.values())
+    if family.name == "delay":
+        return np.asarray(np.exp(-s * values[0]) - 1.0, dtype=np.complex128)
+    if family.name == "gain":
+        return np.asarray(values[0] - 1.0 + 0 * s, dtype=np.complex128)
+    if family.name == "sprung mass":
+        return values[0] * _sprung_shape(s, 2 * np.pi * values[1], values[2])
+    if family.name == "mode":
+        return _mode_shape(s, 2 * np.pi * values[1], values[2]) / values[0]
+    law = next((x for x in _LINEAR if x.name == family.name), None)
+    columns = [1 + 0 * s] if law is None else law.columns(s)
+    total: ComplexArray = sum((v * c for v, c in zip(values, columns, strict=True)), 0 * s)
+    return 1.0 / total if quantity == "compliance" else total
+
+
+def _sprung_shape(s: ComplexArray, w: float, zeta: float) -> ComplexArray:
+    spring = w * w + 2 * zeta * w * s
+    return s * s * spring / (spring + s * s)
+
+
+def _mode_shape(s: ComplexArray, w: float, zeta: float) -> ComplexArray:
+    return 1.0 / (s * s + 2 * zeta * w * s + w * w)
+
+
 def _solved(columns: Sequence[ComplexArray], z: ComplexArray, spread: FloatArray) -> tuple[FloatArray, float]:
     """Real coefficients, and the part of the weighted squares that they explain."""
     a = np.array(columns).T / spread[:, None]
@@ -134,11 +177,7 @@ def _over_resonances(
 
 
 def _sprung(s: ComplexArray, z: ComplexArray, spread: FloatArray) -> Family:
-    def shape(s: ComplexArray, w: float, zeta: float) -> ComplexArray:
-        spring = w * w + 2 * zeta * w * s
-        return s * s * spring / (spring + s * s)
-
-    f, zeta, mass, share = _over_resonances(shape, s, z, spread)
+    f, zeta, mass, share = _over_resonances(_sprung_shape, s, z, spread)
     return Family(
         "sprung mass", "ms²(ω₀² + 2ζω₀s)/(s² + 2ζω₀s + ω₀²)",
         {"mass": mass, "frequency": f, "damping_ratio": zeta}, share,
@@ -146,10 +185,7 @@ def _sprung(s: ComplexArray, z: ComplexArray, spread: FloatArray) -> Family:
 
 
 def _mode(s: ComplexArray, z: ComplexArray, spread: FloatArray) -> Family:
-    def shape(s: ComplexArray, w: float, zeta: float) -> ComplexArray:
-        return 1.0 / (s * s + 2 * zeta * w * s + w * w)
-
-    f, zeta, factor, share = _over_resonances(shape, s, z, spread)
+    f, zeta, factor, share = _over_resonances(_mode_shape, s, z, spread)
     parameters = {"inertia": 1 / factor if factor else np.inf, "frequency": f, "damping_ratio": zeta}
     return Family("mode", "1/(m(ω₀² + 2ζω₀s + s²))", parameters, share)
 

@@ -16,8 +16,9 @@ from cutvib_ss.gap.result import Comparison, Diagnosis, GapFigures
 from cutvib_ss.interchange.files import staged
 from cutvib_ss.machine import Machine
 from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map, probability_text
+from cutvib_ss.plot.stiffness import stiffness_grid
 from cutvib_ss.plot.style import png
-from cutvib_ss.report import wording
+from cutvib_ss.report import details, wording
 
 _SHOWN_RECORDS = 8
 """Rows of the picture of responses; a campaign of more positions and levels shows one record a position."""
@@ -97,6 +98,8 @@ def _content(d: Diagnosis) -> dict[str, Any]:
     ]
     likely = [d.causes[i] for i in d.ambiguity_set]
     pictures = {"causes": _picture(cause_bars(d.causes, [_short(c.effect, c.place) for c in d.causes]))}
+    if d.findings.stiffness:
+        pictures["stiffness"] = _picture(stiffness_grid(d.findings.stiffness))
     if d.comparisons:
         pictures["map"] = _picture(error_map(d.comparisons))
         pictures["responses"] = _picture(comparison_grid(_chosen(d.comparisons)))
@@ -120,8 +123,27 @@ def _content(d: Diagnosis) -> dict[str, Any]:
             for c in listed
         ],
         "pictures": pictures,
+        **_details(d),
         "changes": _changes(d),
         "shown": len(_chosen(d.comparisons)),
+    }
+
+
+def _details(d: Diagnosis) -> dict[str, Any]:
+    """What was found beside the verdict."""
+    f = d.findings
+    return {
+        "stiffness": details.stiffness_sentences(f.stiffness),
+        "place_scores": f.place_scores,
+        "nu_gap": None if f.nu_gap is None else details.nu_gap_sentence(f.nu_gap),
+        "nu_gap_rows": [] if f.nu_gap is None else details.nu_gap_rows(f.nu_gap),
+        "bands_of": details.band_rows(f.bands),
+        "metrics": [(by, details.metric_rows(f.metrics, by)) for by in ("channel", "position", "level")],
+        "second_best": details.second_best_sentence(d),
+        "meaning": f.meaning,
+        "means": "" if f.meaning is None else details.meaning_sentence(f.meaning),
+        "outcomes": [] if f.meaning is None else details.outcome_rows(f.meaning),
+        "loops": [] if f.meaning is None else details.loop_rows(f.meaning.loops),
     }
 
 

@@ -1,0 +1,332 @@
+"""What a diagnosis found beside its verdict, as sentences and rows for the report and the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from cutvib_ss.gap.findings import Band, Distances, DynamicStiffness, Metric, NuGap
+from cutvib_ss.gap.metrics import ALL
+from cutvib_ss.gap.outcome import Loop, Meaning, Outcome
+from cutvib_ss.gap.result import Diagnosis, FittedParameter
+from cutvib_ss.report.wording import cause_name, figure, parameter_text, place_name
+
+NOTICES = 0.3
+"""ν-gap from which a loop of ordinary robustness is no longer sure of its margins …"""
+FORGIVES = 0.1
+"""… and below which hardly any loop would notice."""
+
+Row = tuple[str, ...]
+
+_FORCE = {"stiffness": "N/m", "loss stiffness": "N/m", "damping": "N s/m", "mass": "kg", "inertia": "kg"}
+_TORQUE = {
+    "stiffness": "N m/rad",
+    "loss stiffness": "N m/rad",
+    "damping": "N m s/rad",
+    "mass": "kg m²",
+    "inertia": "kg m²",
+}
+_UNITS = {"N/m": _FORCE, "m/N": _FORCE, "N m/rad": _TORQUE, "rad/(N m)": _TORQUE}
+_PLAIN = {"frequency": "Hz", "delay": "s"}
+"""Units of a law's values, by the unit of the function that it explains."""
+
+
+def stiffness_sentences(functions: Sequence[DynamicStiffness]) -> list[str]:
+    """
+    What the shape of each free function says.
+
+    Parameters
+    ----------
+    functions : sequence of DynamicStiffness
+        The functions.
+
+    Returns
+    -------
+    list of str
+        One sentence each.
+    """
+    out = []
+    for z in functions:
+        what = f"{place_name(z.place)} ({z.label})" if z.label != z.place else place_name(z.place)
+        if z.family is not None and len(z.levels) == 1:
+            units = _UNITS.get(z.unit, {}) | _PLAIN
+            values = ", ".join(
+                f"{name} {parameter_text(FittedParameter(value, float('nan'), units.get(name, '')))}"
+                for name, value in z.family.parameters.items()
+            )
+            said = f"looks like a {z.family.name} ({z.family.law}: {values}; {100 * z.family.share:.0f} % of it)"
+        elif z.with_level:
+            said = f"shows {z.with_level}"
+        else:
+            said = "follows none of the simple laws"
+        out.append(f"The {z.quantity} asked for at {what} {said}.")
+    return out
+
+
+def nu_gap_sentence(gap: NuGap) -> str:
+    """
+    Whether a controller would notice.
+
+    Parameters
+    ----------
+    gap : NuGap
+        The ν-gaps.
+
+    Returns
+    -------
+    str
+        A sentence for the first channel, and the winding condition.
+    """
+    first = gap.channels[0]
+    largest = max(first.before, first.models)
+    if largest < FORGIVES:
+        said = "hardly any controller would notice"
+    elif largest < NOTICES:
+        said = "a controller of little robustness would notice"
+    else:
+        said = "a controller designed on the nominal model is not sure of its margins"
+    condition = {
+        "holds": "The winding condition holds",
+        "fails": "The winding condition fails",
+        "not checked": "The winding condition was not checked",
+    }
+    return (
+        f"In {first.channel} the ν-gap from the model as given is {figure(largest)}: {said}. "
+        f"{condition[gap.winding]} ({gap.why})."
+    )
+
+
+def nu_gap_rows(gap: NuGap) -> list[Row]:
+    """
+    The ν-gaps by channel.
+
+    Parameters
+    ----------
+    gap : NuGap
+        The ν-gaps.
+
+    Returns
+    -------
+    list of tuple of str
+        Channel; before, tuned, after; noise; between the models; scale.
+    """
+    return [
+        (
+            c.channel,
+            *(figure(v) for v in (c.before, c.tuned, c.after, c.noise, c.models)),
+            "" if c.scale is None else figure(c.scale),
+        )
+        for c in gap.channels
+    ]
+
+
+def metric_rows(metrics: Sequence[Metric], by: str) -> list[Row]:
+    """
+    Distances averaged over records, by position, level or channel.
+
+    Parameters
+    ----------
+    metrics : sequence of Metric
+        A row for each record and channel.
+    by : {"position", "level", "channel"}
+        What the rows are told apart by.
+
+    Returns
+    -------
+    list of tuple of str
+        Label; mean modulus before, tuned, after, with the second-best cause, of noise; FRAC and logarithmic error before and after.
+    """
+    single = [m for m in metrics if m.channel != ALL]
+    labels = list(dict.fromkeys(getattr(m, by) for m in single))
+    if by != "channel":
+        labels = sorted((v for v in labels if v is not None), key=float)
+    out = []
+    for label in labels:
+        own = [m for m in single if getattr(m, by) == label]
+
+        def mean(side: str, name: str, rows: Sequence[Metric] = own) -> str:
+            sides: list[Distances | None] = [getattr(m, side) for m in rows]
+            values = [getattr(d, name) for d in sides if d is not None]
+            return figure(float(np.mean(values))) if values else "-"
+
+        out.append(
+            (
+                label if isinstance(label, str) else figure(label),
+                *(mean(side, "mean_modulus") for side in ("before", "tuned", "after", "second")),
+                figure(float(np.mean([m.noise_modulus for m in own]))),
+                mean("before", "frac"),
+                mean("after", "frac"),
+                mean("before", "log_error_db"),
+                mean("after", "log_error_db"),
+            )
+        )
+    return out
+
+
+def band_rows(bands: Sequence[Band]) -> list[Row]:
+    """
+    The error by bands.
+
+    Parameters
+    ----------
+    bands : sequence of Band
+        The bands.
+
+    Returns
+    -------
+    list of tuple of str
+        Band; before, tuned, after, second-best cause, noise; what else is said of it.
+    """
+    return [
+        (
+            f"{b.low:.4g}-{b.high:.4g}",
+            *(figure(v) for v in (b.before, b.tuned, b.after, b.second, b.noise)),
+            _band_remarks(b),
+        )
+        for b in bands
+    ]
+
+
+def _band_remarks(b: Band) -> str:
+    if not b.stands_out:
+        return ""
+    said = []
+    if b.moves_with_position:
+        centres = [c for _, c in b.centres]
+        said.append(f"moves with the position, {min(centres):.4g} to {max(centres):.4g} Hz")
+    if b.moves_with_level:
+        said.append("moves with the level")
+    if np.isfinite(b.coherence):
+        said.append(f"{100 * b.coherence:.0f} % repeats in all records of a position")
+    return "; ".join(said)
+
+
+def second_best_sentence(d: Diagnosis) -> str:
+    """
+    What the choice of the best cause is worth against the second-best.
+
+    Parameters
+    ----------
+    d : Diagnosis
+        The diagnosis.
+
+    Returns
+    -------
+    str
+        A sentence; empty where no second cause was judged.
+    """
+    judged = [c for c in d.causes if c.effect not in ("none", "unknown") and np.isfinite(c.after)]
+    if len(judged) < 2:
+        return ""
+    best, second = judged[:2]
+    worth = (
+        "no more than the best"
+        if second.after <= 1.02 * best.after
+        else f"{second.after / best.after:.3g} times the best's"
+    )
+    return (
+        f"The second-best cause ({cause_name(second.effect, second.place, second.parameters)}) leaves "
+        f"{figure(second.after)} {d.gap.unit} on held-out records: {worth}."
+    )
+
+
+def outcome_rows(meaning: Meaning) -> list[Row]:
+    """
+    The vibration now and with the cause mended.
+
+    Parameters
+    ----------
+    meaning : Meaning
+        What the diagnosis means.
+
+    Returns
+    -------
+    list of tuple of str
+        Position; measured; now and mended with their intervals; change.
+    """
+    return [
+        (
+            "-" if o.position is None else figure(o.position),
+            "-" if o.measured is None else figure(o.measured),
+            _with_interval(o.now, o.now_interval),
+            _with_interval(o.mended, o.mended_interval),
+            _change(o),
+        )
+        for o in meaning.outcomes
+    ]
+
+
+def _with_interval(value: float, interval: tuple[float, float]) -> str:
+    low, high = interval
+    # As many digits as tell the ends of the interval apart.
+    digits = int(np.clip(1 - np.floor(np.log10(max((high - low) / max(abs(value), 1e-300), 1e-12))), 2, 5))
+    return f"{value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g})"
+
+
+def _change(o: Outcome) -> str:
+    low, high = (100 * (ratio - 1.0) for ratio in o.ratio_interval)
+    return f"{100 * (o.mended / o.now - 1.0):+.1f} % ({low:+.1f} to {high:+.1f} %)"
+
+
+def loop_rows(loops: Sequence[Loop]) -> list[Row]:
+    """
+    A controller on both models.
+
+    Parameters
+    ----------
+    loops : sequence of Loop
+        The controller at each position.
+
+    Returns
+    -------
+    list of tuple of str
+        Position; margin and attenuation on the nominal model; the same on the corrected one.
+    """
+    return [
+        (
+            "-" if loop.position is None else figure(loop.position),
+            figure(loop.nominal_margin),
+            f"{loop.nominal_attenuation_db:.1f}",
+            figure(loop.corrected_margin) if loop.stable else "unstable",
+            f"{loop.corrected_attenuation_db:.1f}" if loop.stable else "-",
+        )
+        for loop in loops
+    ]
+
+
+def meaning_sentence(meaning: Meaning) -> str:
+    """
+    The figures that matter most, in one sentence.
+
+    Parameters
+    ----------
+    meaning : Meaning
+        What the diagnosis means.
+
+    Returns
+    -------
+    str
+        Vibration now and with the cause mended over the positions; what becomes of the controller. Empty where nothing is known.
+    """
+    if not meaning.outcomes:
+        return ""
+
+    def over(pick: Callable[[Outcome], float]) -> str:
+        values = [pick(o) for o in meaning.outcomes]
+        low, high = figure(min(values)), figure(max(values))
+        return low if low == high else f"{low} to {high}"
+
+    said = (
+        f"At {figure(meaning.frequency)} Hz {meaning.channel} answers with {over(lambda o: o.now)} {meaning.unit} now, and "
+        f"with the cause mended with {over(lambda o: o.mended)} {meaning.unit}."
+    )
+    if meaning.loops:
+        unstable = sum(not loop.stable for loop in meaning.loops)
+        worst = min((loop.corrected_attenuation_db for loop in meaning.loops if loop.stable), default=float("nan"))
+        meant = min(loop.nominal_attenuation_db for loop in meaning.loops)
+        if unstable:
+            said += f" A controller designed on the nominal model is unstable at {unstable} of {len(meaning.loops)} positions."
+        else:
+            said += f" A controller designed on the nominal model takes off {worst:.1f} dB at worst, of {meant:.1f} dB meant."
+    return said
