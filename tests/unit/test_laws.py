@@ -33,10 +33,11 @@ def test_every_law_is_tried_and_takes_the_parameters_that_it_names() -> None:
 def test_describing_function_is_the_fundamental(name: str, amplitude: float, omega: float) -> None:
     law, values = LAWS[name], VALUES[name]
     # Two periods, so that a law with memory has settled in the second.
-    angle = 2 * np.pi * (np.arange(2 * 40_000) + 0.5) / 40_000
+    n = 4000 if law.memory else 40_000
+    angle = 2 * np.pi * (np.arange(2 * n) + 0.5) / n
     q, v = amplitude * np.cos(angle), -amplitude * omega * np.sin(angle)
-    force = law.force(q, v, *values)[40_000:]
-    fundamental = 2 * np.mean(force * np.exp(-1j * angle[40_000:])) / amplitude
+    force = law.force(q, v, *values)[n:]
+    fundamental = 2 * np.mean(force * np.exp(-1j * angle[n:])) / amplitude
     stiffness, damping = law.equivalent(amplitude, omega, *values)
     scale = max(values) * (omega**2 if name == "quadratic_damping" and omega > 1.0 else 1.0)
     assert stiffness + 1j * omega * damping == pytest.approx(fundamental, abs=2e-4 * scale)
@@ -73,11 +74,11 @@ def test_histories_are_taken_along_the_last_axis(name: str) -> None:
 
 def test_slip_makes_a_loop_of_the_known_area() -> None:
     stiffness, limit, amplitude = 4.0, 1.5, 2.0
-    angle = 2 * np.pi * np.arange(40_001) / 20_000
+    angle = 2 * np.pi * np.arange(8001) / 4000
     q = amplitude * np.cos(angle)
     f = LAWS["joint_slip"].force(q, np.zeros_like(q), stiffness, limit)
-    area = np.sum(0.5 * (f[20_001:] + f[20_000:-1]) * np.diff(q[20_000:]))
-    assert area == pytest.approx(4 * limit * (amplitude - limit / stiffness), rel=1e-4)
+    area = np.sum(0.5 * (f[4001:] + f[4000:-1]) * np.diff(q[4000:]))
+    assert area == pytest.approx(4 * limit * (amplitude - limit / stiffness), rel=1e-3)
 
 
 # --- compiled ---------------------------------------------------------------------------------------------------------

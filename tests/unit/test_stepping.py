@@ -155,7 +155,7 @@ ON_MASSES: list[tuple[str, dict[str, float], float]] = [
 
 def against_integrator(model: Machine | Structure, peak: float, at: float | None) -> float:
     """Largest error of the port's motion over its largest size."""
-    t = np.arange(1200) / FS
+    t = np.arange(700) / FS
     fine = 12 if model.nonlinear[0].law == "dry_friction" else 4
     got = step(modal_form(model, at), peak * pulse(t)[None], FS, model.nonlinear, fine).motions[0, 0]
     system = model.second_order(at)

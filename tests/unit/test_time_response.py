@@ -139,13 +139,13 @@ each = pytest.mark.parametrize(("law", "parameters", "within"), CASES)
 
 @each
 def test_elements_take_part(law: str, parameters: dict[str, float], within: float) -> None:
-    machine, t = with_law(law, **parameters), np.arange(900) / FS
+    machine, t = with_law(law, **parameters), np.arange(600) / FS
 
     def force(t: np.ndarray | float) -> np.ndarray | float:
         return 150.0 * np.exp(-(((t - 0.01) / 1e-3) ** 2))
 
     # The force's own course between samples is no matter here: samples close to each other.
-    fine = np.arange(900 * 8) / (8 * FS)
+    fine = np.arange(600 * 8) / (8 * FS)
     got = time_response(machine, 0.4, np.asarray(force(fine)), 8 * FS, ["joint2"]).data[0, ::8]
     system = machine.second_order(0.4)
     want = integrate(system, system.port("tool_x"), lambda t: float(force(t)), machine.nonlinear[0], t, 1e-4)
