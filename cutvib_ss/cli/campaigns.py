@@ -111,7 +111,7 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
     from rich.text import Text
 
     from cutvib_ss.plot.diagnosis import probability_text
-    from cutvib_ss.report import wording
+    from cutvib_ss.report import details, wording
 
     say(console, Text(wording.VERDICTS[found.verdict], style="bold"))
     say(console, wording.verdict_sentence(found))
@@ -130,6 +130,12 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
         ["closed", share + (f" ({interval})" if interval else "")],
     ]
     show(console, "", ["", ""], facts, "ll")
+    by_channel = details.metric_rows(found.findings.metrics, "channel")
+    if by_channel:
+        say(console, "")
+        say(console, f"By channel, on held-out records [{gap.unit}]")
+        heads = ["", "before", "tuned", "after", "second-best", "noise", "FRAC before", "after", "dB before", "after"]
+        show(console, "", heads, by_channel, "lrrrrrrrrr")
     say(console, "")
     rows = []
     for cause in found.causes[:_SHOWN]:
@@ -138,6 +144,9 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
             [cause.effect, cause.place, parameters, probability_text(cause.probability), wording.figure(cause.after)]
         )
     show(console, "", ["cause", "place", "parameters", "probability", f"left [{gap.unit}]"], rows, "lllrr")
+    for told in details.sentences(found):
+        say(console, "")
+        say(console, told)
     if found.next_test is not None:
         say(console, "")
         say(console, f"Next: {wording.next_test_sentence(found.next_test)}")

@@ -32,6 +32,29 @@ _PLAIN = {"frequency": "Hz", "delay": "s"}
 """Units of a law's values, by the unit of the function that it explains."""
 
 
+def sentences(d: Diagnosis) -> list[str]:
+    """
+    All that was found beside the verdict, for reading.
+
+    Parameters
+    ----------
+    d : Diagnosis
+        The diagnosis.
+
+    Returns
+    -------
+    list of str
+        What the free functions look like, what the choice is worth, whether a controller would notice, what it means.
+    """
+    f = d.findings
+    said = [*stiffness_sentences(f.stiffness), second_best_sentence(d)]
+    if f.nu_gap is not None:
+        said.append(nu_gap_sentence(f.nu_gap))
+    if f.meaning is not None:
+        said += [meaning_sentence(f.meaning), *(f"Mind: {w}." for w in f.meaning.warnings)]
+    return [s for s in said if s]
+
+
 def stiffness_sentences(functions: Sequence[DynamicStiffness]) -> list[str]:
     """
     What the shape of each free function says.
