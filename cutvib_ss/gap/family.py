@@ -240,16 +240,16 @@ def with_level(freq: FloatArray, levels: FloatArray, value: ComplexArray, std: F
         return f"{name} that {'grows' if part[1] > part[0] else 'falls'} with the level"
     power, grows = _power(levels, part)
     told = f"{name} that changes with the level to the power {power:.1f}"
+    # Motion grows faster or slower than the level, so that powers are rough: their sign tells most.
     laws = {
-        ("stiffness", 2): "a cubic spring stiffens so" if grows > 0 else "a softening cubic spring does so",
-        ("stiffness", -1): "play takes stiffness away so"
-        if grows < 0
-        else "dry friction that sticks adds stiffness so",
-        ("damping", -1): "dry friction does so",
-        ("damping", 1): "damping that grows with speed does so",
+        "stiffness": (
+            (1.0, 3.0, "a cubic spring stiffens so" if grows > 0 else "a softening cubic spring does so"),
+            (-3.0, -0.3, "play takes stiffness away so" if grows < 0 else "dry friction that sticks adds stiffness so"),
+        ),
+        "damping": ((0.4, 3.0, "damping that grows with speed does so"), (-3.0, -0.4, "dry friction does so")),
     }
-    nearest = min((key for key in laws if key[0] == name), key=lambda key: abs(key[1] - power))
-    return f"{told}: {laws[nearest]}" if abs(nearest[1] - power) < 0.75 else told
+    law = next((law for low, high, law in laws[name] if low <= power <= high), "")
+    return f"{told}: {law}" if law else told
 
 
 def _power(levels: FloatArray, part: FloatArray) -> tuple[float, float]:
