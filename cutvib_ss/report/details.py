@@ -254,6 +254,23 @@ def second_best_sentence(d: Diagnosis) -> str:
     )
 
 
+def mends(meaning: Meaning) -> bool:
+    """
+    Whether mending a cause changes the vibration: not without a cause, nor where it lies in the measurement.
+
+    Parameters
+    ----------
+    meaning : Meaning
+        What the diagnosis means.
+
+    Returns
+    -------
+    bool
+        True where some figure differs.
+    """
+    return any(o.mended != o.now for o in meaning.outcomes)
+
+
 def outcome_rows(meaning: Meaning) -> list[Row]:
     """
     The vibration now and with the cause mended.
@@ -266,18 +283,17 @@ def outcome_rows(meaning: Meaning) -> list[Row]:
     Returns
     -------
     list of tuple of str
-        Position; measured; now and mended with their intervals; change.
+        Position; measured; now with its interval; and where mending changes it, the same mended, and the change.
     """
-    return [
-        (
+    rows = []
+    for o in meaning.outcomes:
+        row: Row = (
             "-" if o.position is None else figure(o.position),
             "-" if o.measured is None else figure(o.measured),
             _with_interval(o.now, o.now_interval),
-            _with_interval(o.mended, o.mended_interval),
-            _change(o),
         )
-        for o in meaning.outcomes
-    ]
+        rows.append((*row, _with_interval(o.mended, o.mended_interval), _change(o)) if mends(meaning) else row)
+    return rows
 
 
 def _with_interval(value: float, interval: tuple[float, float]) -> str:
@@ -341,9 +357,9 @@ def meaning_sentence(meaning: Meaning) -> str:
         return low if low == high else f"{low} to {high}"
 
     said = (
-        f"At {figure(meaning.frequency)} Hz {meaning.channel} answers with {over(lambda o: o.now)} {meaning.unit} now, and "
-        f"with the cause mended with {over(lambda o: o.mended)} {meaning.unit}."
+        f"At {figure(meaning.frequency)} Hz {meaning.channel} answers with {over(lambda o: o.now)} {meaning.unit} now"
     )
+    said += f", and with the cause mended with {over(lambda o: o.mended)}." if mends(meaning) else "."
     if meaning.loops:
         unstable = sum(not loop.stable for loop in meaning.loops)
         worst = min((loop.corrected_attenuation_db for loop in meaning.loops if loop.stable), default=float("nan"))
