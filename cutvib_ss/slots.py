@@ -134,7 +134,9 @@ class NonlinearElement:
             raise ParameterError(f"no law {self.law!r}; there are {', '.join(LAWS)}")
         names = LAWS[self.law].units
         if set(self.parameters) != set(names):
-            raise ParameterError(f"{self.law} has the parameters {', '.join(names)}; {', '.join(self.parameters)} given")
+            raise ParameterError(
+                f"{self.law} has the parameters {', '.join(names)}; {', '.join(self.parameters)} given"
+            )
         for name in names:
             check_number(f"{self.law}: {name}", self.parameters[name])
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
