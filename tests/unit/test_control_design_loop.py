@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
+from cutvib_ss.absorber import attach_absorber
 from cutvib_ss.control_design import (
     PROTOTYPES,
     ForceActuator,
@@ -21,9 +22,11 @@ from cutvib_ss.control_design import (
     sampled,
 )
 from cutvib_ss.effects.calibration_error import CalibrationError
+from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.errors import CouplingError, DesignError, ParameterError
 from cutvib_ss.machine import published_machine
+from cutvib_ss.parameters import table_7
 from cutvib_ss.response.frequency import frequency_response
 
 MACHINE = published_machine()
@@ -134,19 +137,26 @@ def test_a_resonator_keeps_its_frequency_when_sampled() -> None:
     assert digital(z).item() == pytest.approx(k(2j * np.pi * 434.0).item(), rel=0.02)
 
 
-def test_the_passive_plant_is_the_machine_with_an_absorber() -> None:
-    from cutvib_ss.absorber import attach_absorber
-
-    kit = Hardware((InertialActuator("head_x"), ForceActuator("base")), (Sensor("head_x", "velocity"),))
-    plant = control_plant(MACHINE, 0.35, kit)
+@pytest.mark.parametrize("corrected", [False, True])
+def test_the_passive_plant_is_the_machine_with_an_absorber(corrected: bool) -> None:
+    # Absorbers that are there already and those of an effect come before and after the actuator's mass.
+    machine = attach_absorber(MACHINE, table_7())
+    machine = LocalResonator("head", 0.5, 180.0, 0.03).apply(machine) if corrected else machine
+    inertial = InertialActuator("head_x")
+    kit = Hardware((inertial, ForceActuator("base")), (Sensor("head_x", "velocity"),))
+    plant = control_plant(machine, 0.35, kit)
     assert plant.input_labels == ["force", "u_head_x", "u_base"]
-    with_mass = attach_absorber(MACHINE, kit.actuators[0].suspension, "head_x")  # type: ignore[attr-defined]
-    freq = np.array([20.0, 110.0, 217.0, 400.0])
+    with_mass = attach_absorber(machine, inertial.suspension, "head_x")
+    freq = np.array([20.0, 110.0, 180.0, 217.0, 400.0])
     frf = frequency_response(with_mass, 0.35, freq, outputs=("tool_x", "tool_z", "base_x", "head_x"))
     assert np.allclose(plant(2j * np.pi * freq)[:4, 0], frf.data[0, :, 0], rtol=1e-6)
     # Far below the suspension's frequency a coil between two masses moves the machine by nothing.
     low = np.abs(plant(2j * np.pi * np.array([1.0]))[3, 1:, 0])
     assert low[0] < 0.01 * low[1]
+    # Far above, the mass stands still: the coil pushes as a force against ground does.
+    against_ground = control_plant(machine, 0.35, Hardware((ForceActuator("head_x"),), kit.sensors))
+    high = 2j * np.pi * np.array([1000.0])
+    assert plant(high)[3, 1, 0] == pytest.approx(against_ground(high)[3, 1, 0], rel=0.05)
 
 
 def test_what_belongs_to_a_measurement_or_is_hysteretic_does_not_stop_a_plant() -> None:
