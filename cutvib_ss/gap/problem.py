@@ -406,6 +406,21 @@ def _changed(effect: Effect, values: dict[str, float]) -> Effect:
 
 
 def stages_of(tuned: Model, effects: Sequence[Effect]) -> list[Model]:
+    """
+    A model before each of some effects, and with all of them.
+
+    Parameters
+    ----------
+    tuned : Machine or Structure
+        The model before the first.
+    effects : sequence of Effect
+        The effects, in order.
+
+    Returns
+    -------
+    list of Machine or Structure
+        One more than there are effects.
+    """
     stages = [tuned]
     for e in effects:
         stages.append(e.apply(stages[-1]))

@@ -14,12 +14,12 @@ from typing import TypeAlias
 import numba
 import numpy as np
 
-from cutvib_ss.response.compiled_forces import Tables, forces
+from cutvib_ss.response.compiled_forces import _Tables, forces
 from cutvib_ss.results import ComplexArray, FloatArray
 
-System: TypeAlias = tuple[ComplexArray, ComplexArray, ComplexArray]
+_System: TypeAlias = tuple[ComplexArray, ComplexArray, ComplexArray]
 """Poles (mode,); participation of the force and of the ports (mode, 1 + port); displacement of the ports (port, mode)."""
-Elements: TypeAlias = tuple[np.ndarray, FloatArray]
+_Elements: TypeAlias = tuple[np.ndarray, FloatArray]
 """Codes of the laws (port,), their parameters (port, 2)."""
 
 _TURN = 1e-7
@@ -37,7 +37,7 @@ _ARC_OF_MOTION = 0.2
 
 
 @numba.njit(cache=True)
-def _receptance(system: System, s: complex) -> tuple[ComplexArray, ComplexArray]:
+def _receptance(system: _System, s: complex) -> tuple[ComplexArray, ComplexArray]:
     """Displacement of the ports per unit force at the input (port,), and at the ports (port, port)."""
     poles, drives, shapes = system
     ports = shapes.shape[0]
@@ -59,9 +59,9 @@ def balance(
     x: FloatArray,
     omega: float,
     force: float,
-    system: System,
-    elements: Elements,
-    tables: Tables,
+    system: _System,
+    elements: _Elements,
+    tables: _Tables,
     residual: FloatArray,
     jacobian: FloatArray,
     harmonics: FloatArray,
@@ -160,7 +160,7 @@ def _solve(a: FloatArray, b: FloatArray) -> None:
 
 
 @numba.njit(cache=True)
-def newton(x: FloatArray, omega: float, force: float, system: System, elements: Elements, tables: Tables) -> bool:
+def newton(x: FloatArray, omega: float, force: float, system: _System, elements: _Elements, tables: _Tables) -> bool:
     """
     The solution at a frequency.
 
@@ -202,9 +202,9 @@ def sweep(
     start: FloatArray,
     omegas: FloatArray,
     force: float,
-    system: System,
-    elements: Elements,
-    tables: Tables,
+    system: _System,
+    elements: _Elements,
+    tables: _Tables,
     reach: float,
 ) -> tuple[int, FloatArray]:
     """
@@ -315,7 +315,7 @@ def sweep(
 
 @numba.njit(cache=True)
 def balances(
-    motions: FloatArray, omegas: FloatArray, system: System, elements: Elements, tables: Tables
+    motions: FloatArray, omegas: FloatArray, system: _System, elements: _Elements, tables: _Tables
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """
     `balance` at many lines, without force.

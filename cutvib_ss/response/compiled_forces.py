@@ -15,7 +15,7 @@ import numpy as np
 from cutvib_ss.response.compiled import BILINEAR, CUBIC, FREEPLAY, SLIP
 from cutvib_ss.results import FloatArray
 
-Tables: TypeAlias = tuple[np.ndarray, FloatArray, FloatArray, FloatArray, FloatArray]
+_Tables: TypeAlias = tuple[np.ndarray, FloatArray, FloatArray, FloatArray, FloatArray]
 """Harmonic numbers, a zero for the mean; T, T', and T half a sample later (sample, unknown); P (unknown, sample)."""
 
 
@@ -35,7 +35,7 @@ def _law(code: int, p: FloatArray, q: float, v: float) -> tuple[float, float, fl
 
 @numba.njit(cache=True)
 def forces(
-    x: FloatArray, omega: float, code: int, p: FloatArray, tables: Tables, out: FloatArray, slope: FloatArray
+    x: FloatArray, omega: float, code: int, p: FloatArray, tables: _Tables, out: FloatArray, slope: FloatArray
 ) -> None:
     """
     Harmonics of a law's force and their derivatives to the motion's.

@@ -216,7 +216,7 @@ def test_frequencies_that_make_no_sense(freq: str, tmp_path: Path, capsys: pytes
         (["diagnose", str(DEMO), "--seed", "-1"], "--seed"),
         (["diagnose", str(DEMO), "--jobs", "0"], "--jobs"),
         (["diagnose"], "CAMPAIGN"),
-        (["simulate"], "simulate"),
+        (["simulate"], "--position"),
     ],
 )
 def test_arguments_that_cannot_be_used(

@@ -2,4 +2,5 @@
 
 from cutvib_ss.blind.rig.bulk import main
 
-main()
+if __name__ == "__main__":
+    main()
