@@ -13,13 +13,18 @@ from cutvib_ss.cli import main
 from cutvib_ss.control_design import (
     PROTOTYPES,
     ControllerCheck,
+    Hardware,
+    InertialActuator,
     Sampling,
     ScheduledController,
+    Sensor,
     check_controller,
     check_positions,
     control_plant,
     controller_data,
     full_order,
+    h2,
+    hinf,
     in_common_coordinates,
     lqg,
     prototype,
@@ -174,6 +179,26 @@ def test_reduced_controllers_interpolate_in_common_coordinates_only() -> None:
     assert not left["as they are"].attenuation < 0.5
     with pytest.raises(ParameterError, match="cannot be followed"):
         in_common_coordinates([small[0], reduced(design("h2", 0.22), 5)])
+
+
+def test_several_actuators_and_sensors_go_the_same_way() -> None:
+    kit = Hardware(
+        (InertialActuator("tool_x", mass=0.08), InertialActuator("head_x")),
+        (Sensor("tool_x"), Sensor("head_x", "velocity")),
+    )
+    for rule in (lqg, h2, hinf):
+        k = rule(control_plant(MACHINE, 0.4, kit))
+        assert (k.input_labels, k.output_labels) == (["y_tool_x", "y_head_x"], ["u_tool_x", "u_head_x"])
+        worst = check(k, positions=[0.4], hardware=kit).worst()
+        assert worst.stable == 1
+        assert worst.attenuation < 0.15
+        # All loops at once bear no more than each alone.
+        alpha = worst.disk_margin
+        assert 0.0 < 20 * np.log10((2 + alpha) / (2 - alpha)) <= worst.gain_margin
+        assert 2 * np.degrees(np.arctan(alpha / 2)) <= worst.phase_margin
+    (aligned,) = in_common_coordinates([reduced(k, 8)])
+    s = 2j * np.pi * np.array([30.0, 217.0])
+    assert np.allclose(aligned(s), reduced(k, 8)(s), rtol=1e-6)
 
 
 def test_the_error_of_a_reduction_keeps_its_bound() -> None:
