@@ -16,6 +16,7 @@ from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.control import control_check_command, control_design_command
 from cutvib_ss.cli.demo import demo_command
 from cutvib_ss.cli.models import bode_command, frf_command, modes_command, paper_command
+from cutvib_ss.cli.plan import plan_command
 from cutvib_ss.cli.schedule import schedule_command
 from cutvib_ss.cli.simulate import simulate_command
 from cutvib_ss.errors import CutvibError
@@ -78,6 +79,9 @@ app.command("demo", epilog="Example: cutvib demo --out my-demo")(demo_command)
 app.command("diagnose", epilog="Example: cutvib diagnose my-campaign --json out.json --report out.html")(
     diagnose_command
 )
+app.command(
+    "plan", epilog="Example: cutvib plan --position 0.1 --position 0.5 --level 20 --level 100 --json plan.json"
+)(plan_command)
 app.command("identify", epilog="Example: cutvib identify my-campaign --save-machine fitted.toml")(identify_command)
 app.command("paper", epilog="Example: cutvib paper --json tables.json")(paper_command)
 app.command("modes", epilog="Example: cutvib modes --position 0.5")(modes_command)
