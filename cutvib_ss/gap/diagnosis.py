@@ -139,7 +139,9 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     remaining = [r for r in ranked if odds[r.name] > 0.02][:4]
     test = None
     if result == "ambiguous" and len(remaining) > 1:
-        test = next_test([r.fit.model for r in remaining], [r.name for r in remaining], fitted)
+        test = next_test(
+            [r.fit.model for r in remaining], [r.name for r in remaining], fitted, [odds[r.name] for r in remaining]
+        )
     places = _places(rows, unknown, located.odds)
     bands_hz = _bands(problem, none.fit)
     second = other if first is shown[0] else shown[0]
