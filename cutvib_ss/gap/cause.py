@@ -13,8 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import linalg
 
-from cutvib_ss.effects.base import Model
+from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.hypotheses import Candidate, candidates, nonlinear_candidates
@@ -23,7 +24,7 @@ from cutvib_ss.gap.observations import Observations, Records
 from cutvib_ss.gap.problem import Hypothesis
 from cutvib_ss.gap.simulation import problem_for
 from cutvib_ss.gap.verdict import sufficient
-from cutvib_ss.results import FloatArray
+from cutvib_ss.results import ComplexArray, FloatArray
 
 COARSE_LINES = 120
 """Lines of a group on which starts are fitted."""
@@ -33,6 +34,8 @@ REFINED = 3
 """Causes that are fitted again on all lines, at least …"""
 CLOSE = 60.0
 """… and all whose objective on few lines lies within this of the best …"""
+FAR = 400.0
+"""What lies further behind on few lines is not fitted again at all."""
 MOST_LAWS = 3
 """Of those that are simulated no more are fitted on all lines."""
 MOST = 5
@@ -41,8 +44,6 @@ CLIMBED = 3
 """Starts of a cause from which steps are taken: those that fit best as they stand."""
 FIRST_STEPS, LATER_STEPS = 3, 10
 """Steps from each start, and from the best of them."""
-SECOND_STEPS = 2
-"""Steps from each start of a second cause."""
 LAW_STEPS = 6
 """Steps of a cause that is simulated, from the best of its starts."""
 ROUGH = 1e-2
@@ -53,8 +54,8 @@ LEADS = 0.1
 """Part of the excess that a single cause has to take away before a second one is tried on top: else neither is known."""
 PAIRED = 2
 """Single causes to which a second one is added."""
-SECONDS = 4
-"""Second causes that are tried on each of them with all steps, linear ones and laws."""
+SECONDS = 5
+"""Second causes that are fitted on each of them: those that promise most."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,8 @@ def _refined(
     ranked: list[Ranked] = []
     for i, (candidate, start) in enumerate(rough):
         behind = start.objective - ahead
-        if start.objective - rival[0] < CLOSE and (i < least or (behind < CLOSE and i < most)):
+        wanted = (behind < CLOSE and i < most) or (behind < FAR and i < least)
+        if start.objective - rival[0] < CLOSE and wanted:
             ranked.append(Ranked(candidate.name, fit(nominal, records, start.hypothesis, start.x), True))
         else:
             # Few lines and a widened noise understate how far behind it is.
@@ -203,11 +205,11 @@ def _rough_laws(
     return sorted([*on, *out[len(on) :]], key=lambda pair: pair[1].objective)
 
 
-def _as_it_stands(nominal: Model, records: Records, hypothesis: Hypothesis, warm: FloatArray | None = None) -> float:
-    """χ² of a hypothesis at its start, nothing tuned but what ``warm`` holds."""
+def _as_it_stands(nominal: Model, records: Records, hypothesis: Hypothesis) -> float:
+    """χ² of a hypothesis at its start, nothing tuned."""
     problem = problem_for(nominal, records, hypothesis)
     try:
-        chi2 = problem.residuals(problem.start(warm))[2]
+        chi2 = problem.residuals(problem.start())[2]
     except (CutvibError, np.linalg.LinAlgError):
         return np.inf
     return chi2 if np.isfinite(chi2) else np.inf
@@ -233,26 +235,62 @@ def _pairs(
     motion: Mapping[str, float],
 ) -> list[Ranked]:
     """A second cause on top of the best single ones."""
-    out: list[Ranked] = []
+    bases = sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[:PAIRED]
     seen: set[frozenset[str]] = set()
-    for base in sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[:PAIRED]:
-        warm = base.fit.x[: base.fit.first_effect]
-        for family in (few, outlook):
-            if family is None:
-                continue
-            tried: list[tuple[Candidate, Fit]] = []
+    out: list[Ranked] = []
+    for family in (few,) if outlook is None else (few, outlook):
+        tried: list[tuple[Candidate, Fit]] = []
+        for base in bases:
+            on_top = _Second(nominal, family, base, motion, apart=family is outlook)
+            promising: list[tuple[float, str, Hypothesis]] = []
             for candidate in seconds:
                 names = frozenset((base.name, candidate.name))
-                starts = [Hypothesis((*base.fit.hypothesis.effects, e), motion) for e in candidate.starts]
-                if len(names) == 1 or names in seen or starts[0].linear != (family is few):
+                linear = base.fit.hypothesis.linear and candidate.starts[0].linear
+                if len(names) == 1 or names in seen or linear != (family is few):
                     continue
                 seen.add(names)
-                best = min(starts, key=lambda h: _as_it_stands(nominal, family, h, warm))
-                started = _started(nominal, family, best, warm, SECOND_STEPS)
+                gain, best = max((on_top.promise(e) for e in candidate.starts), key=lambda pair: pair[0])
+                promising.append((gain, f"{base.name} + {candidate.name}", best))
+            promising.sort(key=lambda row: -row[0])
+            for _, name, hypothesis in promising[:SECONDS]:
+                started = _started(nominal, family, hypothesis, on_top.warm, LATER_STEPS)
                 if started is not None:
-                    tried.append((Candidate(f"{base.name} + {candidate.name}", ()), started))
-            tried.sort(key=lambda pair: pair[1].objective)
-            better = [(c, fit(nominal, family, f.hypothesis, f.x, LATER_STEPS, ROUGH)) for c, f in tried[:SECONDS]]
-            better.sort(key=lambda pair: pair[1].objective)
-            out += [r for r in _refined(nominal, records, better[:2], 1) if r.refined]
+                    tried.append((Candidate(name, ()), started))
+        tried.sort(key=lambda pair: pair[1].objective)
+        out += [r for r in _refined(nominal, records, tried[:2], 1) if r.refined]
     return out
+
+
+class _Second:
+    """What a second cause on top of a fitted one could explain of what that leaves, the first one's unknowns free to give way."""
+
+    def __init__(self, nominal: Model, family: Records, base: Ranked, motion: Mapping[str, float], apart: bool) -> None:
+        self.nominal, self.family, self.motion, self.apart = nominal, family, motion, apart
+        there = fit(nominal, family, base.fit.hypothesis, base.fit.x, LATER_STEPS, ROUGH)
+        self.effects = there.hypothesis.effects
+        self.warm = there.x[: there.first_effect]
+        problem = problem_for(nominal, family, there.hypothesis, apart)
+        predictions, residuals, _ = problem.residuals(there.x)
+        self.rows = problem.rows(there.x, predictions)
+        self.left = _flat(residuals)
+        matrix = self.rows @ self.rows.T + np.diag(problem.prior_precision() + 1e-9)
+        self.factor = linalg.cho_factor(matrix)
+
+    def promise(self, effect: Effect) -> tuple[float, Hypothesis]:
+        """χ² that the effect would take away, by its change of the prediction at its start; and both together."""
+        both = Hypothesis((*self.effects, effect), self.motion)
+        problem = problem_for(self.nominal, self.family, both, self.apart)
+        try:
+            residuals = problem.residuals(problem.start(self.warm))[1]
+        except (CutvibError, np.linalg.LinAlgError):
+            return -np.inf, both
+        change = self.left - _flat(residuals)
+        if not np.isfinite(change).all():
+            return -np.inf, both
+        own = change - self.rows.T @ linalg.cho_solve(self.factor, self.rows @ change)
+        along, size = float(own @ self.left), float(own @ own)
+        return (along * abs(along) / size if size > 0.0 else 0.0), both
+
+
+def _flat(residuals: Sequence[ComplexArray]) -> FloatArray:
+    return np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])

@@ -352,6 +352,34 @@ class Problem:
                 gradient[index] += flat @ np.concatenate([r[:, c].real.ravel(), r[:, c].imag.ravel()])
         return matrix, gradient
 
+    def rows(self, x: FloatArray, predictions: Sequence[Predicted]) -> FloatArray:
+        """
+        The whole weighted Jacobian, for few data.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+        predictions : sequence
+            From `residuals`, at the same unknowns.
+
+        Returns
+        -------
+        ndarray, shape (unknown, datum)
+            A row an unknown; per group the real parts of all residuals, then the imaginary ones.
+        """
+        out = []
+        for g, p, shapes in zip(self.groups, predictions, self.shapes, strict=True):
+            e = self.calibration_of(g.channels, g.freq, x)
+            shared, own = self._jacobian(x, p, e * np.sqrt(2.0 / g.variance), shapes)
+            full = np.zeros((self.size, *g.data.shape), dtype=np.complex128)
+            full[self._shared] = shared
+            for c, name in enumerate(g.channels):
+                full[self._own(name, shapes.shape[0]), :, c] = own[c].reshape(-1, len(g.data), g.freq.size)
+            flat = full.reshape(self.size, -1)
+            out.append(np.concatenate([flat.real, flat.imag], axis=1))
+        return np.concatenate(out, axis=1)
+
     def _own(self, channel: str, count: int) -> IndexArray:
         """Unknowns of a channel's calibration."""
         return self.n_tuning + 2 * count * self.channels.index(channel) + np.arange(2 * count)

@@ -31,7 +31,7 @@ _WRAP = 3.0
 """Decay exponent of every mode over the transform's length, at least: small, since the weights magnify rounding by e^3."""
 _TAPER = 32
 """Samples over which forces fade in before the record and out beyond it, so that its ends do not ring."""
-_STEPS = 40
+STEPS = 40
 """Steps in a period of a port's motion: errors of smooth laws are then about 1e-6, of laws with corners 1e-4."""
 _FINEST = 32
 """Largest oversampling that is chosen unasked."""
@@ -72,6 +72,7 @@ def step(
     oversample: int | None = None,
     initial: ArrayLike | None = None,
     dynamic_below: float = np.inf,
+    steps: float = STEPS,
 ) -> Stepped:
     """
     Responses to a sampled force that is band-limited between its samples, from rest or an initial state.
@@ -88,11 +89,13 @@ def step(
         Nonlinear elements, one for each of the form's ports.
     oversample : int, optional
         Steps of the nonlinear forces in a sample; by default a power of two that gives a period at the mean frequency of the
-        ports' rates at least 40 steps, and 80 where there is friction.
+        ports' rates at least ``steps`` steps, and twice as many where there is friction.
     initial : array_like, shape (2 n,) or (blow, 2 n), optional
         Displacement, then velocity, of the model's degrees of freedom at the first sample; at rest by default.
     dynamic_below : float
         Frequency [Hz] above which modes only yield statically to the nonlinear forces; all are stepped by default.
+    steps : float
+        Steps in a period, where ``oversample`` does not fix them.
 
     Returns
     -------
@@ -111,7 +114,9 @@ def step(
         raise ParameterError(f"fs = {fs} and oversample = {oversample} must be positive")
     if [e.port for e in elements] != list(form.ports):
         raise ParameterError(f"the elements sit at {[e.port for e in elements]}, the form's ports are {form.ports}")
-    return _Run(form, f, fs, tuple(elements), oversample, _initial(form, initial, len(f)), dynamic_below).result()
+    return _Run(
+        form, f, fs, tuple(elements), oversample, _initial(form, initial, len(f)), dynamic_below, steps
+    ).result()
 
 
 def _initial(form: ModalForm, initial: ArrayLike | None, blows: int) -> ComplexArray | None:
@@ -138,8 +143,9 @@ class _Run:
         oversample: int | None,
         initial: ComplexArray | None,
         dynamic_below: float,
+        steps: float,
     ) -> None:
-        self.form, self.fs, self.elements, self.given = form, fs, elements, oversample
+        self.form, self.fs, self.elements, self.given, self.steps = form, fs, elements, oversample, steps
         self.samples = force.shape[1]
         self.initial, self.fastest = initial, 2 * np.pi * dynamic_below
         self.force = np.hstack([force, force[:, -1:] * _fade(_TAPER)])
@@ -248,7 +254,7 @@ class _Run:
         mean = float(np.abs(self.s) @ power / np.sum(power)) / (2 * np.pi) if power.any() else 0.0
         if self.initial is not None:
             mean = max(mean, float(np.abs(self.form.poles).min()) / (2 * np.pi))
-        steps = _STEPS * (2 if any(e.law == "dry_friction" for e in self.elements) else 1)
+        steps = self.steps * (2 if any(e.law == "dry_friction" for e in self.elements) else 1)
         return int(min(_FINEST, 2 ** np.ceil(np.log2(max(1.0, steps * mean / self.fs)))))
 
     def _nonlinear(self, linear: ComplexArray, surplus: ComplexArray) -> tuple[ComplexArray, np.ndarray]:
