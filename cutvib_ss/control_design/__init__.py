@@ -1,6 +1,7 @@
 """Prototypes of controllers, and one check for all of them over positions and machines."""
 
 from cutvib_ss.control_design.active_absorber import active_absorber
+from cutvib_ss.control_design.amplitudes import AmplitudeMargins, LimitCycle, amplitude_margins, quasi_linear
 from cutvib_ss.control_design.check import check_controller, check_positions, full_order
 from cutvib_ss.control_design.files import controller_data, read_controller
 from cutvib_ss.control_design.h2 import h2
@@ -26,10 +27,12 @@ from cutvib_ss.control_design.synthesis import closed_norm, h2_synthesis, hinf_c
 
 __all__ = [
     "PROTOTYPES",
+    "AmplitudeMargins",
     "ControllerCheck",
     "ForceActuator",
     "Hardware",
     "InertialActuator",
+    "LimitCycle",
     "Loop",
     "Margins",
     "Prototype",
@@ -38,6 +41,7 @@ __all__ = [
     "Sensor",
     "WorstCase",
     "active_absorber",
+    "amplitude_margins",
     "check_controller",
     "check_positions",
     "closed_norm",
@@ -56,6 +60,7 @@ __all__ = [
     "margins",
     "positive_position_feedback",
     "prototype",
+    "quasi_linear",
     "read_controller",
     "reduced",
     "resonant",

@@ -106,13 +106,20 @@ class Problem:
         shapes = CALIBRATION_SHAPES if self.calibration > 0 else 0
         self.n_calibration = 2 * shapes * len(self.channels)
         self.n_blow = int(self.free_blow)
-        self.first_effect = self.n_tuning + self.n_calibration + self.n_blow
+        self.loud = self._loud()
+        self._blow = self.n_tuning + self.n_calibration
+        self._shared_by_all = self._blow + self.n_blow
+        self.first_effect = self._shared_by_all + len(self.loud)
         self.size = self.first_effect + len(self.parameters)
         self._n_shapes = shapes
         self._band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
         self.shapes = [self._shapes_at(g.freq) for g in groups]
         self._circles: list[Circles | None] = [None] * len(self.groups)
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
+
+    def _loud(self) -> tuple[tuple[int, int], ...]:
+        """Records, by group and row, whose force is known only roughly: none matters where the response is linear."""
+        return ()
 
     def start(self, warm: FloatArray | None = None) -> FloatArray:
         """
@@ -121,7 +128,7 @@ class Problem:
         Parameters
         ----------
         warm : ndarray, optional
-            Unknowns of a fit without effects, whose tuning and calibration are taken over.
+            Unknowns of another fit, whose tuning and calibration are taken over; the force of its records too, if they are the same.
 
         Returns
         -------
@@ -130,7 +137,8 @@ class Problem:
         """
         x = np.zeros(self.size)
         if warm is not None:
-            x[: self.first_effect] = warm[: self.first_effect]
+            known = self.first_effect if warm.size in (self.first_effect, self.size) else self._shared_by_all
+            x[:known] = warm[:known]
         for i, (k, name, r) in enumerate(self.parameters):
             x[self.first_effect + i] = np.clip(to_unknown(getattr(self.hypothesis.effects[k], name), r), 0.0, 1.0)
         return x
@@ -207,7 +215,7 @@ class Problem:
             Instant [s], not before the block.
         """
         mean, std = BLOW_AT_PRIOR
-        return max(mean + std * float(x[self.first_effect - 1]), 0.0) if self.n_blow else 0.0
+        return max(mean + std * float(x[self._blow]), 0.0) if self.n_blow else 0.0
 
     def prior_precision(self) -> FloatArray:
         """
@@ -235,7 +243,7 @@ class Problem:
         high = np.full(self.size, WITHIN)
         low = -high
         if self.n_blow:
-            low[self.first_effect - 1], high[self.first_effect - 1] = -1.0, 6.0
+            low[self._blow], high[self._blow] = -1.0, 6.0
         low[self.first_effect :], high[self.first_effect :] = 0.0, 1.0
         return low, high
 

@@ -14,14 +14,16 @@ import numpy as np
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.fit import Fit, fit
-from cutvib_ss.gap.observations import Entry, Observations, Records, merged
+from cutvib_ss.gap.observations import Entry, Group, Observations, Records, merged
 from cutvib_ss.gap.prediction import Prediction
-from cutvib_ss.gap.problem import Hypothesis, Problem
-from cutvib_ss.gap.simulation import problem_for, simulated
+from cutvib_ss.gap.problem import WITHIN, Hypothesis, Problem
+from cutvib_ss.gap.simulation import LOUDNESS, LOUDNESS_STEP, problem_for, simulated
 from cutvib_ss.results import ComplexArray, FloatArray
 
 AGAIN = 15
 """Steps of a fit on some records from the fit on all."""
+LOUDNESS_STEPS = 3
+"""Steps to the loudness of a held-out record whose force is guessed."""
 BOOTSTRAPS = 2000
 """Resamplings of the records behind an interval."""
 
@@ -194,11 +196,34 @@ def predicted(
     # What depends on the level, or leaks, is simulated with the record's own force.
     leaks = e.replay is not None and e.replay.block > 0
     simulate = leaks or (bool(model.nonlinear) and (e.replay is not None or np.isfinite(e.sweep)))
-    data: ComplexArray = (simulated(model, group) if simulate else Prediction(model, group, blow_at)).data[0]
-    if problem is None or x is None:
+    error: ComplexArray = np.ones(e.data.shape, dtype=np.complex128)
+    if problem is not None and x is not None:
+        error = problem.calibration_of(e.channels, e.freq, x)
+    if not simulate:
+        return np.asarray(Prediction(model, group, blow_at).data[0] * error)
+    guessed = e.replay is not None and e.replay.assumed and bool(model.nonlinear)
+    return _by_its_force(model, group, error) if guessed else np.asarray(simulated(model, group).data[0] * error)
+
+
+def _by_its_force(model: Model, group: Group, error: ComplexArray) -> ComplexArray:
+    """
+    A record whose force is guessed: its loudness, one unknown against all its data, is taken from the record itself.
+    """
+    weight = np.sqrt(2.0 / group.variance[0])
+    x = 0.0
+
+    def shown(x: float) -> ComplexArray:
+        data: ComplexArray = simulated(model, group, loudness=np.exp([LOUDNESS * x])).data[0] * error
         return data
-    calibrated: ComplexArray = data * problem.calibration_of(e.channels, e.freq, x)
-    return calibrated
+
+    here = shown(x)
+    for _ in range(LOUDNESS_STEPS):
+        slope = (shown(x + LOUDNESS_STEP) - here) / LOUDNESS_STEP * weight
+        left = (group.data[0] - here) * weight
+        x += float((np.vdot(slope, left).real - x) / (1.0 + np.vdot(slope, slope).real))
+        x = float(np.clip(x, -WITHIN, WITHIN))
+        here = shown(x)
+    return here
 
 
 def judged(e: Entry, prediction: ComplexArray) -> Judged:

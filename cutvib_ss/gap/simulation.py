@@ -34,6 +34,10 @@ LAW_STEP = 2e-3
 """Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
 HARMONICS = 3
 """Highest harmonic in which sine sweeps are balanced: what is compared is the first."""
+LOUDNESS = 0.2
+"""Relative error of the force behind a record that holds responses alone: hands scatter, and the blow's length is a guess."""
+LOUDNESS_STEP = 0.1
+"""Step of such a record's unknown in a difference of two simulations."""
 JUMP = 0.2
 """Step between lines, against the largest response, from which a sweep may have jumped."""
 STILL = 5.0
@@ -71,7 +75,13 @@ class Simulated:
     sweeps: Mapping[int, SineSweep] = field(default_factory=dict)
 
 
-def simulated(model: Model, group: Group, wanted: np.ndarray | None = None, steps: float = STEPS) -> Simulated:
+def simulated(
+    model: Model,
+    group: Group,
+    wanted: np.ndarray | None = None,
+    steps: float = STEPS,
+    loudness: FloatArray | None = None,
+) -> Simulated:
     """
     Run each record's force through a model in time, and its estimator on the responses.
 
@@ -85,6 +95,8 @@ def simulated(model: Model, group: Group, wanted: np.ndarray | None = None, step
         Records to simulate; all by default, the others are left zero.
     steps : float
         Steps in a period of the motion at the laws' ports.
+    loudness : ndarray, shape (record,), optional
+        Factors on the forces; one by default.
 
     Returns
     -------
@@ -108,13 +120,14 @@ def simulated(model: Model, group: Group, wanted: np.ndarray | None = None, step
         replays = [_replay(group, row) for row in rows]
         form = modal_form(model, None if np.isnan(position) else position, outputs, viscous_at=HYSTERESIS_AT)
         # All records at a position in one call: they share the modal sum.
-        forces = np.concatenate([np.stack(r.forces) for r in replays])
+        louder = np.ones(len(data)) if loudness is None else loudness
+        forces = np.concatenate([louder[row] * np.stack(r.forces) for row, r in zip(rows, replays, strict=True)])
         run = step(form, forces, replays[0].fs, elements, dynamic_below=still, steps=steps)
         first = 0
         for row, replay in zip(rows, replays, strict=True):
             own = slice(first, first + len(replay.forces))
             first = own.stop
-            shown = replay.data(list(run.responses[own]))
+            shown = replay.data(list(run.responses[own] / louder[row]))
             if leaks:
                 z, x = outputs.index("tool_z"), outputs.index("tool_x")
                 shown[z] = shown[z] + model.chain.cross_axis * shown[x]
@@ -210,7 +223,22 @@ class SimulatedProblem(Problem):
             One a group.
         """
         model = self.applied(x)
-        return [simulated(model, g, None, self.steps) for g in self.groups]
+        louder = self._loudness(x)
+        return [simulated(model, g, None, self.steps, k) for g, k in zip(self.groups, louder, strict=True)]
+
+    def _loud(self) -> tuple[tuple[int, int], ...]:
+        # What a linear model shows does not depend on the force.
+        if self.hypothesis.linear:
+            return ()
+        found = ((i, row, g.entries[row][0].replay) for i, g in enumerate(self.groups) for row in range(len(g.data)))
+        return tuple((i, row) for i, row, replay in found if replay is not None and replay.assumed)
+
+    def _loudness(self, x: FloatArray) -> list[FloatArray]:
+        """Factors on the forces of each group's records."""
+        out = [np.ones(len(g.data)) for g in self.groups]
+        for k, (i, row) in enumerate(self.loud):
+            out[i][row] = np.exp(LOUDNESS * x[self._shared_by_all + k])
+        return out
 
     def _slopes(self, x: FloatArray, p: Simulated) -> list[ComplexArray]:
         index = next(i for i, g in enumerate(self.groups) if g is p.group)
@@ -229,13 +257,14 @@ class SimulatedProblem(Problem):
             else:
                 by_law[i] = self._by_law(x, i, p)
         out: dict[int, ComplexArray] = dict(by_law)
+        out.update(self._by_loudness(x, index, p))
         if self.n_blow:
             # The assumed blow has its instant.
-            out[self.first_effect - 1] = np.zeros(p.data.shape, dtype=np.complex128)
+            out[self._blow] = np.zeros(p.data.shape, dtype=np.complex128)
         for i, scale, carried in moves:
             closed = tuple((path, w) for path, w in carried if path[0] != "nonlinear")
             moved = x.copy()
-            moved[i] += TUNING_STEP if i < self.first_effect else LAW_STEP
+            moved[i] += TUNING_STEP if i < self.n_tuning else LAW_STEP
             change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
             out[i] = scale * linear.derivative(closed)[row] - change
             for k, sweep in p.sweeps.items():
@@ -245,9 +274,26 @@ class SimulatedProblem(Problem):
     def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
         moved = x.copy()
         moved[i] += LAW_STEP if x[i] + LAW_STEP <= 1.0 else -LAW_STEP
-        there = simulated(self.applied(moved), p.group, None, self.steps)
+        index = next(k for k, g in enumerate(self.groups) if g is p.group)
+        there = simulated(self.applied(moved), p.group, None, self.steps, self._loudness(x)[index])
         change: ComplexArray = (there.data - p.data) / (moved[i] - x[i])
         return change
+
+    def _by_loudness(self, x: FloatArray, index: int, p: Simulated) -> dict[int, ComplexArray]:
+        """All records' forces moved at once: each moves its own record alone."""
+        if not self.loud:
+            return {}
+        moved = x.copy()
+        moved[self._shared_by_all : self.first_effect] += LOUDNESS_STEP
+        there = simulated(p.model, p.group, None, self.steps, self._loudness(moved)[index])
+        change = (there.data - p.data) / LOUDNESS_STEP
+        out = {}
+        for k, (i, row) in enumerate(self.loud):
+            own = np.zeros(p.data.shape, dtype=np.complex128)
+            if i == index:
+                own[row] = change[row]
+            out[self._shared_by_all + k] = own
+        return out
 
 
 def _sites(group: Group) -> tuple[Group, np.ndarray]:
