@@ -39,20 +39,18 @@ class AddedMass(Effect):
 
     effect: ClassVar[str] = "added_mass"
 
-    mass: float = parameter("kg", -0.5, 8.0, "linear", minimum=None)
+    mass: float = parameter("kg", -0.3, 8.0, "linear", minimum=None)
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ports_of(model, ("tool", "head"))
 
-    def _path(self) -> Path:
-        return ("head", "m2" if self.place == "tool" else "m1")
-
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
         given = super().ranges(model, place, motion)
         if isinstance(model, Machine):
-            return given
+            own = float(value_at(model, _path(place)))
+            return {"mass": replace(given["mass"], low=-0.5 * own, high=max(8.0, own))}
         scale = port_scale(model, place)
         return {
             "mass": replace(given["mass"], low=-0.5 * scale.mass, high=3.0 * scale.mass),
@@ -61,11 +59,15 @@ class AddedMass(Effect):
     def apply(self, model: Any) -> Any:
         check_place(self, model)
         if isinstance(model, Machine):
-            path = self._path()
+            path = _path(self.place)
             return applied(model, with_value(model, path, value_at(model, path) + self.mass), self)
         return applied(model, attached_to(model, port_of(self.place, model), SpringDamperMass(mass=self.mass)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         if isinstance(applied, Machine):
-            return {"mass": ((self._path(), 1.0),)}
+            return {"mass": ((_path(self.place), 1.0),)}
         return {"mass": ((("attachments", len(applied.attachments) - 1, "element", "mass"), 1.0),)}
+
+
+def _path(place: str) -> Path:
+    return ("head", "m2" if place == "tool" else "m1")

@@ -25,7 +25,7 @@ class CrossAxis(Effect):
 
     effect: ClassVar[str] = "cross_axis"
 
-    fraction: float = parameter("1", -0.5, 0.5, "linear", minimum=None)
+    fraction: float = parameter("1", -1.0, 1.0, "linear", minimum=None)
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.gap.levels import level_stands_out, motions
 from cutvib_ss.gap.observations import Observations, Records
-from cutvib_ss.gap.problem import Hypothesis
+from cutvib_ss.gap.problem import Hypothesis, Problem
 from cutvib_ss.gap.simulation import problem_for
 from cutvib_ss.gap.verdict import sufficient
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -44,8 +44,16 @@ CLIMBED = 3
 """Starts of a cause from which steps are taken: those that fit best as they stand."""
 FIRST_STEPS, LATER_STEPS = 3, 10
 """Steps from each start, and from the best of them."""
+MOST_STARTED = 6
+"""Of the causes that are simulated so many are fitted at all: those that promise most."""
 LAW_STEPS = 6
-"""Steps of a cause that is simulated, from the best of its starts."""
+"""Steps of the best of these, after the first ones."""
+HOPELESS = 3.0
+"""Reduced χ² on few lines, with their widened noise, from which a cause that is simulated is not worth the fit on all."""
+NUDGE = 0.02
+"""Part of its range by which a parameter is moved off a start that does nothing."""
+PAIRS_CLOSE = 15.0
+"""As CLOSE, for pairs."""
 ROUGH = 1e-2
 """Relative gain at which steps on few lines end."""
 ENOUGH = 1.1
@@ -55,7 +63,7 @@ LEADS = 0.1
 PAIRED = 2
 """Single causes to which a second one is added."""
 SECONDS = 5
-"""Second causes that are fitted on each of them: those that promise most."""
+"""Second causes that are fitted on each of them, unless one on the first leaves no more than noise: those that promise most."""
 
 
 @dataclass(frozen=True)
@@ -109,18 +117,18 @@ def search(nominal: Model, records: Records, observed: Observations) -> tuple[Ra
     rough = _rough(nominal, few, linear)
     ranked = _refined(nominal, records, rough, REFINED)
     by_level = level_stands_out(records)
-    simulated: list[tuple[Candidate, Fit]] = []
+    laws: Sequence[Candidate] = ()
     motion: dict[str, float] = {}
     outlook = records.for_laws(COARSE_LINES, COARSE_ERROR)
     one_level = len({e.level for e in records.entries}) < 2
     if outlook is not None and (by_level or one_level or not _enough(ranked, none)) and none.reduced > ENOUGH:
         moved = motions(none.fit.model, outlook)
         motion = {place: m.high for place, m in moved.items()}
-        simulated = _rough_laws(nominal, outlook, nonlinear_candidates(nominal, moved), motion)
-        ranked += _refined(nominal, records, simulated, 2, _rival(nominal, outlook, ranked), MOST_LAWS)
+        laws = nonlinear_candidates(nominal, moved)
+        rough = _rough_laws(nominal, outlook, laws, motion, none)
+        ranked += _refined(nominal, records, rough, 2, _rival(nominal, outlook, ranked), MOST_LAWS)
     if none.reduced > ENOUGH and not _enough(ranked, none) and _gained(ranked, none) > LEADS:
-        seconds = [*linear, *(c for c, _ in simulated)]
-        ranked += _pairs(nominal, records, few, outlook, ranked, seconds, motion)
+        ranked += _pairs(nominal, records, few, outlook, ranked, [*linear, *laws], motion)
     return (none, *sorted(ranked, key=lambda r: -r.fit.log_evidence))
 
 
@@ -143,6 +151,7 @@ def _refined(
     least: int,
     rival: tuple[float, float] = (np.inf, -np.inf),
     most: int = MOST,
+    close: float = CLOSE,
 ) -> list[Ranked]:
     """
     The best on few lines fitted on all; the others keep a bound.
@@ -154,8 +163,9 @@ def _refined(
     ranked: list[Ranked] = []
     for i, (candidate, start) in enumerate(rough):
         behind = start.objective - ahead
-        wanted = (behind < CLOSE and i < most) or (behind < FAR and i < least)
-        if start.objective - rival[0] < CLOSE and wanted:
+        wanted = (behind < close and i < most) or (behind < FAR and i < least)
+        hopeless = not start.hypothesis.linear and start.chi2 > HOPELESS * start.count
+        if start.objective - rival[0] < CLOSE and wanted and not hopeless:
             ranked.append(Ranked(candidate.name, fit(nominal, records, start.hypothesis, start.x), True))
         else:
             # Few lines and a widened noise understate how far behind it is.
@@ -189,20 +199,20 @@ def _rough(nominal: Model, few: Records, found: Sequence[Candidate]) -> list[tup
 
 
 def _rough_laws(
-    nominal: Model, outlook: Records, found: Sequence[Candidate], motion: Mapping[str, float]
+    nominal: Model, outlook: Records, found: Sequence[Candidate], motion: Mapping[str, float], none: Ranked
 ) -> list[tuple[Candidate, Fit]]:
-    """The same for laws: starts are only evaluated, the best of each takes a few steps, the better half goes on."""
+    """The same for laws, whose steps are dear: only those that promise most take any."""
+    on_top = _OnTop(nominal, outlook, none, motion, apart=True)
+    promising = [(c, max((on_top.promise(e) for e in c.starts), key=lambda pair: pair[0])) for c in found]
+    promising.sort(key=lambda row: -row[1][0])
     out = []
-    for candidate in found:
-        starts = [Hypothesis((e,), motion) for e in candidate.starts]
-        started = _started(
-            nominal, outlook, min(starts, key=lambda h: _as_it_stands(nominal, outlook, h)), None, FIRST_STEPS
-        )
+    for candidate, (_, hypothesis) in promising[:MOST_STARTED]:
+        started = _started(nominal, outlook, hypothesis, None, FIRST_STEPS)
         if started is not None:
             out.append((candidate, started))
     out.sort(key=lambda pair: pair[1].objective)
-    on = [(c, fit(nominal, outlook, f.hypothesis, f.x, LAW_STEPS, ROUGH)) for c, f in out[: (len(out) + 1) // 2]]
-    return sorted([*on, *out[len(on) :]], key=lambda pair: pair[1].objective)
+    on = [(c, fit(nominal, outlook, f.hypothesis, f.x, LAW_STEPS, ROUGH)) for c, f in out[:MOST_LAWS]]
+    return sorted([*on, *out[MOST_LAWS:]], key=lambda pair: pair[1].objective)
 
 
 def _as_it_stands(nominal: Model, records: Records, hypothesis: Hypothesis) -> float:
@@ -241,7 +251,7 @@ def _pairs(
     for family in (few,) if outlook is None else (few, outlook):
         tried: list[tuple[Candidate, Fit]] = []
         for base in bases:
-            on_top = _Second(nominal, family, base, motion, apart=family is outlook)
+            on_top = _OnTop(nominal, family, base, motion, apart=family is outlook)
             promising: list[tuple[float, str, Hypothesis]] = []
             for candidate in seconds:
                 names = frozenset((base.name, candidate.name))
@@ -252,17 +262,20 @@ def _pairs(
                 gain, best = max((on_top.promise(e) for e in candidate.starts), key=lambda pair: pair[0])
                 promising.append((gain, f"{base.name} + {candidate.name}", best))
             promising.sort(key=lambda row: -row[0])
+            steps = LATER_STEPS if family is few else LAW_STEPS
             for _, name, hypothesis in promising[:SECONDS]:
-                started = _started(nominal, family, hypothesis, on_top.warm, LATER_STEPS)
+                started = _started(nominal, family, hypothesis, on_top.warm, steps)
                 if started is not None:
                     tried.append((Candidate(name, ()), started))
+            if any(f.chi2 < f.count for _, f in tried):
+                break
         tried.sort(key=lambda pair: pair[1].objective)
-        out += [r for r in _refined(nominal, records, tried[:2], 1) if r.refined]
+        out += [r for r in _refined(nominal, records, tried[:2], 1, close=PAIRS_CLOSE) if r.refined]
     return out
 
 
-class _Second:
-    """What a second cause on top of a fitted one could explain of what that leaves, the first one's unknowns free to give way."""
+class _OnTop:
+    """What one more cause on top of a fit could explain of what that leaves, the fit's unknowns free to give way."""
 
     def __init__(self, nominal: Model, family: Records, base: Ranked, motion: Mapping[str, float], apart: bool) -> None:
         self.nominal, self.family, self.motion, self.apart = nominal, family, motion, apart
@@ -280,16 +293,29 @@ class _Second:
         """χ² that the effect would take away, by its change of the prediction at its start; and both together."""
         both = Hypothesis((*self.effects, effect), self.motion)
         problem = problem_for(self.nominal, self.family, both, self.apart)
+        x = problem.start(self.warm)
+        there = self._gain(problem, x)
+        if there != 0.0:
+            return there, both
+        # The start does nothing yet: each parameter is moved off it, and may go either way.
+        moves = []
+        for i in range(problem.size - sum(p[0] == len(self.effects) for p in problem.parameters), problem.size):
+            moved = x.copy()
+            moved[i] += NUDGE if x[i] + NUDGE <= 1.0 else -NUDGE
+            moves.append(abs(self._gain(problem, moved)))
+        return max((m for m in moves if np.isfinite(m)), default=-np.inf), both
+
+    def _gain(self, problem: Problem, x: FloatArray) -> float:
+        """χ² that a change of the prediction would take away, scaled as it is best; negative if turned round."""
         try:
-            residuals = problem.residuals(problem.start(self.warm))[1]
+            change = self.left - _flat(problem.residuals(x)[1])
         except (CutvibError, np.linalg.LinAlgError):
-            return -np.inf, both
-        change = self.left - _flat(residuals)
+            return -np.inf
         if not np.isfinite(change).all():
-            return -np.inf, both
+            return -np.inf
         own = change - self.rows.T @ linalg.cho_solve(self.factor, self.rows @ change)
         along, size = float(own @ self.left), float(own @ own)
-        return (along * abs(along) / size if size > 0.0 else 0.0), both
+        return along * abs(along) / size if size > 0.0 else 0.0
 
 
 def _flat(residuals: Sequence[ComplexArray]) -> FloatArray:

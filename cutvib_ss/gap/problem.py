@@ -128,7 +128,7 @@ class Problem:
         Parameters
         ----------
         warm : ndarray, optional
-            Unknowns of another fit, whose tuning and calibration are taken over; the force of its records too, if they are the same.
+            Unknowns of another fit, whose tuning and calibration are taken over; of the same records, their force too.
 
         Returns
         -------
