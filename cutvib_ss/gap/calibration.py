@@ -51,10 +51,10 @@ class Calibration:
     temperature: float = 2.0
     detection: float = 40.0
     pairs: float = 0.2
-    left_over: float = 1.35
-    sharpness: float = 0.05
-    of_the_gap: float = 1e-3
-    doubt: float = 0.0
+    left_over: float = 1.13
+    sharpness: float = 0.015
+    of_the_gap: float = 1e-4
+    doubt: float = 5e-3
 
 
 @cache

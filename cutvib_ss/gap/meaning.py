@@ -23,7 +23,6 @@ from cutvib_ss.gap.observations import Observations, Records
 from cutvib_ss.gap.outcome import Loop, Meaning, Outcome
 from cutvib_ss.gap.problem import Problem
 from cutvib_ss.gap.result import Verdict
-from cutvib_ss.gap.simulation import problem_for
 from cutvib_ss.machine import Machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.harmonic_balance import sine_response
@@ -68,7 +67,7 @@ def meaning(
     """
     channel = "tool_x" if "tool_x" in nominal.channels else observed.channels[0]
     frequency = WORKING_FREQUENCY if isinstance(nominal, Machine) else _loudest(fit.model, channel, observed.band)
-    problem = problem_for(nominal, records, fit.hypothesis)
+    problem = Problem(nominal, records.merged, fit.hypothesis)
     by_level = bool(fit.model.nonlinear)
     positions = _places(records, FEW_PLACES if by_level else PLACES)
     warnings = _warnings(fit, records, observed, verdict, frequency)
@@ -80,7 +79,7 @@ def meaning(
                 f"depends on the level: taken under a sine of {force:.3g} N, which moves the place as far as the middle record did"
             )
         draws = _draws(problem, fit, FEW_DRAWS if by_level else DRAWS, seed)
-        pairs = np.array([_pair(problem, x, positions, frequency, channel, force) for x in [fit.x, *draws]])
+        pairs = np.array([_pair(problem, x, positions, frequency, channel, force) for x in draws])
     except CutvibError as error:
         return Meaning(frequency, channel, observed.unit, (), warnings=(*warnings, str(error)))
     scale = 1.0 / observed.per_unit
@@ -156,13 +155,15 @@ def _force(fit: Fit, records: Records, positions: FloatArray, frequency: float) 
 
 
 def _draws(problem: Problem, fit: Fit, count: int, seed: int) -> FloatArray:
-    """Unknowns within their bounds, from the covariance widened by what the fit leaves."""
+    """The fit's unknowns, then others within their bounds, from the covariance widened by what the fit leaves."""
     low, high = problem.bounds()
-    spread = fit.covariance * max(fit.chi2 / max(fit.count, 1), 1.0)
+    # Without the forces of single records, which say nothing of the machine.
+    kept = np.r_[: problem.first_effect, fit.first_effect : fit.x.size]
+    spread = fit.covariance[np.ix_(kept, kept)] * max(fit.chi2 / max(fit.count, 1), 1.0)
     values, vectors = np.linalg.eigh((spread + spread.T) / 2)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    normal = np.random.default_rng(seed).standard_normal((count, fit.x.size))
-    draws: FloatArray = np.clip(fit.x + normal @ root.T, low, high)
+    normal = np.vstack([np.zeros(kept.size), np.random.default_rng(seed).standard_normal((count, kept.size))])
+    draws: FloatArray = np.clip(fit.x[kept] + normal @ root.T, low, high)
     return draws
 
 
