@@ -14,11 +14,16 @@ from cutvib_ss.errors import ParameterError
 if TYPE_CHECKING:
     import control
 
-    from cutvib_ss.control_design import ControllerCheck, Hardware, ScheduledController
+    from cutvib_ss.control_design import AmplitudeMargins, ControllerCheck, Hardware, ScheduledController
     from cutvib_ss.machine import Machine
 
 _FAMILY = 31
 """Positions at which a controller scheduled over the rail is designed; the check visits others."""
+
+_LOOP_POSITIONS = 7
+"""Positions at which loops around nonlinear elements are looked at."""
+_FORCES = (1.0, 10.0, 100.0, 1000.0)
+"""Amplitudes of the cutting force [N] that set the amplitudes there."""
 
 _PositionOption = Annotated[
     float, typer.Option("--position", metavar="Y", help="y_b / L at which a controller without @ is designed.")
@@ -119,11 +124,12 @@ def control_check_command(
         if file.stem in machines:
             raise ParameterError(f"--corrected {file}: a machine is called {file.stem} already; rename the file")
         machines[file.stem] = load_machine(file, "cutvib control")
-    checks = []
+    checks, loops = [], []
     for name in controllers or [f"{kind}@rail" for kind in PROTOTYPES]:
         with working(f"{name}: designing and checking"):
             label, made, hardware = _controller(name, model, position, actuator, rate, order)
             checks.append(check_controller(made, machines, check_positions(positions), hardware, label, modes))
+            loops += _over_amplitude(label, made, machines, hardware)
     pictures = {}
     if plot is not None or responses is not None:
         from cutvib_ss.plot.control import controller_overview, controller_responses
@@ -134,10 +140,15 @@ def control_check_command(
                 if picture is not None:
                     pictures[picture] = draw(checks)
                     save(pictures[picture], picture)
-    data = {"schema": "cutvib-control-check/1", "checks": [_check_data(c) for c in checks]}
+    data = {
+        "schema": "cutvib-control-check/1",
+        "checks": [_check_data(c) for c in checks],
+        "over_amplitude": [_loop_data(*row) for row in loops],
+    }
     if give_json(data, json):
         return
     _show(checks, f"{positions} positions, y/L = 0.02 to 0.98; {modes} modes of the rail or more")
+    _show_loops(loops)
     if pictures:
         say(results(), f"picture: {', '.join(map(str, pictures))}")
 
@@ -205,6 +216,73 @@ def _show(checks: list[ControllerCheck], title: str) -> None:
         f"left: of {output} at {frequency:g} Hz, largest over the positions; peak: largest response over that without "
         "control; then the smallest margins, and the command per newton of cutting force",
     )
+
+
+def _over_amplitude(
+    name: str,
+    made: control.StateSpace | ScheduledController,
+    machines: dict[str, Machine],
+    hardware: Hardware,
+) -> list[tuple[str, str, AmplitudeMargins]]:
+    """Margins over amplitude, for every nonlinear element of every machine."""
+    from cutvib_ss.control_design import amplitude_margins, check_positions, working_amplitudes
+
+    places = check_positions(_LOOP_POSITIONS)
+    out = []
+    for machine, model in machines.items():
+        for k in range(len(model.nonlinear)):
+            steps = working_amplitudes(model, _FORCES, places, k)
+            out.append((name, machine, amplitude_margins(made, model, steps, places, hardware, k)))
+    return out
+
+
+def _show_loops(loops: list[tuple[str, str, AmplitudeMargins]]) -> None:
+    if not loops:
+        return
+    columns = ["controller", "machine", "element", *(f"disk {f:g} N" for f in _FORCES), "worst at y/L", "limit cycles"]
+    rows = []
+    for name, machine, found in loops:
+        cycles = [
+            f"{c.amplitude:.2g} at {c.frequency:.0f} Hz, {'attracts' if c.attracts else 'repels'}"
+            for c in found.limit_cycles
+        ]
+        worst = found.disk_margin.min(axis=1)
+        rows.append(
+            [
+                name, machine, f"{found.element.law} at {found.element.port}", *(f"{d:.2f}" for d in worst),
+                f"{found.worst[2]:.2f}", "; ".join(dict.fromkeys(cycles)) or "none",
+            ]
+        )  # fmt: skip
+    console = results()
+    show(
+        console,
+        "Around nonlinear elements, by their describing functions",
+        columns,
+        rows,
+        "lll" + "r" * len(_FORCES) + "rl",
+    )
+    say(
+        console,
+        "disk margin at the amplitudes that such a cutting force at the working frequency causes, smallest over the rail",
+    )
+
+
+def _loop_data(name: str, machine: str, found: AmplitudeMargins) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {
+        "controller": name,
+        "machine": machine,
+        "law": found.element.law,
+        "port": found.element.port,
+        "forces_n": _FORCES,
+        "amplitudes": found.amplitudes,
+        "positions": found.positions,
+        "growth_rate_per_s": found.growth_rate,
+        "growth_freq_hz": found.growth_freq,
+        "disk_margin": found.disk_margin,
+        "limit_cycles": [asdict(c) for c in found.limit_cycles],
+    }
 
 
 def _number(value: float, form: str) -> str:

@@ -1,7 +1,13 @@
 """Prototypes of controllers, and one check for all of them over positions and machines."""
 
 from cutvib_ss.control_design.active_absorber import active_absorber
-from cutvib_ss.control_design.amplitudes import AmplitudeMargins, LimitCycle, amplitude_margins, quasi_linear
+from cutvib_ss.control_design.amplitudes import (
+    AmplitudeMargins,
+    LimitCycle,
+    amplitude_margins,
+    quasi_linear,
+    working_amplitudes,
+)
 from cutvib_ss.control_design.check import check_controller, check_positions, full_order
 from cutvib_ss.control_design.files import controller_data, read_controller
 from cutvib_ss.control_design.h2 import h2
@@ -67,4 +73,5 @@ __all__ = [
     "sampled",
     "schedule",
     "smallest_controller",
+    "working_amplitudes",
 ]

@@ -27,6 +27,7 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.laws import LAWS
 from cutvib_ss.machine import Machine
 from cutvib_ss.parameters import check_number
+from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, read_only
 from cutvib_ss.slots import NonlinearElement
 from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
@@ -144,6 +145,39 @@ def quasi_linear(
     stiffness, damping = LAWS[e.law].equivalent(amplitude, 2 * np.pi * working_frequency, *e.values)
     stand_in = Attachment(e.port, SpringDamperMass(stiffness=float(stiffness), damping=float(damping)))
     return replace(machine, nonlinear=(), attachments=(*machine.attachments, stand_in))
+
+
+def working_amplitudes(
+    machine: Machine,
+    forces: ArrayLike,
+    positions: ArrayLike,
+    element: int = 0,
+    working_frequency: float = WORKING_FREQUENCY,
+) -> FloatArray:
+    """
+    How far a nonlinear element's port moves under the tool, by the linear machine.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+    forces : array_like, shape (amplitude,)
+        Amplitudes of the cutting force [N].
+    positions : array_like, shape (position,)
+        y_b / L; the largest motion counts.
+    element : int
+        Which nonlinear element.
+    working_frequency : float
+        Frequency of the tool [Hz].
+
+    Returns
+    -------
+    ndarray, shape (amplitude,)
+        Amplitudes [rad or m].
+    """
+    linear, port = replace(machine, nonlinear=()), machine.nonlinear[element].port
+    moved = frequency_response(linear, positions, [working_frequency], "receptance", outputs=[port])
+    return np.asarray(forces, dtype=np.float64) * float(np.abs(moved.data).max())
 
 
 def amplitude_margins(

@@ -39,13 +39,25 @@ def test_margins_move_with_the_amplitude_until_the_loop_loses_them() -> None:
     assert found.disk_margin[0, 0] == pytest.approx(check.disk_margin[0, 0], rel=1e-5)
     # k(A) = 3/4 · 1e14 · 1e-8 = 750 kN/m: the tool's own mode moves away from the controller's.
     assert 0.0 < found.disk_margin[1, 0] < 0.2 * found.disk_margin[0, 0]
-    assert found.growth_rate[2, 0] > 0.0
-    assert found.worst == (0.0, 1e-3, POSITION)
+    assert found.worst == (found.disk_margin[1, 0], 1e-4, POSITION)
+
+
+def test_a_limit_cycle_lies_where_the_slowest_pole_crosses() -> None:
+    # A controller turned round feeds the tool's motion; damping that grows with velocity holds it at last.
+    kind = prototype("h2")
+    hardware = kind.hardware("tool_x", Sampling())
+    k = kind.design(published_machine(), POSITION, hardware)
+    wrong = control.ss(k.A, k.B, -k.C, -k.D, k.dt, inputs=k.input_labels, outputs=k.output_labels)
+    machine = machine_with("quadratic_damping", coefficient=4000.0)
+    found = amplitude_margins(wrong, machine, np.geomspace(1e-6, 1.0, 7), [POSITION], hardware)
+    assert found.growth_rate[0, 0] > 0.0 > found.growth_rate[-1, 0]
+    assert found.worst[0] == 0.0
     (cycle,) = found.limit_cycles
-    assert not cycle.attracts
-    assert 1e-4 < cycle.amplitude < 1e-3
-    edge = quasi_linear(replace(machine, nonlinear=machine.nonlinear), cycle.amplitude)
-    assert abs(check_controller(controller, edge, [POSITION], hardware).growth_rate[0, 0]) < 1e-2
+    assert cycle.attracts
+    edge = quasi_linear(machine, cycle.amplitude)
+    check = check_controller(wrong, edge, [POSITION], hardware)
+    assert abs(check.growth_rate[0, 0]) < 1e-2 * found.growth_rate[0, 0]
+    assert cycle.frequency == pytest.approx(check.growth_freq[0, 0], rel=1e-3)
 
 
 def test_limit_cycle_agrees_with_the_law_in_time() -> None:
