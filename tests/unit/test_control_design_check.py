@@ -34,6 +34,7 @@ from cutvib_ss.control_design import (
     schedule,
     smallest_controller,
 )
+from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.errors import DataFormatError, DesignError, ParameterError
 from cutvib_ss.machine import published_machine
@@ -284,6 +285,20 @@ def test_the_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: p
     assert other["worst"]["delay_margin"] is None
     assert Image.open("rail.png").size[0] > 600
     assert "soft" in Path("responses.svg").read_text()
+
+
+def test_the_check_follows_a_nonlinear_element_over_amplitude(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_machine(CubicStiffness("joint2", stiffness3=8e9).apply(MACHINE), "cubic.toml")
+    assert main(["control", "check", "lqg@0.5", "--corrected", "cubic.toml", "--positions", "2", "--json", "c.json"]) == 0
+    assert "describing functions" in capsys.readouterr().out
+    (row,) = json.loads(Path("c.json").read_text())["over_amplitude"]
+    assert (row["machine"], row["port"]) == ("cubic", "joint2")
+    steps = row["amplitudes"]
+    assert steps == pytest.approx([steps[0] * f for f in (1, 10, 100, 1000)])
+    assert np.shape(row["disk_margin"]) == (4, len(row["positions"]))
 
 
 @pytest.mark.parametrize(
