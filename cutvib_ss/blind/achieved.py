@@ -21,7 +21,8 @@ from cutvib_ss.blind.cases import Case
 from cutvib_ss.blind.files import digest, read_json, unpack, write_json
 from cutvib_ss.blind.seal import SealError, Trial
 from cutvib_ss.effects.base import Model
-from cutvib_ss.gap.observations import Entry, observe
+from cutvib_ss.gap.observations import observe
+from cutvib_ss.gap.records import Entry
 from cutvib_ss.gap.shrinkage import predicted
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.model_files import read_machine

@@ -19,9 +19,11 @@ from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.hypotheses import Candidate, candidates, nonlinear_candidates
+from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.levels import level_stands_out, motions
-from cutvib_ss.gap.observations import Observations, Records
-from cutvib_ss.gap.problem import Hypothesis, Problem
+from cutvib_ss.gap.observations import Observations
+from cutvib_ss.gap.problem import Problem
+from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.simulation import problem_for
 from cutvib_ss.gap.verdict import sufficient
 from cutvib_ss.results import ComplexArray, FloatArray

@@ -10,8 +10,9 @@ from cutvib_ss.gap.findings import Findings
 from cutvib_ss.gap.fit import Fit
 from cutvib_ss.gap.meaning import meaning
 from cutvib_ss.gap.metrics import Sides, metrics, scales_of
-from cutvib_ss.gap.observations import Observations, Records
+from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.place import Located
+from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.result import Verdict
 from cutvib_ss.gap.winding import nu_gap
 

@@ -15,12 +15,14 @@ from cutvib_ss.gap.calibration import Evidence, posterior, shipped, tempered
 from cutvib_ss.gap.cause import ENOUGH, Ranked, search
 from cutvib_ss.gap.detail import found
 from cutvib_ss.gap.fit import Fit
+from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.levels import level_stands_out
 from cutvib_ss.gap.metrics import Sides
 from cutvib_ss.gap.next_test import next_test
-from cutvib_ss.gap.observations import Entry, Observations, Records, merged, observe
+from cutvib_ss.gap.observations import Observations, observe
 from cutvib_ss.gap.place import Located, locate
-from cutvib_ss.gap.problem import Hypothesis, Problem
+from cutvib_ss.gap.problem import Problem
+from cutvib_ss.gap.records import Entry, Records, merged
 from cutvib_ss.gap.result import CandidateEvidence, Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.gap.verdict import ambiguity_set, verdict
 from cutvib_ss.measurement.records import Campaign

@@ -14,8 +14,9 @@ from scipy import linalg
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError, DiagnosisError
-from cutvib_ss.gap.observations import Records
-from cutvib_ss.gap.problem import Hypothesis, Problem
+from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.problem import Problem
+from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.simulation import SimulatedProblem, problem_for
 from cutvib_ss.gap.unknowns import from_unknown
 from cutvib_ss.results import FloatArray

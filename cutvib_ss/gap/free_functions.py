@@ -13,8 +13,8 @@ import numpy as np
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.modification import Modification
-from cutvib_ss.gap.observations import Group
 from cutvib_ss.gap.prediction import Prediction
+from cutvib_ss.gap.records import Group
 from cutvib_ss.response.stacked import inverse
 from cutvib_ss.results import ComplexArray, FloatArray
 

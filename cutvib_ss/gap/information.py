@@ -13,9 +13,9 @@ from scipy import linalg, optimize
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
-from cutvib_ss.gap.observations import Group, merged
 from cutvib_ss.gap.prediction import Prediction
 from cutvib_ss.gap.problem import WITHIN
+from cutvib_ss.gap.records import Group, merged
 from cutvib_ss.gap.severity import Run
 from cutvib_ss.gap.simulation import simulated
 from cutvib_ss.gap.unknowns import CALIBRATION_SHAPES, calibration_shapes, tuning_paths

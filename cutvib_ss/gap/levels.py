@@ -6,7 +6,7 @@ import numpy as np
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.hypotheses import LAWS, Motion
-from cutvib_ss.gap.observations import Records, merged
+from cutvib_ss.gap.records import Records, merged
 from cutvib_ss.gap.simulation import HYSTERESIS_AT
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step

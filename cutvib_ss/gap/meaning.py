@@ -19,9 +19,10 @@ from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.findings import finite_or_none
 from cutvib_ss.gap.fit import Fit
 from cutvib_ss.gap.levels import motions
-from cutvib_ss.gap.observations import Observations, Records
+from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.outcome import Loop, Meaning, Outcome
 from cutvib_ss.gap.problem import Problem
+from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.result import Verdict
 from cutvib_ss.machine import Machine
 from cutvib_ss.response.frequency import frequency_response

@@ -25,7 +25,7 @@ import numpy as np
 from scipy import optimize, special
 
 from cutvib_ss.gap.findings import Distances, Metric, finite_or_none
-from cutvib_ss.gap.observations import Entry
+from cutvib_ss.gap.records import Entry
 from cutvib_ss.gap.shrinkage import Judged
 from cutvib_ss.results import ComplexArray, FloatArray
 

@@ -23,7 +23,7 @@ from typing import Protocol
 import numpy as np
 
 from cutvib_ss.effects.base import Model
-from cutvib_ss.gap.observations import Group
+from cutvib_ss.gap.records import Group
 from cutvib_ss.response.condensed import CondensedModel
 from cutvib_ss.response.stacked import inverse
 from cutvib_ss.results import ComplexArray, FloatArray

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cutvib_ss.effects.base import Model
-from cutvib_ss.gap.observations import Entry, merged
+from cutvib_ss.gap.records import Entry, merged
 from cutvib_ss.gap.result import NextTest
 from cutvib_ss.gap.simulation import simulated
 from cutvib_ss.response.frequency import frequency_response

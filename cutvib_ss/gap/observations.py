@@ -1,25 +1,23 @@
 """
 A campaign as the diagnosis sees it: frequency responses with their noise, a band, and what the estimator did to them.
 
-Nothing else of the campaign is looked at: no file name, title or order. Records at one position are merged by their precision for
-fitting linear causes; each stays apart for judging, so that a response that changes with the level shows.
+Nothing else of the campaign is looked at: no file name, title or order.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
+from cutvib_ss.gap.records import Entry, thinned
 from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import Campaign, Record
-from cutvib_ss.measurement.replay import Replay, assumed_blow, replay_of
+from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
-from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 from cutvib_ss.units import STANDARD_GRAVITY
 
 NOISY = 5.0
@@ -27,189 +25,8 @@ NOISY = 5.0
 BELOW_FIRST_MODE = 0.6
 """The band begins at this fraction of the nominal model's lowest natural frequency, below which accelerance drowns in drift."""
 
-OUTLOOK = 3
-"""Positions on which the starts of level-dependent causes are fitted."""
 BLOW_AT = 0.05
 """Instant of a blow that no record states [s], where one has to be assumed."""
-
-
-@dataclass(frozen=True)
-class Entry:
-    """
-    One record: its responses within the band, and the estimator's block.
-
-    Parameters
-    ----------
-    record : int
-        Index of the record in the campaign.
-    position : float
-        y_b / L; NaN for a structure.
-    level : float
-        Peak force [N]; NaN where not stated.
-    data, variance : ndarray, shape (channel, frequency)
-        Responses and E|ΔH|².
-    freq : ndarray, shape (frequency,)
-        Frequency [Hz].
-    channels : tuple of str
-        Response channels.
-    quantities : tuple of str
-        Their quantities.
-    block : float
-        Length of the estimator's block [s]; infinite where it leaves nothing out.
-    blow_at : float
-        Instant of the blow in the block [s]; NaN where unknown.
-    decay_rate : float
-        Rate of an exponential window on the response alone [1/s].
-    check : bool
-        Whether the record is only for judging.
-    replay : Replay or None
-        The estimator itself, through which simulated histories pass; None where no force history can be told.
-    sweep : float
-        Amplitude of the force of a stepped or swept sine [N]; NaN otherwise.
-    """
-
-    record: int
-    position: float
-    level: float
-    data: ComplexArray
-    variance: FloatArray
-    freq: FloatArray
-    channels: tuple[str, ...]
-    quantities: tuple[Quantity, ...]
-    block: float
-    blow_at: float
-    decay_rate: float
-    check: bool
-    replay: Replay | None = None
-    sweep: float = np.nan
-
-
-@dataclass(frozen=True)
-class Group:
-    """
-    Entries on one frequency grid with one set of channels, merged by position.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (position,)
-        y_b / L; one NaN for a structure.
-    freq : ndarray, shape (frequency,)
-        Frequency [Hz].
-    channels : tuple of str
-        Response channels.
-    quantities : tuple of str
-        Their quantities.
-    data, variance : ndarray, shape (position, channel, frequency)
-        Responses and E|ΔH|².
-    block, blow_at, decay_rate : ndarray, shape (position,)
-        The estimator's block, as in `Entry`.
-    entries : tuple of tuple of Entry
-        The records behind each row.
-    """
-
-    positions: FloatArray
-    freq: FloatArray
-    channels: tuple[str, ...]
-    quantities: tuple[Quantity, ...]
-    data: ComplexArray
-    variance: FloatArray
-    block: FloatArray
-    blow_at: FloatArray
-    decay_rate: FloatArray
-    entries: tuple[tuple[Entry, ...], ...] = ()
-
-
-@dataclass(frozen=True)
-class Records:
-    """
-    Records to fit on: merged by position for linear causes, apart for those that depend on the level.
-
-    Parameters
-    ----------
-    entries : tuple of Entry
-        The records.
-    rough : bool
-        Whether the noise has been widened, for starts.
-    """
-
-    entries: tuple[Entry, ...]
-    rough: bool = False
-
-    @cached_property
-    def merged(self) -> tuple[Group, ...]:
-        """Groups with one row a position."""
-        return merged(self.entries)
-
-    @cached_property
-    def apart(self) -> tuple[Group, ...]:
-        """Groups with one row a record, those that can be simulated alone."""
-        return merged(self.simulable, apart=True)
-
-    @cached_property
-    def simulable(self) -> tuple[Entry, ...]:
-        """Records whose force history is known or can be assumed, and sine sweeps."""
-        return tuple(e for e in self.entries if e.replay is not None or np.isfinite(e.sweep))
-
-    @property
-    def leaking(self) -> bool:
-        """Whether windowed blocks of a continuous recording leak, so that only a replayed simulation shows what they show."""
-        return not self.rough and any(e.replay is not None and e.replay.block > 0 for e in self.entries)
-
-    @cached_property
-    def scatter(self) -> float:
-        """χ² of the records about what they are merged into: what a cause that ignores the level cannot lower."""
-        total = 0.0
-        for g in self.merged:
-            for row, same in zip(g.data, g.entries, strict=True):
-                total += sum(2.0 * float(np.sum(np.abs(e.data - row) ** 2 / e.variance)) for e in same)
-        return total
-
-    def coarse(self, lines: int, error: float) -> Records:
-        """
-        The same records with few lines and a widened noise.
-
-        Parameters
-        ----------
-        lines : int
-            Lines to keep, about.
-        error : float
-            Relative error of a merged row by which the noise is widened.
-
-        Returns
-        -------
-        Records
-            Coarser records.
-        """
-        behind = {id(e): len(same) for g in self.merged for same in g.entries for e in same}
-        out = []
-        for e in self.entries:
-            few = thinned(e, slice(None, None, max(1, e.freq.size // lines)))
-            widened = few.variance + behind[id(e)] * (error * np.abs(few.data)) ** 2
-            out.append(replace(few, variance=widened))
-        return Records(tuple(out), rough=True)
-
-    def for_laws(self, lines: int, error: float) -> Records | None:
-        """
-        Few records that show what depends on the level: some positions, at all levels, one blow each, on few lines.
-
-        Parameters
-        ----------
-        lines : int
-            Lines to keep, about.
-        error : float
-            Relative error by which the noise is widened.
-
-        Returns
-        -------
-        Records or None
-            The records; None where some force cannot be told.
-        """
-        if len(self.simulable) < len(self.entries):
-            return None
-        places = sorted({site(e) for e in self.entries})
-        chosen = {places[i] for i in np.unique(np.linspace(0, len(places) - 1, OUTLOOK).round().astype(int))}
-        alone = Records(tuple(one_blow(e) for e in self.entries if site(e) in chosen))
-        return alone.coarse(lines, error)
 
 
 @dataclass(frozen=True)
@@ -303,92 +120,6 @@ def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
     return ", ".join(dict.fromkeys(f"{from_quantity[q]}/{below}" for e in entries for q in e.quantities))
 
 
-def merged(entries: Sequence[Entry], apart: bool = False) -> tuple[Group, ...]:
-    """
-    Records merged by position, weighted by their precision.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        Records.
-    apart : bool
-        Keep every record a row of its own.
-
-    Returns
-    -------
-    tuple of Group
-        One for each frequency grid and set of channels.
-    """
-    kinds: dict[tuple[object, ...], list[Entry]] = {}
-    for e in entries:
-        key = (e.channels, e.quantities, e.freq.size, float(e.freq[0]), float(e.freq[-1]))
-        kinds.setdefault(key, []).append(e)
-    return tuple(_group(members, apart) for members in kinds.values())
-
-
-def site(e: Entry) -> tuple[float, ...]:
-    """
-    What records must share to be merged: position, and a block that loses the same tails.
-
-    Parameters
-    ----------
-    e : Entry
-        A record.
-
-    Returns
-    -------
-    tuple of float
-        Position, block and window.
-    """
-    return (float(np.nan_to_num(e.position, nan=-1.0)), round(e.block, 9), round(e.decay_rate, 9))
-
-
-def one_blow(e: Entry) -> Entry:
-    """
-    A record as its first blow alone shows it.
-
-    Parameters
-    ----------
-    e : Entry
-        A record with its `Replay`.
-
-    Returns
-    -------
-    Entry
-        The estimate of that blow, its variance in proportion; the record itself where it has one blow or history.
-    """
-    blows = 0 if e.replay is None else len(e.replay.forces)
-    if e.replay is None or e.replay.block or blows < 2:
-        return e
-    first = e.replay.only(1)
-    return replace(e, data=first.data(first.measured), variance=blows * e.variance, replay=first)
-
-
-def _group(members: list[Entry], apart: bool) -> Group:
-    places: dict[tuple[float, ...], list[Entry]] = {}
-    for e in members:
-        places.setdefault((float(e.record),) if apart else site(e), []).append(e)
-    data, variance = [], []
-    for same in places.values():
-        precision = np.array([1.0 / e.variance for e in same])
-        total = precision.sum(axis=0)
-        data.append(sum(w * e.data for w, e in zip(precision, same, strict=True)) / total)
-        variance.append(1.0 / total)
-    first = [same[0] for same in places.values()]
-    return Group(
-        positions=np.array([e.position for e in first]),
-        freq=first[0].freq,
-        channels=first[0].channels,
-        quantities=first[0].quantities,
-        data=np.array(data),
-        variance=np.array(variance),
-        block=np.array([e.block for e in first]),
-        blow_at=np.array([np.mean([e.blow_at for e in same]) for same in places.values()]),
-        decay_rate=np.array([e.decay_rate for e in first]),
-        entries=tuple(tuple(same) for same in places.values()),
-    )
-
-
 def _entry(index: int, record: Record) -> Entry:
     block, blow_at = np.inf, np.nan
     if record.kind == "frf":
@@ -425,26 +156,6 @@ def _entry(index: int, record: Record) -> Entry:
         replay=replay,
         sweep=record.peak_force if record.excitation == "sine" and record.peak_force is not None else np.nan,
     )
-
-
-def thinned(e: Entry, keep: np.ndarray | slice) -> Entry:
-    """
-    A record on some of its lines.
-
-    Parameters
-    ----------
-    e : Entry
-        The record.
-    keep : ndarray of bool or slice
-        The lines.
-
-    Returns
-    -------
-    Entry
-        The record on them.
-    """
-    replay = None if e.replay is None else e.replay.at(keep)
-    return replace(e, data=e.data[:, keep], variance=e.variance[:, keep], freq=e.freq[keep], replay=replay)
 
 
 def _lowest_frequency(machine: Model, positions: Sequence[float]) -> float:

@@ -20,8 +20,8 @@ from cutvib_ss.gap.family import family_of, with_level
 from cutvib_ss.gap.findings import DynamicStiffness, PlaceScore, finite_or_none
 from cutvib_ss.gap.fit import Fit
 from cutvib_ss.gap.free_functions import fitted_functions, rows_of, squares_left
-from cutvib_ss.gap.observations import Entry, Group, merged
 from cutvib_ss.gap.projection import Free, Outer
+from cutvib_ss.gap.records import Entry, Group, merged
 from cutvib_ss.gap.variants import variants
 from cutvib_ss.results import FloatArray
 

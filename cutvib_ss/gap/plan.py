@@ -25,7 +25,7 @@ from cutvib_ss.gap.calibration import shipped
 from cutvib_ss.gap.hypotheses import candidates, nonlinear_candidates
 from cutvib_ss.gap.information import Seen, Space, left_over
 from cutvib_ss.gap.levels import motions
-from cutvib_ss.gap.observations import Entry, Records, merged
+from cutvib_ss.gap.records import Entry, Records, merged
 from cutvib_ss.gap.severity import Run, runs
 from cutvib_ss.measurement.replay import assumed_blow
 from cutvib_ss.results import FloatArray, Quantity

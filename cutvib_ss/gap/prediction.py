@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
 from cutvib_ss.effects.base import Carried, Model
-from cutvib_ss.gap.observations import Group
+from cutvib_ss.gap.records import Group
 from cutvib_ss.machine import Machine
 from cutvib_ss.response.frequency import ChainedResponse
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -28,6 +29,20 @@ POINTS = 16
 """Points on each circle; with the radius below the rule's error is 0.4^16 = 4e-7 of the tail."""
 RADIUS = 0.4
 """Radius of each circle, as a fraction of its pole's distance from the line s = σ + jω and from other poles."""
+
+
+class Predicted(Protocol):
+    """What a group's records should show."""
+
+    @property
+    def group(self) -> Group:
+        """The records."""
+        ...
+
+    @property
+    def data(self) -> ComplexArray:
+        """Responses, shape (position, channel, frequency)."""
+        ...
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,16 @@ the blow is fitted where records do not state it; the effect's parameters are ev
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, Protocol, TypeAlias
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutvib_ss.effects.base import Carried, Effect, Model
-from cutvib_ss.gap.observations import Group
-from cutvib_ss.gap.prediction import Circles, Prediction
+from cutvib_ss.gap.hypothesis import Hypothesis, carried_on, changed, stages_of
+from cutvib_ss.gap.prediction import Circles, Predicted, Prediction
+from cutvib_ss.gap.records import Group
 from cutvib_ss.gap.unknowns import CALIBRATION_SHAPES, calibration_shapes, from_unknown, to_unknown, tuning_paths
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.slots import value_at, with_values
@@ -28,52 +28,6 @@ BLOW_AT_PRIOR = (0.05, 0.05)
 """Mean and standard deviation of the instant of a blow that no record states [s]."""
 WITHIN = 4.0
 """Standard deviations that tuning may move a value and calibration may err: beyond that it is a cause."""
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """
-    What may cause the gap.
-
-    Parameters
-    ----------
-    effects : tuple of Effect
-        Effects at their starting values; none for the tuned nominal model.
-    motions : mapping of str to float
-        Peak displacement of places in the records, where it is known: the scale of nonlinear laws.
-    """
-
-    effects: tuple[Effect, ...] = ()
-    motions: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def effect(self) -> str:
-        """Ids, joined by ``+``."""
-        return "+".join(e.effect for e in self.effects) or "none"
-
-    @property
-    def place(self) -> str:
-        """Places, joined by ``+``."""
-        return "+".join(e.place for e in self.effects) or "none"
-
-    @property
-    def linear(self) -> bool:
-        """Whether the frequency response alone carries it."""
-        return all(e.linear for e in self.effects)
-
-
-class Predicted(Protocol):
-    """What a group's records should show."""
-
-    @property
-    def group(self) -> Group:
-        """The records."""
-        ...
-
-    @property
-    def data(self) -> ComplexArray:
-        """Responses, shape (position, channel, frequency)."""
-        ...
 
 
 class Problem:
@@ -179,7 +133,7 @@ class Problem:
         changes: list[dict[str, float]] = [{} for _ in self.hypothesis.effects]
         for i, (k, name, r) in enumerate(self.parameters):
             changes[k][name] = from_unknown(float(x[self.first_effect + i]), r)[0]
-        return tuple(_changed(e, c) for e, c in zip(self.hypothesis.effects, changes, strict=True))
+        return tuple(changed(e, c) for e, c in zip(self.hypothesis.effects, changes, strict=True))
 
     def applied(self, x: FloatArray) -> Model:
         """
@@ -426,7 +380,7 @@ class Problem:
     def _tuning_moves(self, effects: Sequence[Effect], stages: Sequence[Model]) -> Iterator[tuple[float, Carried]]:
         """What moves with each tuned value, and by how much a unit of its unknown."""
         for path, tolerance in self.tuning:
-            yield tolerance * value_at(stages[0], path), _carried(((path, 1.0),), effects, stages, 0)
+            yield tolerance * value_at(stages[0], path), carried_on(((path, 1.0),), effects, stages, 0)
 
     def _effect_moves(
         self, x: FloatArray, i: int, effects: Sequence[Effect], stages: Sequence[Model]
@@ -434,37 +388,4 @@ class Problem:
         """What moves with an effect's parameter, and by how much a unit of its unknown."""
         index, name, r = self.parameters[i]
         moved = effects[index].moves(stages[index + 1])[name]
-        return from_unknown(float(x[self.first_effect + i]), r)[1], _carried(moved, effects, stages, index + 1)
-
-
-def _changed(effect: Effect, values: dict[str, float]) -> Effect:
-    return type(effect)(**{**{f.name: getattr(effect, f.name) for f in fields(effect)}, **values})
-
-
-def stages_of(tuned: Model, effects: Sequence[Effect]) -> list[Model]:
-    """
-    A model before each of some effects, and with all of them.
-
-    Parameters
-    ----------
-    tuned : Machine or Structure
-        The model before the first.
-    effects : sequence of Effect
-        The effects, in order.
-
-    Returns
-    -------
-    list of Machine or Structure
-        One more than there are effects.
-    """
-    stages = [tuned]
-    for e in effects:
-        stages.append(e.apply(stages[-1]))
-    return stages
-
-
-def _carried(carried: Carried, effects: Sequence[Effect], stages: Sequence[Model], first: int) -> Carried:
-    """What moves in the last stage when values of an earlier one move."""
-    for e, stage in zip(effects[first:], stages[first + 1 :], strict=True):
-        carried = tuple((p, w * v) for path, w in carried for p, v in e.carries(path, stage))
-    return carried
+        return from_unknown(float(x[self.first_effect + i]), r)[1], carried_on(moved, effects, stages, index + 1)

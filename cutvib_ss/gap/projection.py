@@ -14,8 +14,9 @@ import numpy as np
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.free_functions import Rows, fitted_functions, followed
+from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.modification import Lines, Modification
-from cutvib_ss.gap.problem import WITHIN, Hypothesis, Problem
+from cutvib_ss.gap.problem import WITHIN, Problem
 from cutvib_ss.gap.variants import Variant
 from cutvib_ss.results import ComplexArray, FloatArray
 

@@ -14,9 +14,11 @@ import numpy as np
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.fit import Fit, fit
-from cutvib_ss.gap.observations import Entry, Group, Observations, Records, merged
+from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.prediction import Prediction
-from cutvib_ss.gap.problem import WITHIN, Hypothesis, Problem
+from cutvib_ss.gap.problem import WITHIN, Problem
+from cutvib_ss.gap.records import Entry, Group, Records, merged
 from cutvib_ss.gap.simulation import LOUDNESS, LOUDNESS_STEP, problem_for, simulated
 from cutvib_ss.results import ComplexArray, FloatArray
 

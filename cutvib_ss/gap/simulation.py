@@ -18,9 +18,10 @@ import numpy as np
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
-from cutvib_ss.gap.observations import Group, Records, merged, site
-from cutvib_ss.gap.prediction import Circles, Prediction
-from cutvib_ss.gap.problem import Hypothesis, Predicted, Problem, stages_of
+from cutvib_ss.gap.hypothesis import Hypothesis, stages_of
+from cutvib_ss.gap.prediction import Circles, Predicted, Prediction
+from cutvib_ss.gap.problem import Problem
+from cutvib_ss.gap.records import Group, Records, merged, site
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.response.condensed import CondensedModel
 from cutvib_ss.response.harmonic_balance import SineSweep

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cutvib_ss.gap.observations import Entry, Group
+from cutvib_ss.gap.records import Entry, Group
 from cutvib_ss.gap.result import ErrorFigure
 from cutvib_ss.gap.shrinkage import Judged
 from cutvib_ss.results import ComplexArray

@@ -292,7 +292,9 @@ def test_the_check_follows_a_nonlinear_element_over_amplitude(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_machine(CubicStiffness("joint2", stiffness3=8e9).apply(MACHINE), "cubic.toml")
-    assert main(["control", "check", "lqg@0.5", "--corrected", "cubic.toml", "--positions", "2", "--json", "c.json"]) == 0
+    assert (
+        main(["control", "check", "lqg@0.5", "--corrected", "cubic.toml", "--positions", "2", "--json", "c.json"]) == 0
+    )
     assert "describing functions" in capsys.readouterr().out
     (row,) = json.loads(Path("c.json").read_text())["over_amplitude"]
     assert (row["machine"], row["port"]) == ("cubic", "joint2")

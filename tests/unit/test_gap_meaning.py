@@ -8,10 +8,11 @@ import pytest
 from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.gap.bands import bands
 from cutvib_ss.gap.fit import fit
+from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.meaning import meaning
 from cutvib_ss.gap.metrics import Sides
-from cutvib_ss.gap.observations import Entry, Observations, Records
-from cutvib_ss.gap.problem import Hypothesis
+from cutvib_ss.gap.observations import Observations
+from cutvib_ss.gap.records import Entry, Records
 from cutvib_ss.gap.shrinkage import judged
 from cutvib_ss.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response

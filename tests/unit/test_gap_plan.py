@@ -13,9 +13,9 @@ from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypotheses import candidates
-from cutvib_ss.gap.observations import Entry, Records
+from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.plan import PlannedCampaign, plan
-from cutvib_ss.gap.problem import Hypothesis
+from cutvib_ss.gap.records import Entry, Records
 from cutvib_ss.gap.severity import runs
 from cutvib_ss.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response

@@ -6,8 +6,8 @@ from scipy import signal
 
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.window_damping import WindowDamping
-from cutvib_ss.gap.observations import Group
 from cutvib_ss.gap.prediction import Prediction
+from cutvib_ss.gap.records import Group
 from cutvib_ss.machine import published_machine
 from cutvib_ss.slots import value_at, with_value
 

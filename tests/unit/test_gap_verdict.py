@@ -7,7 +7,8 @@ import pytest
 
 from cutvib_ss.gap import shrinkage, where
 from cutvib_ss.gap.calibration import Calibration, Evidence, posterior, probability_unknown, tempered
-from cutvib_ss.gap.observations import Entry, Group, Observations, merged
+from cutvib_ss.gap.observations import Observations
+from cutvib_ss.gap.records import Entry, Group, merged
 from cutvib_ss.gap.result import Cause
 from cutvib_ss.gap.verdict import ambiguity_set, verdict
 

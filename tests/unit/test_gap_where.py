@@ -6,9 +6,9 @@ import pytest
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.gap.family import family_of, with_level
 from cutvib_ss.gap.fit import fit
-from cutvib_ss.gap.observations import Entry, Records
+from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.place import locate
-from cutvib_ss.gap.problem import Hypothesis
+from cutvib_ss.gap.records import Entry, Records
 from cutvib_ss.machine import published_machine
 from cutvib_ss.slots import with_values
 

@@ -1,0 +1,106 @@
+"""What may cause the gap: effects on top of a tuned model, and what moves in the model when one of its values moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+
+from cutvib_ss.effects.base import Carried, Effect, Model
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """
+    What may cause the gap.
+
+    Parameters
+    ----------
+    effects : tuple of Effect
+        Effects at their starting values; none for the tuned nominal model.
+    motions : mapping of str to float
+        Peak displacement of places in the records, where it is known: the scale of nonlinear laws.
+    """
+
+    effects: tuple[Effect, ...] = ()
+    motions: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def effect(self) -> str:
+        """Ids, joined by ``+``."""
+        return "+".join(e.effect for e in self.effects) or "none"
+
+    @property
+    def place(self) -> str:
+        """Places, joined by ``+``."""
+        return "+".join(e.place for e in self.effects) or "none"
+
+    @property
+    def linear(self) -> bool:
+        """Whether the frequency response alone carries it."""
+        return all(e.linear for e in self.effects)
+
+
+def changed(effect: Effect, values: dict[str, float]) -> Effect:
+    """
+    An effect with some of its values replaced.
+
+    Parameters
+    ----------
+    effect : Effect
+        The effect.
+    values : dict of str to float
+        New values by name.
+
+    Returns
+    -------
+    Effect
+        A new one.
+    """
+    return type(effect)(**{**{f.name: getattr(effect, f.name) for f in fields(effect)}, **values})
+
+
+def stages_of(tuned: Model, effects: Sequence[Effect]) -> list[Model]:
+    """
+    A model before each of some effects, and with all of them.
+
+    Parameters
+    ----------
+    tuned : Machine or Structure
+        The model before the first.
+    effects : sequence of Effect
+        The effects, in order.
+
+    Returns
+    -------
+    list of Machine or Structure
+        One more than there are effects.
+    """
+    stages = [tuned]
+    for e in effects:
+        stages.append(e.apply(stages[-1]))
+    return stages
+
+
+def carried_on(carried: Carried, effects: Sequence[Effect], stages: Sequence[Model], first: int) -> Carried:
+    """
+    What moves in the last stage when values of an earlier one move.
+
+    Parameters
+    ----------
+    carried : tuple of (path, float)
+        What moves there, and by how much.
+    effects : sequence of Effect
+        All effects, in order.
+    stages : sequence of Machine or Structure
+        From `stages_of`.
+    first : int
+        Stage at which the values move.
+
+    Returns
+    -------
+    tuple of (path, float)
+        What moves in the last.
+    """
+    for e, stage in zip(effects[first:], stages[first + 1 :], strict=True):
+        carried = tuple((p, w * v) for path, w in carried for p, v in e.carries(path, stage))
+    return carried
