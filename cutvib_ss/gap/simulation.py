@@ -31,13 +31,13 @@ from cutvib_ss.units import DERIVATIVE_ORDER
 
 TUNING_STEP = 0.02
 """Step of a tuned value's unknown in a difference of two closed forms."""
-LAW_STEP = 2e-3
+LAW_STEP = 2e-4
 """Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
 HARMONICS = 3
 """Highest harmonic in which sine sweeps are balanced: what is compared is the first."""
 LOUDNESS = 0.2
 """Relative error of the force behind a record that holds responses alone: hands scatter, and the blow's length is a guess."""
-LOUDNESS_STEP = 0.1
+LOUDNESS_STEP = 0.02
 """Step of such a record's unknown in a difference of two simulations."""
 JUMP = 0.2
 """Step between lines, against the largest response, from which a sweep may have jumped."""
