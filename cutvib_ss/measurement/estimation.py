@@ -21,6 +21,7 @@ from cutvib_ss.measurement.noise import (
     bin_correlation,
     floored,
     high_pass_variance,
+    residual_correlation,
     scatter_correction,
     smooth_noise,
     widened,
@@ -246,15 +247,16 @@ def _from_blows(
     if not np.any(input_power > 0):
         raise DataFormatError(f"{record.name}: the force is zero throughout; check its sensor and channel")
     data, gamma = _estimates(force, response, estimator)
-    correlation = bin_correlation(window)
-    half_width = widened(noise_bins, correlation)
+    told = bin_correlation(window)
     averages = len(centred)
     variance = np.empty(data.shape)
     for k, h in enumerate(data):
         if averages > 1:
             # the residual of the least squares estimate, whichever estimator is wanted
-            residual = np.abs(response[:, k] - h1(force, response[:, k]) * force) ** 2
-            power = smooth_noise(np.sum(residual, axis=0) / (averages - 1), np.abs(h), half_width)
+            residual = response[:, k] - h1(force, response[:, k]) * force
+            correlation = np.maximum(told, residual_correlation(residual))
+            half_width = widened(noise_bins, correlation)
+            power = smooth_noise(np.sum(np.abs(residual) ** 2, axis=0) / (averages - 1), np.abs(h), half_width)
             power = power * scatter_correction(2.0 * (averages - 1), half_width, correlation, h.size)
             variance[k] = _quotient(power, input_power).real
         else:

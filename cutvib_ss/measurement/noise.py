@@ -13,6 +13,8 @@ import numpy as np
 
 from cutvib_ss.results import ComplexArray, FloatArray
 
+CORRELATED = 0.2
+"""Correlation between bins from which it is taken as one."""
 NOISE_BINS = 15
 """Half width of the smoothing, in independent frequency bins."""
 
@@ -117,6 +119,39 @@ def bin_correlation(window: FloatArray) -> FloatArray:
     """
     spectrum = np.abs(np.fft.rfft(window**2)) ** 2
     return np.asarray(spectrum / spectrum[0], dtype=np.float64)
+
+
+def residual_correlation(residual: ComplexArray) -> FloatArray:
+    """
+    Squared modulus of the correlation between bins of a measured noise, by lag.
+
+    Parameters
+    ----------
+    residual : ndarray of complex, shape (average, frequency)
+        What each average has beside the estimate.
+
+    Returns
+    -------
+    ndarray, shape (lag,)
+        1 at lag 0; zero from the first lag on at which no correlation stands out.
+
+    Notes
+    -----
+    A window that nobody told of (exponential, on the analyser) lets neighbouring bins go together, and an estimate from fifteen of
+    them is worth few. Each bin is brought to unit power first.
+    """
+    size = np.sqrt(np.sum(np.abs(residual) ** 2, axis=0))
+    unit = np.divide(residual, size, out=np.zeros_like(residual), where=size > 0)
+    lags = np.zeros(unit.shape[1])
+    lags[0] = 1.0
+    # A correlation of nothing has a standard deviation of one over the root of the bins.
+    least = max(CORRELATED, 4.0 / np.sqrt(unit.shape[1]))
+    for j in range(1, unit.shape[1] // 4):
+        alike = abs(np.sum(unit[:, :-j].conj() * unit[:, j:])) / (unit.shape[1] - j)
+        if alike < least:
+            break
+        lags[j] = alike**2
+    return lags
 
 
 def widened(half_width: int, correlation: FloatArray) -> int:
