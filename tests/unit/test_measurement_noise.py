@@ -10,7 +10,15 @@ from hypothesis.extra.numpy import arrays
 
 from cutvib_ss.measurement import estimate, read_campaign
 from cutvib_ss.measurement.estimation import coherence, h1
-from cutvib_ss.measurement.noise import bin_correlation, frf_variance, high_pass_variance, smooth_noise
+from cutvib_ss.measurement.noise import (
+    bin_correlation,
+    frf_variance,
+    high_pass_variance,
+    residual_correlation,
+    scatter_correction,
+    smooth_noise,
+    widened,
+)
 from tests.unit.measurement_rig import accelerance
 
 FREQ = np.arange(1001) * 0.5
@@ -151,3 +159,33 @@ def _mean_difference(campaign, decay_rate):
             ratio = np.abs(one.data - other.data) ** 2 / (one.variance + other.variance)
             ratios.append(np.mean(ratio[..., band]))
     return np.mean(ratios)
+
+
+def test_a_window_that_nobody_told_of_shows_in_the_noise_itself():
+    rng = np.random.default_rng(5)
+    samples, averages, rate = 4000, 3, 18.0
+    window = np.exp(-rate * np.arange(samples) / 2000.0)
+    told = bin_correlation(window)
+    chi_told, chi_blind = [], []
+    for _ in range(60):
+        noise = np.fft.rfft(window * rng.standard_normal((averages, samples)), axis=-1)
+        mean = noise.mean(axis=0)
+        residual = noise - mean
+        seen = residual_correlation(residual)
+        for correlation, chi in ((seen, chi_told), (np.zeros(1), chi_blind)):
+            half_width = widened(15, correlation)
+            power = smooth_noise(np.sum(np.abs(residual) ** 2, axis=0) / (averages - 1), np.ones(mean.size), half_width)
+            power = power * scatter_correction(2.0 * (averages - 1), half_width, correlation, mean.size)
+            chi.append(np.mean(np.abs(mean) ** 2 / (power / averages)))
+        # The window's own correlation, as far as it stands out.
+        assert np.count_nonzero(seen) > 3
+        assert seen[1] == pytest.approx(told[1], abs=0.1)
+    assert np.mean(chi_blind) > 1.2
+    assert np.mean(chi_told) == pytest.approx(1.0, abs=0.1)
+
+
+def test_independent_bins_stay_so():
+    rng = np.random.default_rng(6)
+    residual = rng.standard_normal((3, 1000)) + 1j * rng.standard_normal((3, 1000))
+    assert np.count_nonzero(residual_correlation(residual)) == 1
+    assert np.count_nonzero(residual_correlation(np.zeros((3, 1000), dtype=complex))) == 1
