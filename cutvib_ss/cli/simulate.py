@@ -17,6 +17,7 @@ from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
     from cutvib_ss.machine import Machine
+    from cutvib_ss.response.travel import Travel
     from cutvib_ss.results import FloatArray, Quantity, TimeResponse
     from cutvib_ss.structure import Structure
 
@@ -93,6 +94,17 @@ def simulate_command(
     acceleration: Annotated[
         float, typer.Option("--acceleration", help="Acceleration [m/s^2].", rich_help_panel=_TRAVEL)
     ] = 2.0,
+    jerk: Annotated[
+        float | None,
+        typer.Option("--jerk", help="Jerk of an S-curve [m/s^3]; by default the speed is a trapezoid.", rich_help_panel=_TRAVEL),
+    ] = None,
+    travel: Annotated[
+        Path | None,
+        typer.Option(
+            "--travel", metavar="FILE", rich_help_panel=_TRAVEL,
+            help="A recorded travel in place of --position and --to: CSV with `time [s],position [y/L]`.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", rich_help_panel=_FILES, help="Histories: .csv or .npz.")
     ] = None,
@@ -114,6 +126,10 @@ def simulate_command(
     if plot is not None:
         check_picture(plot)
     model = load_model(machine)
+    way = None
+    if travel is not None or to is not None:
+        way = _way(model, position, to, travel, (speed, acceleration, jerk), steady)
+        position = float(way.at(0.0)[0])
     places = check_places(model, None if position is None else [position])
     place = None if places is None else places[0]
     if force is not None:
@@ -125,14 +141,14 @@ def simulate_command(
         given = _pulses(train, rate, fs, duration, steady, jitter, seed)
         given = replace(given, said=f"pulses of {amplitude:g} N at {rate:g} Hz")
     with working("running the force through the model"):
-        found = _respond(model, place, given, output, quantity, steady, (to, speed, acceleration))
+        found = _respond(model, place, given, output, quantity, steady, way)
     writers: dict[str | Path, Any] = {}
     if out is not None:
         writers[out] = lambda draft: write_time_response(found, draft)
     if plot is not None:
-        where = (
-            "" if place is None else f", head at y/L = {place:g}" if to is None else f", head from {place:g} to {to:g}"
-        )
+        where = "" if place is None else f", head at y/L = {place:g}"
+        if way is not None:
+            where = f", head from {place:g} to {float(way.at(given.values.size / given.fs)[0]):.3g}"
         title = f"{given.said[:1].upper()}{given.said[1:]}{where}"
         writers[plot] = lambda draft: save(time_histories(found, title=title), draft)
     write_all(writers)
@@ -151,14 +167,13 @@ def _respond(
     output: list[str] | None,
     quantity: QuantityName | None,
     steady: bool,
-    travel: tuple[float | None, float, float],
+    way: Travel | None,
 ) -> TimeResponse:
     from cutvib_ss.machine import Machine
     from cutvib_ss.response.time_response import time_response
 
     wanted: Quantity | None = None if quantity is None else quantity.value
-    to, speed, acceleration = travel
-    if to is None:
+    if way is None:
         return time_response(
             model,
             place,
@@ -169,15 +184,42 @@ def _respond(
             start="periodic" if steady else "rest",
             viscous_at=217.0,
         )
-    if not isinstance(model, Machine) or place is None:
-        raise ParameterError("--to: this model has no position; leave the option out")
-    if steady:
-        raise ParameterError("--to with --steady: a head that travels has no steady state; leave one of them out")
     from cutvib_ss.response.moving import moving_response
-    from cutvib_ss.response.travel import trapezoid
 
-    way = trapezoid(place, to, speed, acceleration, model.rail.parameters.length)
+    assert isinstance(model, Machine)
     return moving_response(model, way, given.values, given.fs, output, wanted, viscous_at=217.0)
+
+
+def _way(
+    model: Machine | Structure,
+    position: float | None,
+    to: float | None,
+    file: Path | None,
+    limits: tuple[float, float, float | None],
+    steady: bool,
+) -> Travel:
+    """How the head travels."""
+    from cutvib_ss.machine import Machine
+    from cutvib_ss.response.travel import s_curve, trapezoid
+
+    option = "--to" if file is None else "--travel"
+    if not isinstance(model, Machine):
+        raise ParameterError(f"{option}: this model has no position; leave the option out")
+    if steady:
+        raise ParameterError(f"{option} with --steady: a head that travels has no steady state; leave one of them out")
+    if file is not None:
+        from cutvib_ss.interchange.travel_files import read_travel
+
+        if to is not None or position is not None:
+            raise ParameterError("--travel tells where the head is; leave --position and --to out")
+        return read_travel(file)
+    if position is None or to is None:
+        raise ParameterError("--to: say with --position where the head starts")
+    speed, acceleration, jerk = limits
+    length = model.rail.parameters.length
+    if jerk is None:
+        return trapezoid(position, to, speed, acceleration, length)
+    return s_curve(position, to, speed, acceleration, jerk, length)
 
 
 def _pulses(

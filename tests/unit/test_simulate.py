@@ -109,9 +109,45 @@ def test_a_head_that_travels(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "written" in capsys.readouterr().out
 
 
+def test_a_recorded_travel_is_the_travel_that_was_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    common = ["simulate", "--duration", "0.2", "--fs", "4000", "--harmonic", "60:10"]
+    asked = ["--position", "0.3", "--to", "0.32", "--speed", "0.5", "--acceleration", "20", "--jerk", "2000"]
+    assert main([*common, *asked, "--out", str(tmp_path / "way.csv")]) == 0
+    assert main([*common, "--travel", str(tmp_path / "way.csv"), "--out", str(tmp_path / "again.csv")]) == 0
+    capsys.readouterr()
+    first, again = (read_time_response(tmp_path / f"{name}.csv") for name in ("way", "again"))
+    assert isinstance(first, MovingResponse)
+    assert isinstance(again, MovingResponse)
+    assert first.path[0] == pytest.approx(0.3)
+    assert first.path[-1] == pytest.approx(0.32)
+    assert np.abs(again.path - first.path).max() < 1e-6
+    assert np.abs(again.data - first.data).max() < 1e-2 * np.abs(first.data).max()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("time [s],y\n0,0.3\n", "has no column position"),
+        ("time [s],position [y/L]\n0,a\n", "holds no number"),
+        ("time [s],position [y/L]\n0,0.3\n1,0.4\n", "more than 5 instants"),
+        ("time [s],position [y/L]\n" + "".join(f"{t},{0.3 + 0.2 * t}\n" for t in range(9)), "between 0 and 1"),
+        ("", "its columns are none"),
+    ],
+)
+def test_a_bad_travel_names_its_file(text: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "way.csv").write_text(text)
+    assert main(["simulate", "--travel", str(tmp_path / "way.csv")]) == 2
+    said = capsys.readouterr().err
+    assert "way.csv" in said
+    assert says in said
+
+
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
+        (["--travel", "a.csv", "--position", "0.5"], "leave --position and --to out"),
+        (["--to", "0.5"], "say with --position"),
+        (["--travel", "a.csv"], "a.csv"),
         ([], "--position is missing"),
         (["--position", "0.5", "--out", "a.uff"], "not written"),
         (["--position", "0.5", "--plot", "a.csv"], "no picture"),
