@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.effects.base import Effect, Model, parameter_fields
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.hypotheses import Candidate, candidates, nonlinear_candidates
@@ -205,13 +205,16 @@ def _rough_laws(
 ) -> list[tuple[Candidate, Fit]]:
     """The same for laws, whose steps are dear: only those that promise most take any."""
     on_top = _OnTop(nominal, outlook, none, motion, apart=True)
-    promising = [(c, max((on_top.promise(e) for e in c.starts), key=lambda pair: pair[0])) for c in found]
-    promising.sort(key=lambda row: -row[1][0])
+    promising = [(c, sorted((on_top.promise(e) for e in c.starts), key=lambda pair: -pair[0])) for c in found]
+    promising.sort(key=lambda row: -row[1][0][0])
     out = []
-    for candidate, (_, hypothesis) in promising[:MOST_STARTED]:
-        started = _started(nominal, outlook, hypothesis, None, FIRST_STEPS)
-        if started is not None:
-            out.append((candidate, started))
+    for candidate, starts in promising[:MOST_STARTED]:
+        # A law of one parameter finds its way from any start; one of several needs them all.
+        several = len(parameter_fields(type(candidate.starts[0]))) > 1
+        tries = [_started(nominal, outlook, h, None, FIRST_STEPS) for _, h in (starts if several else starts[:1])]
+        best = min((f for f in tries if f is not None), key=lambda f: f.objective, default=None)
+        if best is not None:
+            out.append((candidate, best))
     out.sort(key=lambda pair: pair[1].objective)
     on = [(c, fit(nominal, outlook, f.hypothesis, f.x, LAW_STEPS, ROUGH)) for c, f in out[:MOST_LAWS]]
     return sorted([*on, *out[MOST_LAWS:]], key=lambda pair: pair[1].objective)
