@@ -15,7 +15,7 @@ import numpy as np
 
 from cutvib_ss.gap.modification import Elements, Lines, RailModes
 from cutvib_ss.machine import Machine
-from cutvib_ss.response.rail_receptance import RailReceptance
+from cutvib_ss.response.rail_receptance import RailPort, RailReceptance
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.subsystems.elements import SpringDamperMass
 from cutvib_ss.subsystems.rail import EndSupports, RailAttachment, Torsion
@@ -172,6 +172,29 @@ def end_slopes(v: Lines) -> Elements:
     head = probed.field(probed.point(v.group.positions))
     own = np.array([[probed.product(e, f)[0] for f in ends] for e in ends])
     return _behind(v, np.array([probed.product(e, head) for e in ends]), own, -1)
+
+
+def kink(v: Lines, y: float) -> Elements:
+    """
+    A rail that bends more, or less, at one point: a stiffness against its curvature there.
+
+    Parameters
+    ----------
+    v : Lines
+        The model.
+    y : float
+        y / L.
+
+    Returns
+    -------
+    Elements
+        The modification, against L² w''(y); of a pinned rail, whose modes are sines.
+    """
+    rail = v.condensed.rail
+    turns = np.pi * np.arange(1, rail.w.size + 1)
+    bent = rail.field(RailPort(-(turns**2 * np.sin(turns * y))[None], np.zeros((1, 2))))
+    head = rail.field(rail.point(v.group.positions))
+    return _behind(v, rail.product(bent, head)[None], rail.product(bent, bent)[None], -1)
 
 
 def next_mode(v: Lines, r: int) -> Elements:

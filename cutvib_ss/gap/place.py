@@ -22,7 +22,7 @@ from cutvib_ss.gap.fit import Fit
 from cutvib_ss.gap.free_functions import fitted_functions, rows_of, squares_left
 from cutvib_ss.gap.projection import Free, Outer
 from cutvib_ss.gap.records import Entry, Group, merged
-from cutvib_ss.gap.variants import ALL_CHANNELS, variants
+from cutvib_ss.gap.variants import variants
 from cutvib_ss.results import FloatArray
 
 LINES = 60
@@ -141,8 +141,8 @@ def _by_place(
     """Each place's ways of being at fault after a first step, from either tuning, best first."""
     out: dict[str, list[Free]] = {}
     for variant in variants(nominal, channels):
-        # A channel's gain does not know how hard the structure was hit; what all share may differ from record to record.
-        if by_level and variant.place == "measurement" and variant.name != ALL_CHANNELS:
+        # With a gain of its own in every record a lone channel shows anything.
+        if by_level and variant.place == "measurement" and len(channels) < 2:
             continue
         for x in (np.zeros(tuned.size), tuned):
             starts = [outer.at(variant, x, shape) for shape in variant.starts or (0.0,)]

@@ -18,8 +18,6 @@ from cutvib_ss.gap import faults
 from cutvib_ss.gap.modification import Lines, Modification
 from cutvib_ss.machine import Machine
 
-ALL_CHANNELS = "all"
-"""Name of the measurement's way of being at fault that all channels share."""
 Build: TypeAlias = Callable[[Lines, float], Modification]
 
 
@@ -103,9 +101,11 @@ def variants(model: Model, channels: Sequence[str]) -> tuple[Variant, ...]:
         return (*ports, *_measurement(channels, leaks=False))
     out = [_parallel(joint, (joint,), unit="N m/rad") for joint in ("joint1", "joint2")]
     for place in ("tool", "head"):
-        # A spring or a panel acts in X, a hose along the machine too; a mass in X and Z alike.
-        out += [_parallel(place, (f"{place}_{axis}",)) for axis in "xz"]
+        # A spring or a panel acts in X; a mass in X and Z alike.
+        out.append(_parallel(place, (f"{place}_x",)))
         out.append(_parallel(place, (f"{place}_x", f"{place}_z"), tied=True))
+    # A hose may hold the tool along the machine; the head moves that way by its joint alone.
+    out.append(_parallel("tool", ("tool_z",)))
     if model.guide is None:
         out.append(Variant("head_base", "guide", "compliance", "m/N", ("guide",), lambda v, _: faults.guide(v)))
     leaks = {"tool_x", "tool_z"} <= set(channels)
@@ -131,6 +131,8 @@ def _rail(model: Machine) -> list[Variant]:
     out.append(Variant("rail", "next mode", "compliance", "m/N", (f"mode {n}",), lambda v, _: faults.next_mode(v, n)))
     spots = tuple(np.linspace(0.1, 0.9, 9).round(3).tolist())
     out.append(Variant("rail", "point", "dynamic stiffness", "N/m", ("point",), faults.at_point, spots, (0.02, 0.98)))
+    if model.rail.supports is None and not model.rail.attachments:
+        out.append(Variant("rail", "kink", "dynamic stiffness", "N/m", ("kink",), faults.kink, spots, (0.02, 0.98)))
     if model.rail.torsion is None:
         labels = ("twist 1", "twist 2")
         out.append(
@@ -160,7 +162,7 @@ def _ends(model: Machine) -> list[Variant]:
 
 def _measurement(channels: Sequence[str], leaks: bool) -> list[Variant]:
     # A window that was never taken out shifts the line s; a gain of all channels stands beside it.
-    out = [Variant("measurement", ALL_CHANNELS, "gain", "1", ("all channels",), faults.windowed, (0.1,), (0.0, 50.0))]
+    out = [Variant("measurement", "all", "gain", "1", ("all channels",), faults.windowed, (0.1,), (0.0, 50.0))]
     if len(channels) > 1:
         out += [
             Variant("measurement", c, "gain", "1", (c,), lambda v, _, c=c: faults.channel_gain(v, c))  # type: ignore[misc]
