@@ -10,7 +10,6 @@ from cutvib_ss.cli import main
 pytest.importorskip("exudyn")
 
 
-@pytest.mark.slow
 def test_a_small_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "trial"
     run = [
@@ -21,7 +20,7 @@ def test_a_small_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         "--seed",
         "12",
         "--mix",
-        "none=4,outside=1,pair=1",
+        "none=6,outside=1",
         "--out",
         str(out),
         "--jobs",
