@@ -17,7 +17,7 @@ from cutvib_ss.gap.calibration import Calibration, Evidence, posterior, shipped
 from tests.unit.blind_example import diagnosis, label, opened_trial
 
 NAMES = [f"effect{k} place" for k in range(6)]
-NUMBERS = Calibration(temperature=1.0, detection=5.0, left_over=1.3, sharpness=0.05, doubt=1e-3)
+NUMBERS = Calibration(temperature=1.0, detection=5.0, left_over=1.3, sharpness=0.05, of_the_gap=1e-3, doubt=1e-3)
 
 
 def evidence(log: dict[str, float], held: dict[str, float], reduced: float = 1.0) -> Evidence:

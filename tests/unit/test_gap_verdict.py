@@ -64,8 +64,8 @@ def test_unknown_grows_with_what_is_left():
 
 def test_what_is_left_of_a_large_gap_may_be_measurable():
     assert probability_unknown(3.0, 1.5, JUDGED) > 0.99
-    assert probability_unknown(3.0, 4000.0, JUDGED) < 0.01
-    assert probability_unknown(30.0, 4000.0, JUDGED) > 0.99
+    assert probability_unknown(3.0, 40_000.0, JUDGED) < 0.01
+    assert probability_unknown(30.0, 40_000.0, JUDGED) > 0.99
 
 
 @pytest.mark.parametrize(
