@@ -13,20 +13,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg
 
-from cutvib_ss.effects.base import Effect, Model, parameter_fields
+from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.levels import level_stands_out, motions
 from cutvib_ss.gap.observations import Observations
-from cutvib_ss.gap.problem import Problem
 from cutvib_ss.gap.records import Records
+from cutvib_ss.gap.scan import Scan, Scanned
 from cutvib_ss.gap.simulation import problem_for
 from cutvib_ss.gap.verdict import sufficient
-from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.results import FloatArray
 
 COARSE_LINES = 120
 """Lines of a group on which starts are fitted."""
@@ -46,14 +45,14 @@ CLIMBED = 3
 """Starts of a cause from which steps are taken: those that fit best as they stand."""
 FIRST_STEPS, LATER_STEPS = 3, 10
 """Steps from each start, and from the best of them."""
-MOST_STARTED = 6
-"""Of the causes that are simulated so many are fitted at all: those that promise most."""
+MOST_REFINED, MOST_STARTED = 6, 3
+"""Of the causes that are simulated so many are looked at more closely, and so many fitted: those that promise most …"""
 LAW_STEPS = 6
-"""Steps of the best of these, after the first ones."""
+"""… in so many steps."""
+SCANNED = 5
+"""Records that are all scanned."""
 HOPELESS = 3.0
 """Reduced χ² on few lines, with their widened noise, from which a cause that is simulated is not worth the fit on all."""
-NUDGE = 0.02
-"""Part of its range by which a parameter is moved off a start that does nothing."""
 PAIRS_CLOSE = 15.0
 """As CLOSE, for pairs."""
 ROUGH = 1e-2
@@ -127,7 +126,7 @@ def search(nominal: Model, records: Records, observed: Observations) -> tuple[Ra
         moved = motions(none.fit.model, outlook)
         motion = {place: m.high for place, m in moved.items()}
         laws = nonlinear_candidates(nominal, moved)
-        rough = _rough_laws(nominal, outlook, laws, motion, none)
+        rough = _rough_laws(nominal, outlook, laws, motion)
         ranked += _refined(nominal, records, rough, 2, _rival(nominal, outlook, ranked), MOST_LAWS)
     if none.reduced > ENOUGH and not _enough(ranked, none) and _gained(ranked, none) > LEADS:
         ranked += _pairs(nominal, records, few, outlook, ranked, [*linear, *laws], motion)
@@ -201,23 +200,20 @@ def _rough(nominal: Model, few: Records, found: Sequence[Candidate]) -> list[tup
 
 
 def _rough_laws(
-    nominal: Model, outlook: Records, found: Sequence[Candidate], motion: Mapping[str, float], none: Ranked
+    nominal: Model, outlook: Records, found: Sequence[Candidate], motion: Mapping[str, float]
 ) -> list[tuple[Candidate, Fit]]:
-    """The same for laws, whose steps are dear: only those that promise most take any."""
-    on_top = _OnTop(nominal, outlook, none, motion, apart=True)
-    promising = [(c, sorted((on_top.promise(e) for e in c.starts), key=lambda pair: -pair[0])) for c in found]
-    promising.sort(key=lambda row: -row[1][0][0])
+    """The same for laws, whose steps are dear: each is scanned, and those that promise most take some."""
+    # Every other of many records: of three positions at three levels the corners and the middle.
+    some = Records(outlook.entries[:: 2 if len(outlook.entries) > SCANNED else 1], outlook.rough)
+    scan = Scan(nominal, some, Hypothesis(), None, motion, apart=True)
+    promising = sorted(((c, scan.promise(c.starts)) for c in found), key=lambda row: -row[1].gain)
+    promising = sorted(((c, scan.refined(s)) for c, s in promising[:MOST_REFINED]), key=lambda row: -row[1].gain)
     out = []
-    for candidate, starts in promising[:MOST_STARTED]:
-        # A law of one parameter finds its way from any start; one of several needs them all.
-        several = len(parameter_fields(type(candidate.starts[0]))) > 1
-        tries = [_started(nominal, outlook, h, None, FIRST_STEPS) for _, h in (starts if several else starts[:1])]
-        best = min((f for f in tries if f is not None), key=lambda f: f.objective, default=None)
-        if best is not None:
-            out.append((candidate, best))
-    out.sort(key=lambda pair: pair[1].objective)
-    on = [(c, fit(nominal, outlook, f.hypothesis, f.x, LAW_STEPS, ROUGH)) for c, f in out[:MOST_LAWS]]
-    return sorted([*on, *out[MOST_LAWS:]], key=lambda pair: pair[1].objective)
+    for candidate, scanned in promising[:MOST_STARTED]:
+        started = _started(nominal, outlook, scanned.hypothesis, None, LAW_STEPS)
+        if started is not None:
+            out.append((candidate, started))
+    return sorted(out, key=lambda pair: pair[1].objective)
 
 
 def _as_it_stands(nominal: Model, records: Records, hypothesis: Hypothesis) -> float:
@@ -256,20 +252,20 @@ def _pairs(
     for family in (few,) if outlook is None else (few, outlook):
         tried: list[tuple[Candidate, Fit]] = []
         for base in bases:
-            on_top = _OnTop(nominal, family, base, motion, apart=family is outlook)
-            promising: list[tuple[float, str, Hypothesis]] = []
+            scan = Scan(nominal, family, base.fit.hypothesis, base.fit.x, motion, apart=family is outlook)
+            promising: list[tuple[str, Scanned]] = []
             for candidate in seconds:
                 names = frozenset((base.name, candidate.name))
                 linear = base.fit.hypothesis.linear and candidate.starts[0].linear
                 if len(names) == 1 or names in seen or linear != (family is few):
                     continue
                 seen.add(names)
-                gain, best = max((on_top.promise(e) for e in candidate.starts), key=lambda pair: pair[0])
-                promising.append((gain, f"{base.name} + {candidate.name}", best))
-            promising.sort(key=lambda row: -row[0])
+                promising.append((f"{base.name} + {candidate.name}", scan.promise(candidate.starts)))
+            promising.sort(key=lambda row: -row[1].gain)
+            promising = [(n, scan.refined(s)) for n, s in promising[:SECONDS]]
             steps = LATER_STEPS if family is few else LAW_STEPS
-            for _, name, hypothesis in promising[:SECONDS]:
-                started = _started(nominal, family, hypothesis, on_top.warm, steps)
+            for name, scanned in promising:
+                started = _started(nominal, family, scanned.hypothesis, scan.warm, steps)
                 if started is not None:
                     tried.append((Candidate(name, ()), started))
             if any(f.chi2 < f.count for _, f in tried):
@@ -277,51 +273,3 @@ def _pairs(
         tried.sort(key=lambda pair: pair[1].objective)
         out += [r for r in _refined(nominal, records, tried[:2], 1, close=PAIRS_CLOSE) if r.refined]
     return out
-
-
-class _OnTop:
-    """What one more cause on top of a fit could explain of what that leaves, the fit's unknowns free to give way."""
-
-    def __init__(self, nominal: Model, family: Records, base: Ranked, motion: Mapping[str, float], apart: bool) -> None:
-        self.nominal, self.family, self.motion, self.apart = nominal, family, motion, apart
-        there = fit(nominal, family, base.fit.hypothesis, base.fit.x, LATER_STEPS, ROUGH)
-        self.effects = there.hypothesis.effects
-        self.warm = there.x[: there.first_effect]
-        problem = problem_for(nominal, family, there.hypothesis, apart)
-        predictions, residuals, _ = problem.residuals(there.x)
-        self.rows = problem.rows(there.x, predictions)
-        self.left = _flat(residuals)
-        matrix = self.rows @ self.rows.T + np.diag(problem.prior_precision() + 1e-9)
-        self.factor = linalg.cho_factor(matrix)
-
-    def promise(self, effect: Effect) -> tuple[float, Hypothesis]:
-        """χ² that the effect would take away, by its change of the prediction at its start; and both together."""
-        both = Hypothesis((*self.effects, effect), self.motion)
-        problem = problem_for(self.nominal, self.family, both, self.apart)
-        x = problem.start(self.warm)
-        there = self._gain(problem, x)
-        if there != 0.0:
-            return there, both
-        # The start does nothing yet: each parameter is moved off it, and may go either way.
-        moves = []
-        for i in range(problem.size - sum(p[0] == len(self.effects) for p in problem.parameters), problem.size):
-            moved = x.copy()
-            moved[i] += NUDGE if x[i] + NUDGE <= 1.0 else -NUDGE
-            moves.append(abs(self._gain(problem, moved)))
-        return max((m for m in moves if np.isfinite(m)), default=-np.inf), both
-
-    def _gain(self, problem: Problem, x: FloatArray) -> float:
-        """χ² that a change of the prediction would take away, scaled as it is best; negative if turned round."""
-        try:
-            change = self.left - _flat(problem.residuals(x)[1])
-        except (CutvibError, np.linalg.LinAlgError):
-            return -np.inf
-        if not np.isfinite(change).all():
-            return -np.inf
-        own = change - self.rows.T @ linalg.cho_solve(self.factor, self.rows @ change)
-        along, size = float(own @ self.left), float(own @ own)
-        return along * abs(along) / size if size > 0.0 else 0.0
-
-
-def _flat(residuals: Sequence[ComplexArray]) -> FloatArray:
-    return np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])

@@ -311,7 +311,7 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
         )  # fmt: skip
         computed = []
         for model, blow_at, problem, x in sides:
-            value = shrinkage.predicted(same[0], model, blow_at, problem, x)[None, :, None]
+            value = shrinkage.predicted(same[0], model, blow_at, problem, x).data[None, :, None]
             computed.append(
                 FrequencyResponse(
                     value, group.freq, measured.positions, group.channels, ("force",), group.quantities, input_unit=unit

@@ -205,23 +205,22 @@ def nonlinear_candidates(model: Model, motions: Mapping[str, Motion]) -> tuple[C
 
 
 def _law_starts(law: type[Effect], place: str, m: Motion, k: float, c: float) -> tuple[Effect, ...]:
-    """A weak and a strong start of a law, against the linear spring and damper at its place."""
+    """Values of a law from hardly visible to strong, against the linear spring and damper at its place."""
     middle = float(np.sqrt(m.low * m.high))
     force = k * middle
     if law is CubicStiffness:
-        return tuple(CubicStiffness(place, r * k / middle**2) for r in (0.03, 0.5, -0.03))
+        sizes = np.geomspace(0.01, 3.0, 6)
+        return tuple(CubicStiffness(place, r * k / middle**2) for r in (*sizes, -0.01, -0.05, -0.2))
     if law is Freeplay:
-        return tuple(Freeplay(place, r * middle) for r in (0.02, 0.15, 0.6))
+        return tuple(Freeplay(place, r * middle) for r in np.geomspace(0.005, 1.5, 9))
     if law is DryFriction:
-        return tuple(DryFriction(place, r * force) for r in (0.01, 0.1, 0.6))
+        return tuple(DryFriction(place, r * force) for r in np.geomspace(0.003, 1.5, 8))
     if law is JointSlip:
-        return tuple(
-            JointSlip(place, r * k, q * r * force) for r, q in ((0.1, 0.1), (0.1, 1.0), (0.6, 0.1), (0.6, 1.0))
-        )
+        return tuple(JointSlip(place, r * k, q * r * force) for r in (0.05, 0.25, 1.0) for q in (0.03, 0.15, 0.6, 1.5))
     if law is BilinearStiffness:
-        return tuple(BilinearStiffness(place, a) for a in (-0.3, -0.08, 0.08, 0.3))
+        return tuple(BilinearStiffness(place, a) for a in (-0.7, -0.35, -0.15, -0.05, 0.05, 0.15, 0.35, 0.7))
     damping = max(c, 1e-3 * force / m.rate)
-    return tuple(QuadraticDamping(place, r * damping / m.rate) for r in (0.3, 3.0))
+    return tuple(QuadraticDamping(place, r * damping / m.rate) for r in np.geomspace(0.1, 20.0, 6))
 
 
 def _candidate(effect: str, where: str, *starts: Effect) -> Candidate:

@@ -8,9 +8,11 @@ Tuning, calibration and the cause are fitted on the rest, and every record is ju
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.fit import Fit, fit
@@ -22,10 +24,14 @@ from cutvib_ss.gap.records import Entry, Group, Records, merged
 from cutvib_ss.gap.simulation import LOUDNESS, LOUDNESS_STEP, problem_for, simulated
 from cutvib_ss.results import ComplexArray, FloatArray
 
-AGAIN = 15
-"""Steps of a fit on some records from the fit on all."""
+AGAIN, AGAIN_LAWS = 15, 3
+"""Steps of a fit on some records from the fit on all: that lies within its own uncertainty of it."""
 LOUDNESS_STEPS = 3
 """Steps to the loudness of a held-out record whose force is guessed."""
+UNLIKE = 0.5
+"""By how much, in its unit, the loudness of single blows of such a record may differ from their mean …"""
+LENGTH = 0.1
+"""… and by which part of itself a blow's length from its guess."""
 BOOTSTRAPS = 2000
 """Resamplings of the records behind an interval."""
 
@@ -139,10 +145,12 @@ def judge(nominal: Model, turns: Sequence[Fold], start: Fit) -> tuple[Judged, ..
     out = []
     for turn in turns:
         records = Records(turn.fitted)
-        again = fit(nominal, records, start.hypothesis, start.x, AGAIN)
+        again = fit(nominal, records, start.hypothesis, start.x, AGAIN if start.hypothesis.linear else AGAIN_LAWS)
         problem = problem_for(nominal, records, again.hypothesis)
         model, blow_at = again.model, problem.blow_at(again.x)
-        out += [judged(e, predicted(e, model, blow_at, problem, again.x)) for e in turn.judged]
+        for e in turn.judged:
+            shown = predicted(e, model, blow_at, problem, again.x)
+            out.append(judged(e, shown.data, shown.variance))
     return tuple(sorted(out, key=lambda j: j.entry.record))
 
 
@@ -167,12 +175,28 @@ def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tu
     problem = Problem(nominal, merged(observations.entries), Hypothesis())
     blow_at = problem.blow_at(start.x) if start.x.size == problem.size else 0.0
     entries = [e for e in observations.entries if e.check] or list(observations.entries)
-    return tuple(judged(e, predicted(e, nominal, blow_at)) for e in entries)
+    return tuple(judged(e, predicted(e, nominal, blow_at).data) for e in entries)
+
+
+class Shown(NamedTuple):
+    """
+    What a model predicts of a record.
+
+    Parameters
+    ----------
+    data : ndarray, shape (channel, frequency)
+        The prediction.
+    variance : ndarray, shape (channel, frequency)
+        Its own E|Δ|², where the record does not tell the force on which it depends; else zero.
+    """
+
+    data: ComplexArray
+    variance: FloatArray
 
 
 def predicted(
     e: Entry, model: Model, blow_at: float, problem: Problem | None = None, x: FloatArray | None = None
-) -> ComplexArray:
+) -> Shown:
     """
     What a model predicts of a record.
 
@@ -191,7 +215,7 @@ def predicted(
 
     Returns
     -------
-    ndarray, shape (channel, frequency)
+    Shown
         The prediction.
     """
     (group,) = merged([e])
@@ -201,34 +225,53 @@ def predicted(
     error: ComplexArray = np.ones(e.data.shape, dtype=np.complex128)
     if problem is not None and x is not None:
         error = problem.calibration_of(e.channels, e.freq, x)
+    sure = np.zeros(e.data.shape)
     if not simulate:
-        return np.asarray(Prediction(model, group, blow_at).data[0] * error)
-    guessed = e.replay is not None and e.replay.assumed and bool(model.nonlinear)
-    return _by_its_force(model, group, error) if guessed else np.asarray(simulated(model, group).data[0] * error)
+        return Shown(np.asarray(Prediction(model, group, blow_at).data[0] * error), sure)
+    if e.replay is not None and e.replay.assumed and bool(model.nonlinear):
+        louder = 0.0 if problem is None or x is None or not problem.loud else float(np.mean(problem.loudness_of(x)))
+        return _by_its_force(model, group, error, louder)
+    return Shown(np.asarray(simulated(model, group).data[0] * error), sure)
 
 
-def _by_its_force(model: Model, group: Group, error: ComplexArray) -> ComplexArray:
+def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) -> Shown:
     """
-    A record whose force is guessed: its loudness, one unknown against all its data, is taken from the record itself.
+    A record whose force is guessed: its loudness, one unknown against all its data, is taken from the record itself, about the
+    mean of those that were fitted.
+
+    What else the force may have been, blows that differ among themselves and are shorter or longer than guessed, makes the
+    prediction uncertain: by how it moves beyond what another loudness would do.
     """
+    ((entry,),) = group.entries
+    replay = entry.replay
+    assert replay is not None
     weight = np.sqrt(2.0 / group.variance[0])
-    x = 0.0
+    x = mean
 
-    def shown(x: float) -> ComplexArray:
-        data: ComplexArray = simulated(model, group, loudness=np.exp([LOUDNESS * x])).data[0] * error
+    def shown(x: float, longer: float = 1.0) -> ComplexArray:
+        behind = group if longer == 1.0 else replace(group, entries=((replace(entry, replay=replay.longer(longer)),),))
+        data: ComplexArray = simulated(model, behind, loudness=np.exp([LOUDNESS * x])).data[0] * error
         return data
 
     here = shown(x)
+    slope = np.zeros(here.shape, dtype=np.complex128)
     for _ in range(LOUDNESS_STEPS):
-        slope = (shown(x + LOUDNESS_STEP) - here) / LOUDNESS_STEP * weight
-        left = (group.data[0] - here) * weight
-        x += float((np.vdot(slope, left).real - x) / (1.0 + np.vdot(slope, slope).real))
+        slope = (shown(x + LOUDNESS_STEP) - here) / LOUDNESS_STEP
+        left, along = (group.data[0] - here) * weight, slope * weight
+        x += float((np.vdot(along, left).real - (x - mean)) / (1.0 + np.vdot(along, along).real))
         x = float(np.clip(x, -WITHIN, WITHIN))
         here = shown(x)
-    return here
+    others = [shown(x + UNLIKE), shown(x - UNLIKE), shown(x, 1.0 + LENGTH), shown(x, 1.0 - LENGTH)]
+    along = slope * weight
+    spread = []
+    for other in others:
+        moved = (other - here) * weight
+        moved = moved - along * (np.vdot(along, moved).real / (1.0 + np.vdot(along, along).real))
+        spread.append(np.abs(moved / weight) ** 2)
+    return Shown(here, np.asarray(np.mean(spread, axis=0)))
 
 
-def judged(e: Entry, prediction: ComplexArray) -> Judged:
+def judged(e: Entry, prediction: ComplexArray, variance: ArrayLike = 0.0) -> Judged:
     """
     A record against a prediction.
 
@@ -238,6 +281,8 @@ def judged(e: Entry, prediction: ComplexArray) -> Judged:
         The record.
     prediction : ndarray, shape (channel, frequency)
         What was predicted of it.
+    variance : array_like, shape (channel, frequency)
+        Of the prediction itself; it counts as noise in χ².
 
     Returns
     -------
@@ -247,7 +292,7 @@ def judged(e: Entry, prediction: ComplexArray) -> Judged:
     error = np.abs(e.data - prediction)
     # E|n| of complex Gaussian noise of variance v is √(πv)/2.
     noise = np.sqrt(np.pi * e.variance) / 2
-    return Judged(e, error.mean(axis=1), noise.mean(axis=1), np.mean(error**2 / e.variance, axis=1), prediction)
+    return Judged(e, error.mean(axis=1), noise.mean(axis=1), np.mean(error**2 / (e.variance + variance), axis=1), prediction)
 
 
 def mean_error(records: Sequence[Judged]) -> float:

@@ -139,6 +139,27 @@ class Replay:
         """
         return replace(self, lines=self.lines[keep])
 
+    def longer(self, factor: float) -> Replay:
+        """
+        The same blows drawn out about their peaks, their impulse kept.
+
+        Parameters
+        ----------
+        factor : float
+            By which they last longer.
+
+        Returns
+        -------
+        Replay
+            With such forces.
+        """
+        t = np.arange(self.forces[0].size)
+        drawn = []
+        for force in self.forces:
+            peak = float(np.argmax(np.abs(force)))
+            drawn.append(np.interp(peak + (t - peak) / factor, t, force, left=0.0, right=0.0) / factor)
+        return replace(self, forces=tuple(drawn))
+
     def slower(self) -> Replay:
         """
         The same blows on a slower clock that still holds the kept lines and most of an octave above them.

@@ -1,0 +1,210 @@
+"""
+What one more cause could explain of what a fit leaves, before anything is fitted.
+
+The residual with the cause in place is freed of what the unknowns of the fit could take up, to first order. For a linear cause one
+change of the prediction tells the rest. A law is tried at many values and refined without derivatives: with
+clearance or friction the response to a blow depends on its parameters roughly, and Gauss-Newton steps from afar are caught at once,
+while the squares of what is left fall evenly to where the truth is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg, optimize
+
+from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.errors import CutvibError
+from cutvib_ss.gap.fit import fit
+from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.problem import Problem
+from cutvib_ss.gap.records import Records
+from cutvib_ss.gap.simulation import problem_for
+from cutvib_ss.results import ComplexArray, FloatArray
+
+STEPS, TOLERANCE = 10, 1e-2
+"""Steps of the fit underneath on the records of the scan, and the relative gain at which they end."""
+NUDGE = 0.02
+"""Part of its range by which a parameter is moved off a start that does nothing."""
+REFINED_FROM = 0.05
+"""Size of the simplex, in parts of the ranges, from which the best of a law's values is refined …"""
+EVALUATIONS = 12
+"""… in so many evaluations a parameter."""
+
+
+class Scanned(NamedTuple):
+    """
+    A cause on top of a fit, tried and not fitted.
+
+    Parameters
+    ----------
+    gain : float
+        χ² that it would take away.
+    hypothesis : Hypothesis
+        Both together, the cause where it did best.
+    """
+
+    gain: float
+    hypothesis: Hypothesis
+
+
+class Scan:
+    """
+    One more cause on top of a fit.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    records : Records
+        Few lines of few records.
+    hypothesis : Hypothesis
+        The fit underneath.
+    x : ndarray, optional
+        Its unknowns on more records; by default the hypothesis is taken as it stands, nothing tuned.
+    motion : mapping of str to float
+        How far the places of laws move.
+    apart : bool
+        Whether records stay apart.
+    """
+
+    def __init__(
+        self,
+        nominal: Model,
+        records: Records,
+        hypothesis: Hypothesis,
+        x: FloatArray | None,
+        motion: Mapping[str, float],
+        apart: bool,
+    ) -> None:
+        self.nominal, self.records, self.motion, self.apart = nominal, records, motion, apart
+        self.warm: FloatArray | None = None
+        if x is not None:
+            there = fit(nominal, records, hypothesis, x, STEPS, TOLERANCE)
+            hypothesis = there.hypothesis
+            self.warm = there.x[: there.first_effect]
+        self.effects = hypothesis.effects
+        problem = problem_for(nominal, records, hypothesis, apart)
+        here = problem.start() if x is None else there.x
+        predictions, residuals, _ = problem.residuals(here)
+        self.rows = problem.rows(here, predictions)
+        self.left = _flat(residuals)
+        matrix = self.rows @ self.rows.T + np.diag(problem.prior_precision() + 1e-9)
+        self.factor = linalg.cho_factor(matrix)
+        self.leaves = self._freed(self.left)
+
+    def promise(self, starts: Sequence[Effect]) -> Scanned:
+        """
+        The best of a cause's starts.
+
+        Parameters
+        ----------
+        starts : sequence of Effect
+            Of one cause.
+
+        Returns
+        -------
+        Scanned
+            The best; its gain is minus infinity where the model can take none of them.
+        """
+        if starts[0].linear:
+            return max((self._scaled(e) for e in starts), key=lambda s: s.gain)
+        return max((self._as_it_stands(e) for e in starts), key=lambda s: s.gain)
+
+    def refined(self, best: Scanned) -> Scanned:
+        """
+        A law with its parameters where it explains most.
+
+        Parameters
+        ----------
+        best : Scanned
+            From `promise`.
+
+        Returns
+        -------
+        Scanned
+            No worse.
+        """
+        if best.hypothesis.effects[-1].linear or not np.isfinite(best.gain):
+            return best
+        _, problem, x = self._both(best.hypothesis.effects[-1])
+        own = np.flatnonzero([p[0] == len(self.effects) for p in problem.parameters]) + problem.first_effect
+
+        def loss(values: FloatArray) -> float:
+            trial = x.copy()
+            trial[own] = values
+            gain = self._gain_at(problem, trial)
+            return -gain if np.isfinite(gain) else 1e300
+
+        start = x[own]
+        step = np.where(start + REFINED_FROM <= 1.0, REFINED_FROM, -REFINED_FROM)
+        found = optimize.minimize(
+            loss,
+            start,
+            method="Nelder-Mead",
+            bounds=[(0.0, 1.0)] * own.size,
+            options={
+                "initial_simplex": np.vstack([start, start + np.diag(step)]),
+                "maxfev": EVALUATIONS * own.size,
+                "xatol": 1e-4,
+                "fatol": 0.1,
+            },
+        )
+        if -found.fun <= best.gain:
+            return best
+        x[own] = found.x
+        effects = problem.effects(x)
+        return Scanned(float(-found.fun), Hypothesis((*self.effects, *effects[len(self.effects) :]), self.motion))
+
+    def _both(self, effect: Effect) -> tuple[Hypothesis, Problem, FloatArray]:
+        both = Hypothesis((*self.effects, effect), self.motion)
+        problem = problem_for(self.nominal, self.records, both, self.apart)
+        return both, problem, problem.start(self.warm)
+
+    def _freed(self, residual: FloatArray) -> float:
+        """Squares of a residual that the fit's unknowns cannot take up."""
+        pulled = self.rows @ residual
+        return float(residual @ residual - pulled @ linalg.cho_solve(self.factor, pulled))
+
+    def _gain_at(self, problem: Problem, x: FloatArray) -> float:
+        try:
+            residual = _flat(problem.residuals(x)[1])
+        except (CutvibError, np.linalg.LinAlgError):
+            return -np.inf
+        return self.leaves - self._freed(residual) if np.isfinite(residual).all() else -np.inf
+
+    def _as_it_stands(self, effect: Effect) -> Scanned:
+        both, problem, x = self._both(effect)
+        return Scanned(self._gain_at(problem, x), both)
+
+    def _scaled(self, effect: Effect) -> Scanned:
+        """By the change of the prediction at a start, scaled as it is best."""
+        both, problem, x = self._both(effect)
+        there = self._along(problem, x)
+        if there != 0.0:
+            return Scanned(there, both)
+        # The start does nothing yet: each parameter is moved off it, and may go either way.
+        moves = []
+        for i in range(problem.size - sum(p[0] == len(self.effects) for p in problem.parameters), problem.size):
+            moved = x.copy()
+            moved[i] += NUDGE if x[i] + NUDGE <= 1.0 else -NUDGE
+            moves.append(abs(self._along(problem, moved)))
+        return Scanned(max((m for m in moves if np.isfinite(m)), default=-np.inf), both)
+
+    def _along(self, problem: Problem, x: FloatArray) -> float:
+        """χ² that a change of the prediction would take away; negative if turned round."""
+        try:
+            change = self.left - _flat(problem.residuals(x)[1])
+        except (CutvibError, np.linalg.LinAlgError):
+            return -np.inf
+        if not np.isfinite(change).all():
+            return -np.inf
+        own = change - self.rows.T @ linalg.cho_solve(self.factor, self.rows @ change)
+        along, size = float(own @ self.left), float(own @ own)
+        return along * abs(along) / size if size > 0.0 else 0.0
+
+
+def _flat(residuals: Sequence[ComplexArray]) -> FloatArray:
+    return np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])
