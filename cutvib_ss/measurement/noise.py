@@ -17,6 +17,8 @@ CORRELATED = 0.2
 """Correlation between bins from which it is taken as one."""
 NOISE_BINS = 15
 """Half width of the smoothing, in independent frequency bins."""
+WIDE = 6
+"""Half width, in those, of the mean about which the scatter of powers is taken."""
 
 _FLOOR = 1e-20  # of the largest |H|²: what twelve printed digits leave of a noiseless response
 _FOURTH_DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
@@ -154,6 +156,41 @@ def residual_correlation(residual: ComplexArray) -> FloatArray:
     return lags
 
 
+def power_correlation(power: FloatArray, expected: FloatArray) -> FloatArray:
+    """
+    Squared modulus of the correlation between bins of a noise of which only the power is known, by lag.
+
+    Parameters
+    ----------
+    power : ndarray, shape (frequency,)
+        Estimates of noise power; entries that are not finite are left out.
+    expected : ndarray, shape (frequency,)
+        Their mean, smooth along frequency.
+
+    Returns
+    -------
+    ndarray, shape (lag,)
+        1 at lag 0; zero from the first lag on at which no correlation stands out.
+
+    Notes
+    -----
+    Of complex Gaussian noise with correlation ρ the powers have the correlation |ρ|², whatever the number of averages.
+    """
+    lags = np.zeros(power.size)
+    lags[0] = 1.0
+    known = np.isfinite(power) & (expected > 0)
+    scatter = np.where(known, power / np.where(known, expected, 1.0), 0.0)
+    scatter = np.where(known, scatter - np.mean(scatter[known]), 0.0)
+    variance = float(np.mean(scatter[known] ** 2))
+    least = max(CORRELATED**2, 4.0 / np.sqrt(power.size))
+    for j in range(1, power.size // 4):
+        alike = float(np.sum(scatter[:-j] * scatter[j:])) / max(np.count_nonzero(known[:-j] & known[j:]), 1)
+        if not alike > least * variance:
+            break
+        lags[j] = min(alike / variance, 1.0)
+    return lags
+
+
 def widened(half_width: int, correlation: FloatArray) -> int:
     """
     Half width in bins where neighbouring bins are not independent.
@@ -202,14 +239,16 @@ def frf_variance(data: ComplexArray, coherence: FloatArray, averages: int, noise
     running median, which a few lines of a sharp peak do not move.
     """
     variance = np.empty(data.shape)
-    alone = np.zeros(1)
     for k, (h, c) in enumerate(zip(data, coherence, strict=True)):
         gain = np.abs(h)
         told = np.isfinite(c) & (c > 1e-12)
         ratio = gain**2 * (1 - c) / np.where(told, c, 1.0)
         if averages > 1 and np.count_nonzero(told) >= min(4, h.size) and np.any(ratio[told] > 0):
-            correction = scatter_correction(2.0 * (averages - 1), noise_bins, alone, h.size)
-            smooth = smooth_noise(np.where(told, ratio, np.nan), gain, noise_bins) / (averages - 1) * correction
+            power = np.where(told, ratio, np.nan)
+            together = power_correlation(power, smooth_noise(power, gain, WIDE * noise_bins))
+            half_width = widened(noise_bins, together)
+            correction = scatter_correction(2.0 * (averages - 1), half_width, together, h.size)
+            smooth = smooth_noise(power, gain, half_width) / (averages - 1) * correction
         else:
             smooth = high_pass_variance(h, noise_bins)
         variance[k] = floored(smooth, gain)
