@@ -145,6 +145,11 @@ class Effect(ABC):
             A new model; the given one is untouched.
         """
 
+    @property
+    def conventions(self) -> tuple[Effect, ...]:
+        """The same cause as others would model it, where that is a matter of convention: a diagnosis tries them all."""
+        return ()
+
     @abstractmethod
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         """

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
 from cutvib_ss.machine import Machine
 from cutvib_ss.subsystems.rail import Torsion
+from cutvib_ss.subsystems.twist import FINE_ELEMENTS, TWIST_ELEMENTS
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,8 @@ class RailTorsion(Effect):
         First natural frequency of torsion, without the head [Hz].
     damping_ratio : float
         Damping ratio of the first torsion mode; of the others in proportion to their frequencies.
+    elements : int
+        Elements of the mesh on which the rail twists, a convention (`cutvib_ss.subsystems.twist`); not fitted.
 
     Notes
     -----
@@ -41,15 +44,22 @@ class RailTorsion(Effect):
     inertia: float = parameter("kg m^2", 0.02, 10.0)
     torsion_frequency: float = parameter("Hz", 30.0, 800.0)
     damping_ratio: float = parameter("1", 0.001, 0.1)
+    elements: int = TWIST_ELEMENTS
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("rail",) if isinstance(model, Machine) else ()
 
+    @property
+    def conventions(self) -> tuple[RailTorsion, ...]:
+        return (replace(self, elements=FINE_ELEMENTS),)
+
     def apply(self, model: Any) -> Any:
         check_place(self, model)
         machine = machine_only(self.effect, model)
-        torsion = Torsion(self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio)
+        torsion = Torsion(
+            self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio, int(self.elements)
+        )
         return applied(machine, replace(machine, rail=replace(machine.rail, torsion=torsion)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:

@@ -45,6 +45,10 @@ class SupportCompliance(Effect):
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("rail_ends",) if isinstance(model, Machine) else ()
 
+    @property
+    def conventions(self) -> tuple[SupportCompliance, ...]:
+        return (replace(self, rigid_damping=1.0),)
+
     def apply(self, model: Any) -> Any:
         check_place(self, model)
         machine = machine_only(self.effect, model)

@@ -195,7 +195,11 @@ def _rough(nominal: Model, few: Records, found: Sequence[Candidate]) -> list[tup
         tries = [f for h in starts[:CLIMBED] if (f := _started(nominal, few, h, None, FIRST_STEPS)) is not None]
         if tries:
             best = min(tries, key=lambda f: f.objective)
-            out.append((candidate, fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)))
+            found_best = fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)
+            out.append((candidate, found_best))
+            for i, other in enumerate(found_best.hypothesis.effects[0].conventions):
+                again = fit(nominal, few, Hypothesis((other,)), found_best.x, LATER_STEPS, ROUGH)
+                out.append((Candidate(f"{candidate.name}, convention {i + 2}", (other,)), again))
     return sorted(out, key=lambda pair: pair[1].objective)
 
 

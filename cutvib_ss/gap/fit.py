@@ -130,7 +130,11 @@ def fit(
             search.redraw()
         if before - search.objective < 1.0:
             break
-    matrix, _ = problem.normal(search.x, search.predictions, search.residuals)
+    # A scout's evidence is a bound: the matrix of its last step will do.
+    if max_iterations > FEW_STEPS or search.matrix is None:
+        matrix, _ = problem.normal(search.x, search.predictions, search.residuals)
+    else:
+        matrix = search.matrix
     if not np.isfinite(matrix).all() or not np.isfinite(search.objective):
         raise DiagnosisError(f"{hypothesis.effect} at {hypothesis.place} runs away from where it starts")
     # Records apart hold the scatter of their levels too, which merging has put aside.
@@ -145,6 +149,7 @@ class _Search:
         self.problem, self.x = problem, x
         self.precision = problem.prior_precision()
         self.low, self.high = problem.bounds()
+        self.matrix: FloatArray | None = None
         self.redraw()
 
     def redraw(self) -> None:
@@ -166,6 +171,7 @@ class _Search:
     def _step(self, damping: float) -> float:
         """One step, damped until it gains; the damping that served, eased."""
         matrix, gradient = self.problem.normal(self.x, self.predictions, self.residuals)
+        self.matrix = matrix
         if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
             # A law has run away: nothing leads on from here.
             return damping

@@ -152,15 +152,7 @@ def _on_the_rail(model: Machine, band: tuple[float, float]) -> list[Candidate]:
     # Shear is told from a softer rail by the square of a mode's number: with one mode in the band the two are the same.
     told = p.n_modes > 1 and 4 * p.first_frequency < band[1]
     return [
-        # Nobody knows whether the rail's damping is its own or its surroundings': both are tried.
-        *(
-            _candidate(
-                "support_compliance",
-                f"rigid_damping {share:g}",
-                *(SupportCompliance("rail_ends", a, b, 500.0, 500.0, share) for a, b in ends),
-            )
-            for share in (0.0, 1.0)
-        ),
+        _candidate("support_compliance", "", *(SupportCompliance("rail_ends", a, b, 500.0, 500.0) for a, b in ends)),
         _candidate("end_fixity", "", *(EndFixity("rail_ends", a * turn, b * turn) for a in turns for b in turns)),
         _candidate(
             "guide_compliance", "", *(GuideCompliance("head_base", f * k, 500.0) for f in (5.0, 20.0, 60.0, 200.0))

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.fit import Fit, fit
@@ -271,7 +270,7 @@ def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) 
     return Shown(here, np.asarray(np.mean(spread, axis=0)))
 
 
-def judged(e: Entry, prediction: ComplexArray, variance: ArrayLike = 0.0) -> Judged:
+def judged(e: Entry, prediction: ComplexArray, variance: FloatArray | None = None) -> Judged:
     """
     A record against a prediction.
 
@@ -281,7 +280,7 @@ def judged(e: Entry, prediction: ComplexArray, variance: ArrayLike = 0.0) -> Jud
         The record.
     prediction : ndarray, shape (channel, frequency)
         What was predicted of it.
-    variance : array_like, shape (channel, frequency)
+    variance : ndarray, shape (channel, frequency), optional
         Of the prediction itself; it counts as noise in χ².
 
     Returns
@@ -290,9 +289,12 @@ def judged(e: Entry, prediction: ComplexArray, variance: ArrayLike = 0.0) -> Jud
         Its errors.
     """
     error = np.abs(e.data - prediction)
+    total = e.variance if variance is None else e.variance + variance
     # E|n| of complex Gaussian noise of variance v is √(πv)/2.
     noise = np.sqrt(np.pi * e.variance) / 2
-    return Judged(e, error.mean(axis=1), noise.mean(axis=1), np.mean(error**2 / (e.variance + variance), axis=1), prediction)
+    return Judged(
+        e, error.mean(axis=1), noise.mean(axis=1), np.mean(error**2 / total, axis=1), prediction
+    )
 
 
 def mean_error(records: Sequence[Judged]) -> float:

@@ -25,7 +25,7 @@ from cutvib_ss.gap.records import Group, Records, merged, site
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.response.condensed import CondensedModel
 from cutvib_ss.response.harmonic_balance import SineSweep
-from cutvib_ss.response.stepping import modal_form, step
+from cutvib_ss.response.stepping import ModalForm, modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.units import DERIVATIVE_ORDER
 
@@ -116,10 +116,14 @@ def simulated(
     sweeps = {row: _swept(model, group, row) for row in range(len(data)) if np.isfinite(group.entries[row][0].sweep)}
     for row, sweep in sweeps.items():
         data[row] = sweep.data[0]
+    forms: dict[float | None, ModalForm] = {}
     for rows in _batches(group, wanted):
-        position = float(group.positions[rows[0]])
+        at = float(group.positions[rows[0]])
+        position = None if np.isnan(at) else at
         replays = [_replay(group, row) for row in rows]
-        form = modal_form(model, None if np.isnan(position) else position, outputs, viscous_at=HYSTERESIS_AT)
+        if position not in forms:
+            forms[position] = modal_form(model, position, outputs, viscous_at=HYSTERESIS_AT)
+        form = forms[position]
         # All records at a position in one call: they share the modal sum.
         louder = np.ones(len(data)) if loudness is None else loudness
         forces = np.concatenate([louder[row] * np.stack(r.forces) for row, r in zip(rows, replays, strict=True)])

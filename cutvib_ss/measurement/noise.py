@@ -184,7 +184,8 @@ def power_correlation(power: FloatArray, expected: FloatArray) -> FloatArray:
     variance = float(np.mean(scatter[known] ** 2))
     least = max(CORRELATED**2, 4.0 / np.sqrt(power.size))
     for j in range(1, power.size // 4):
-        alike = float(np.sum(scatter[:-j] * scatter[j:])) / max(np.count_nonzero(known[:-j] & known[j:]), 1)
+        both = int(np.count_nonzero(known[:-j] & known[j:]))
+        alike = float(np.sum(scatter[:-j] * scatter[j:])) / max(both, 1)
         if not alike > least * variance:
             break
         lags[j] = min(alike / variance, 1.0)

@@ -9,7 +9,7 @@ import numpy as np
 from cutvib_ss.response.stacked import mixed
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.subsystems.rail import Torsion
-from cutvib_ss.subsystems.twist import TWIST_ELEMENTS, twist_modes, twist_shapes
+from cutvib_ss.subsystems.twist import twist_modes, twist_shapes
 
 
 class TwistReceptance:
@@ -33,8 +33,8 @@ class TwistReceptance:
     def __init__(self, torsion: Torsion, positions: FloatArray, s: ComplexArray) -> None:
         self.torsion, self.s = torsion, s
         self.w = 2 * np.pi * torsion.torsion_frequency
-        self._squares = twist_shapes(positions, TWIST_ELEMENTS) ** 2
-        self._stiffness, self._inertia = twist_modes(TWIST_ELEMENTS)
+        self._squares = twist_shapes(positions, torsion.elements) ** 2
+        self._stiffness, self._inertia = twist_modes(torsion.elements)
         elastic = self.w * self.w + 2 * torsion.damping_ratio * self.w * s
         below = np.multiply.outer(self._stiffness, elastic) + np.multiply.outer(self._inertia, s * s)
         self._flexibility: ComplexArray = np.reciprocal(torsion.inertia / 2 * below)

@@ -96,18 +96,23 @@ class Torsion:
     damping_ratio : float
         Damping ratio of the first torsion mode; damping goes with the rate of strain, so that of mode s is s times as
         large.
+    elements : int
+        Elements of the mesh, a convention (`cutvib_ss.subsystems.twist`).
     """
 
     eccentricity: float
     inertia: float
     torsion_frequency: float
     damping_ratio: float
+    elements: int = TWIST_ELEMENTS
 
     def __post_init__(self) -> None:
         check_number("eccentricity", self.eccentricity)
         check_number("inertia", self.inertia, 0.0, strict=True)
         check_number("torsion_frequency", self.torsion_frequency, 0.0, strict=True)
         check_number("damping_ratio", self.damping_ratio, 0.0)
+        if self.elements != int(self.elements) or not 2 <= self.elements <= 1000:
+            raise ParameterError(f"elements = {self.elements} must be a whole number from 2 to 1000")
 
 
 @dataclass(frozen=True)
@@ -242,7 +247,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     w = 2 * np.pi * p.first_frequency * modes.frequency
     dofs = [f"eta{r}" for r in range(1, p.n_modes + 1)] + [f"shear{r}" for r in range(m - p.n_modes)]
     ends = ["rail_left", "rail_right"] if model.supports else []
-    twists = [f"twist{r}" for r in range(1, TWIST_ELEMENTS)] if model.torsion else []
+    twists = [f"twist{r}" for r in range(1, model.torsion.elements)] if model.torsion else []
     n = m + len(ends) + len(twists)
     mass, damping, stiffness = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
     elastic = np.arange(m)
@@ -262,7 +267,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         stiffness[u, u] = np.diag([model.supports.k_left, model.supports.k_right])
     if model.torsion:
         t = np.arange(n - len(twists), n)
-        relative_stiffness, relative_inertia = twist_modes(TWIST_ELEMENTS)
+        relative_stiffness, relative_inertia = twist_modes(model.torsion.elements)
         wt = 2 * np.pi * model.torsion.torsion_frequency
         squares = relative_stiffness / relative_inertia
         damping[t, t] = 2 * model.torsion.damping_ratio * wt * squares
@@ -276,7 +281,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     ports = {name: row(y) for name, y in points.items()}
     if model.torsion:
         for name, y in points.items():
-            shapes = twist_shapes(y, TWIST_ELEMENTS)[0] / np.sqrt(model.torsion.inertia / 2 * relative_inertia)
+            shapes = twist_shapes(y, model.torsion.elements)[0] / np.sqrt(model.torsion.inertia / 2 * relative_inertia)
             ports[f"{name}_twist"] = np.concatenate([np.zeros(n - len(twists)), shapes])
     unit = np.eye(n)
     ports |= {dof: unit[i] for i, dof in enumerate(dofs)}

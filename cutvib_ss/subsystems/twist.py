@@ -18,6 +18,8 @@ from cutvib_ss.results import FloatArray
 
 TWIST_ELEMENTS = 40
 """Elements of the twist's mesh; see the notes of `twist_modes` for what the number means."""
+FINE_ELEMENTS = 240
+"""Elements of a mesh that comes near the exact shaft: short by 0.4 % of the twist at midspan."""
 
 
 def twist_shapes(position: ArrayLike, elements: int) -> FloatArray:

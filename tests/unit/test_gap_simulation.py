@@ -7,14 +7,15 @@ import pytest
 
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.effects.freeplay import Freeplay
 from cutvib_ss.effects.quadratic_damping import QuadraticDamping
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
-from cutvib_ss.gap.cause import Ranked, _OnTop
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.prediction import Prediction
 from cutvib_ss.gap.records import Entry, Records, merged
-from cutvib_ss.gap.shrinkage import predicted
+from cutvib_ss.gap.scan import Scan
+from cutvib_ss.gap.shrinkage import judged, predicted
 from cutvib_ss.gap.simulation import LOUDNESS, SimulatedProblem, problem_for, simulated
 from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement.replay import assumed_blow
@@ -108,7 +109,11 @@ def test_a_held_out_record_lends_its_force_alone():
     (entry,) = measured(records(60.0), law, np.array([1.3])).entries
     problem = problem_for(MACHINE, Records((entry,)), Hypothesis())
     by_force = predicted(entry, law, 0.05, problem, problem.start())
-    assert np.mean(np.abs(entry.data - by_force) ** 2) < 1.1 * NOISE**2
+    assert np.mean(np.abs(entry.data - by_force.data) ** 2) < 1.1 * NOISE**2
+    # A smooth law does nearly the same under any blow of that size: what it changes cannot hide behind the force.
+    changed = np.mean(np.abs(by_force.data - simulated(MACHINE, merged([entry])[0]).data[0]) ** 2)
+    assert 0.0 < np.mean(by_force.variance) < 0.01 * changed
+    assert judged(entry, by_force.data, by_force.variance).chi2.mean() < judged(entry, by_force.data).chi2.mean()
     as_stated = simulated(law, merged([entry])[0]).data[0]
     assert np.mean(np.abs(entry.data - as_stated) ** 2) > 10 * NOISE**2
 
@@ -126,15 +131,31 @@ def test_the_second_cause_promises_most():
     seen = Records(
         tuple(e for y in (0.2, 0.5, 0.8) for e in measured(records(30.0, position=y), second.apply(first.apply(MACHINE))).entries)
     )  # fmt: skip
-    base = Ranked("rail_added_mass", fit(MACHINE, seen, Hypothesis((RailAddedMass("rail", 0.35, 2.0, 0.0),))), True)
-    on_top = _OnTop(MACHINE, seen, base, {}, apart=False)
+    base = fit(MACHINE, seen, Hypothesis((RailAddedMass("rail", 0.35, 2.0, 0.0),)))
+    scan = Scan(MACHINE, seen, base.hypothesis, base.x, {}, apart=False)
     # A delay of nothing does nothing: it is moved off its start.
-    promised, both = on_top.promise(ChannelDelay("measurement", channel="all", delay=0.0))
-    other, _ = on_top.promise(RailAddedMass("rail", 0.6, 1.0, 0.0))
+    promised, both = scan.promise([ChannelDelay("measurement", channel="all", delay=0.0)])
+    other, _ = scan.promise([RailAddedMass("rail", 0.6, 1.0, 0.0)])
     assert both.effect == "rail_added_mass+channel_delay"
     assert promised > 3 * other
-    together = fit(MACHINE, seen, both, on_top.warm)
+    together = fit(MACHINE, seen, both, scan.warm)
     # What is left is how far the sampled blow is from the closed form.
     assert together.chi2 / together.count < 2.0
-    assert base.fit.chi2 / base.fit.count > 100.0
+    assert base.chi2 / base.count > 100.0
     assert together.hypothesis.effects[1].delay == pytest.approx(2e-4, rel=0.02)
+
+
+def test_a_clearance_is_found_from_values_far_from_it():
+    seen = measured(records(20.0, 60.0), Freeplay("joint2", 2.2e-5).apply(MACHINE))
+    motion = {"joint2": 1e-4}
+    from_afar = Hypothesis((Freeplay("joint2", 6e-6),), motion)
+    caught = fit(MACHINE, seen, from_afar)
+    assert caught.chi2 > 10 * caught.count  # steps alone do not lead there
+    scan = Scan(MACHINE, seen, Hypothesis(), None, motion, apart=True)
+    tried = scan.promise([Freeplay("joint2", gap) for gap in (1e-6, 6e-6, 1.5e-5, 4e-5)])
+    best = scan.refined(tried)
+    assert best.gain > tried.gain
+    assert best.hypothesis.effects[0].gap == pytest.approx(2.2e-5, rel=0.1)
+    found = fit(MACHINE, seen, best.hypothesis)
+    assert found.chi2 < 2.0 * found.count
+    assert found.hypothesis.effects[0].gap == pytest.approx(2.2e-5, rel=0.02)

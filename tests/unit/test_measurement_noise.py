@@ -14,6 +14,7 @@ from cutvib_ss.measurement.noise import (
     bin_correlation,
     frf_variance,
     high_pass_variance,
+    power_correlation,
     residual_correlation,
     scatter_correction,
     smooth_noise,
@@ -189,3 +190,16 @@ def test_independent_bins_stay_so():
     residual = rng.standard_normal((3, 1000)) + 1j * rng.standard_normal((3, 1000))
     assert np.count_nonzero(residual_correlation(residual)) == 1
     assert np.count_nonzero(residual_correlation(np.zeros((3, 1000), dtype=complex))) == 1
+
+
+def test_power_tells_how_far_bins_go_together() -> None:
+    rng = np.random.default_rng(3)
+    samples, averages = 4096, 3
+    window = np.exp(-12.0 * np.arange(samples) / samples)
+    noise = np.fft.rfft(window * rng.standard_normal((averages, samples)))
+    power = np.sum(np.abs(noise) ** 2, axis=0)
+    found = power_correlation(power, np.full(power.size, power.mean()))
+    known = bin_correlation(window)
+    assert np.sum(found[1:]) == pytest.approx(np.sum(known[1:40]), rel=0.4)
+    free = np.sum(np.abs(np.fft.rfft(rng.standard_normal((averages, samples)))) ** 2, axis=0)
+    assert not power_correlation(free, np.full(free.size, free.mean()))[1:].any()
