@@ -9,7 +9,7 @@ where no single cause is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,7 +92,9 @@ class Ranked:
         return self.fit.chi2 / self.fit.count
 
 
-def search(nominal: Model, records: Records, observed: Observations) -> tuple[Ranked, ...]:
+def search(
+    nominal: Model, records: Records, observed: Observations, leaves: Callable[[Ranked], float]
+) -> tuple[Ranked, ...]:
     """
     Fit every cause, and pairs where no single one is enough.
 
@@ -104,6 +106,8 @@ def search(nominal: Model, records: Records, observed: Observations) -> tuple[Ra
         Records to fit on.
     observed : Observations
         The campaign they are of: its band and channels.
+    leaves : callable
+        Reduced χ² that a cause leaves on held-out records.
 
     Returns
     -------
@@ -122,21 +126,25 @@ def search(nominal: Model, records: Records, observed: Observations) -> tuple[Ra
     motion: dict[str, float] = {}
     outlook = records.for_laws(COARSE_LINES, COARSE_ERROR)
     one_level = len({e.level for e in records.entries}) < 2
-    if outlook is not None and (by_level or one_level or not _enough(ranked, none)) and none.reduced > ENOUGH:
+    if outlook is not None and (by_level or one_level or not _enough(ranked, none, leaves)) and none.reduced > ENOUGH:
         moved = motions(none.fit.model, outlook)
         motion = {place: m.high for place, m in moved.items()}
         laws = nonlinear_candidates(nominal, moved)
         rough = _rough_laws(nominal, outlook, laws, motion)
         ranked += _refined(nominal, records, rough, 2, _rival(nominal, outlook, ranked), MOST_LAWS)
-    if none.reduced > ENOUGH and not _enough(ranked, none) and _gained(ranked, none) > LEADS:
+    if none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
         ranked += _pairs(nominal, records, few, outlook, ranked, [*linear, *laws], motion)
     return (none, *sorted(ranked, key=lambda r: -r.fit.log_evidence))
 
 
-def _enough(ranked: Sequence[Ranked], none: Ranked) -> bool:
+def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], float]) -> bool:
     """Whether the best cause leaves no more than a right one would."""
     best = max(ranked, key=lambda r: r.fit.log_evidence)
-    return best.fit.log_evidence > none.fit.log_evidence and sufficient(best.reduced, none.reduced)
+    if best.fit.log_evidence <= none.fit.log_evidence:
+        return False
+    # What a law leaves tells only beside what is not known of the force; a linear one leaves as much elsewhere.
+    left = best.reduced if best.fit.hypothesis.linear else leaves(best)
+    return sufficient(left, none.reduced)
 
 
 def _gained(ranked: Sequence[Ranked], none: Ranked) -> float:

@@ -101,9 +101,16 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     observed = observe(campaign, nominal)
     fitted = [e for e in observed.entries if not e.check] or list(observed.entries)
     records = Records(tuple(fitted))
-    ranked = search(nominal, records, observed)
-    none, causes = ranked[0], ranked[1:]
     turns = shrinkage.folds(observed, hold_out, seed)
+    judgements: dict[str, _Held] = {}
+
+    def judged(r: Ranked) -> _Held:
+        if r.name not in judgements:
+            judgements[r.name] = _Held(r, shrinkage.judge(nominal, turns, r.fit))
+        return judgements[r.name]
+
+    ranked = search(nominal, records, observed, lambda r: judged(r).reduced)
+    none, causes = ranked[0], ranked[1:]
     problem = Problem(nominal, records.merged, Hypothesis())
     evidence = Evidence(
         log_evidence={r.name: r.fit.log_evidence for r in ranked},
@@ -113,17 +120,17 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     odds = tempered(evidence, shipped())
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = shrinkage.judge_as_given(nominal, observed, none.fit)
-    tuned = _Held(none, shrinkage.judge(nominal, turns, none.fit))
+    tuned = judged(none)
     held = {"none": tuned}
     for r in shown[:JUDGED]:
         if odds[r.name] > 1e-3 or r is shown[0]:
-            held[r.name] = _Held(r, shrinkage.judge(nominal, turns, r.fit))
+            held[r.name] = judged(r)
     other = next(
         (r for r in shown if not _same_cause(r, shown[0]) and (r.name in held or r.fit.hypothesis.linear)), None
     )
     if other is not None and other.name not in held:
         # However improbable, so that the reader sees what the choice is worth.
-        held[other.name] = _Held(other, shrinkage.judge(nominal, turns, other.fit))
+        held[other.name] = judged(other)
     first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
     after = held[first.name]
     levels = where.level_dependence(fitted)

@@ -126,13 +126,18 @@ def simulated(
         form = forms[position]
         # All records at a position in one call: they share the modal sum.
         louder = np.ones(len(data)) if loudness is None else loudness
-        forces = np.concatenate([louder[row] * np.stack(r.forces) for row, r in zip(rows, replays, strict=True)])
+        windows = [_window(model, r) for r in replays]
+        size = {row: louder[row] * gain for row, (gain, _) in zip(rows, windows, strict=True)}
+        forces = np.concatenate([size[row] * np.stack(r.forces) for row, r in zip(rows, replays, strict=True)])
         run = step(form, forces, replays[0].fs, elements, dynamic_below=still, steps=steps)
+        if model.chain.decay_rate:
+            for part in (run.responses, run.motions, run.forces):
+                part *= np.concatenate([w for _, w in windows])[:, None, :]
         first = 0
         for row, replay in zip(rows, replays, strict=True):
             own = slice(first, first + len(replay.forces))
             first = own.stop
-            shown = replay.data(list(run.responses[own] / louder[row]))
+            shown = replay.data(list(run.responses[own] / size[row]))
             if leaks:
                 z, x = outputs.index("tool_z"), outputs.index("tool_x")
                 shown[z] = shown[z] + model.chain.cross_axis * shown[x]
@@ -140,6 +145,17 @@ def simulated(
             if elements:
                 stiffness[row] = _equivalent(replay, run.motions[own], run.forces[own])
     return Simulated(model, group, data, stiffness, sweeps)
+
+
+def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:
+    """
+    What an exponential window that nobody took out does to each blow: by how much the force was larger than recorded, and the
+    window on the response (blow, sample), one at the blow. A guessed force is the one that acted.
+    """
+    force, sigma = np.stack(replay.forces), model.chain.decay_rate
+    at = np.argmax(np.abs(force), axis=1)[:, None] / replay.fs
+    gain = 1.0 if replay.assumed else float(np.exp(sigma * at.mean()))
+    return gain, np.exp(-sigma * (np.arange(force.shape[1]) / replay.fs - at))
 
 
 def _swept(model: Model, group: Group, row: int) -> SineSweep:
@@ -311,7 +327,7 @@ def _sites(group: Group) -> tuple[Group, np.ndarray]:
 
 def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray) -> ComplexArray:
     """What equivalent stiffnesses at the elements' ports take away from each record's response."""
-    s = 2j * np.pi * sites.freq
+    s = model.chain.decay_rate + 2j * np.pi * sites.freq
     condensed = CondensedModel(model, sites.positions, np.asarray(s, dtype=np.complex128))
     ports = [e.port for e in model.nonlinear]
     if not ports:

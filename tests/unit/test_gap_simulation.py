@@ -10,6 +10,7 @@ from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.freeplay import Freeplay
 from cutvib_ss.effects.quadratic_damping import QuadraticDamping
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
+from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.prediction import Prediction
@@ -159,3 +160,12 @@ def test_a_clearance_is_found_from_values_far_from_it():
     found = fit(MACHINE, seen, best.hypothesis)
     assert found.chi2 < 2.0 * found.count
     assert found.hypothesis.effects[0].gap == pytest.approx(2.2e-5, rel=0.02)
+
+
+@pytest.mark.parametrize("assumed", [True, False])
+def test_a_window_that_nobody_took_out_acts_on_what_is_simulated(assumed):
+    windowed = WindowDamping("measurement", 8.0).apply(MACHINE)
+    entries = records(30.0).entries
+    group = merged([replace(e, replay=replace(e.replay, assumed=assumed)) for e in entries], apart=True)[0]
+    closed, stepped = Prediction(windowed, group, 0.05).data, simulated(windowed, group).data
+    assert np.abs(stepped - closed).max() < 1e-2 * np.abs(closed).max()
