@@ -63,8 +63,9 @@ LEADS = 0.1
 """Part of the excess that a single cause has to take away before a second one is tried on top: else neither is known."""
 PAIRED = 2
 """Single causes to which a second one is added."""
-SECONDS = 5
-"""Second causes that are fitted on each of them, unless one on the first leaves no more than noise: those that promise most."""
+SECONDS, LAW_SECONDS = 5, 3
+"""Second causes that are fitted on each of them, unless one on the first leaves no more than noise: those that promise most. So
+many where one of the two is simulated."""
 
 
 @dataclass(frozen=True)
@@ -258,13 +259,18 @@ def _pairs(
     motion: Mapping[str, float],
 ) -> list[Ranked]:
     """A second cause on top of the best single ones."""
-    bases = sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[:PAIRED]
+    best: dict[tuple[str, str], Ranked] = {}
+    for r in sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence):
+        best.setdefault((r.fit.hypothesis.effect, r.fit.hypothesis.place), r)
+    bases = list(best.values())[:PAIRED]
     seen: set[frozenset[str]] = set()
     out: list[Ranked] = []
     for family in (few,) if outlook is None else (few, outlook):
         tried: list[tuple[Candidate, Fit]] = []
         for base in bases:
-            scan = Scan(nominal, family, base.fit.hypothesis, base.fit.x, motion, apart=family is outlook)
+            # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
+            x = None if base.fit.hypothesis.linear and family is outlook else base.fit.x
+            scan = Scan(nominal, family, base.fit.hypothesis, x, motion, apart=family is outlook)
             promising: list[tuple[str, Scanned]] = []
             for candidate in seconds:
                 names = frozenset((base.name, candidate.name))
@@ -274,8 +280,8 @@ def _pairs(
                 seen.add(names)
                 promising.append((f"{base.name} + {candidate.name}", scan.promise(candidate.starts)))
             promising.sort(key=lambda row: -row[1].gain)
-            promising = [(n, scan.refined(s)) for n, s in promising[:SECONDS]]
-            steps = LATER_STEPS if family is few else LAW_STEPS
+            most, steps = (SECONDS, LATER_STEPS) if family is few else (LAW_SECONDS, LAW_STEPS)
+            promising = [(n, scan.refined(s)) for n, s in promising[:most]]
             for name, scanned in promising:
                 started = _started(nominal, family, scanned.hypothesis, scan.warm, steps)
                 if started is not None:

@@ -292,9 +292,7 @@ def judged(e: Entry, prediction: ComplexArray, variance: FloatArray | None = Non
     total = e.variance if variance is None else e.variance + variance
     # E|n| of complex Gaussian noise of variance v is √(πv)/2.
     noise = np.sqrt(np.pi * e.variance) / 2
-    return Judged(
-        e, error.mean(axis=1), noise.mean(axis=1), np.mean(error**2 / total, axis=1), prediction
-    )
+    return Judged(e, error.mean(axis=1), noise.mean(axis=1), np.mean(error**2 / total, axis=1), prediction)
 
 
 def mean_error(records: Sequence[Judged]) -> float:
