@@ -19,6 +19,8 @@ from cutvib_ss.results import ComplexArray, FloatArray
 
 _AROUND = np.array([-30.0, -8.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 8.0, 30.0])
 """Where a resonance is looked at, in half-widths from its centre."""
+_DEFECTIVE = 1e9
+"""Condition of the eigenvectors from which the sum over modes loses too many digits."""
 
 
 @dataclass(frozen=True)
@@ -101,13 +103,13 @@ def margins(gain: control.StateSpace, poles: ComplexArray) -> Margins:
     period = float(gain.dt or 0.0)
     mine = np.asarray(gain.poles(), dtype=np.complex128)
     grid = _grid(np.concatenate([in_rad_per_s(mine, period) if period else mine, poles]), period)
-    direct = control.ss([], [], [], gain.D)
+    transfer, direct = _Transfer(gain), _Transfer(control.ss([], [], [], gain.D))
     up, down, phase, delay = np.inf, 0.0, np.inf, np.inf
     for k in range(gain.noutputs):
-        values = _one_loop(gain, grid, k)
+        values = _one_loop(transfer, grid, k)
 
         def at(w: float, k: int = k) -> complex:
-            return complex(_one_loop(gain, np.array([w]), k)[0])
+            return complex(_one_loop(transfer, np.array([w]), k)[0])
 
         crossed = [at(w).real for w in _crossings(lambda w: at(w).imag, grid, values.imag)]
         # At rest, and at the last frequency, the transfer is real without crossing anything.
@@ -123,11 +125,36 @@ def margins(gain: control.StateSpace, poles: ComplexArray) -> Margins:
     return Margins(disk_margin(gain), up, down, phase, delay)
 
 
-def _one_loop(gain: control.StateSpace, omega: FloatArray, k: int) -> ComplexArray:
+class _Transfer:
+    """
+    A loop transfer on the imaginary axis, or the unit circle, by its modes.
+
+    A crossing takes some twenty single frequencies, for each of which SLICOT would balance and reduce A anew.
+    """
+
+    def __init__(self, gain: control.StateSpace) -> None:
+        self.gain = gain
+        values, vectors = (np.asarray(part, dtype=np.complex128) for part in np.linalg.eig(gain.A))
+        self.modes: tuple[ComplexArray, ComplexArray, ComplexArray] | None = None
+        if not gain.nstates or np.linalg.cond(vectors) < _DEFECTIVE:
+            right = np.asarray(np.linalg.solve(vectors, gain.B), dtype=np.complex128)
+            self.modes = values, np.asarray(gain.C @ vectors, dtype=np.complex128), right
+
+    def __call__(self, omega: FloatArray) -> ComplexArray:
+        """Values, shape (frequency, output, input)."""
+        at = np.exp(1j * omega * self.gain.dt) if self.gain.dt else 1j * omega
+        if self.modes is None:
+            return np.moveaxis(np.asarray(self.gain(at, squeeze=False, warn_infinite=False)), -1, 0)
+        poles, left, right = self.modes
+        with np.errstate(divide="ignore", invalid="ignore"):
+            out: ComplexArray = (left / (at[:, None, None] - poles)) @ right + self.gain.D
+        return out
+
+
+def _one_loop(gain: _Transfer, omega: FloatArray, k: int) -> ComplexArray:
     """Loop transfer at one command, the other loops closed."""
-    at = np.exp(1j * omega * gain.dt) if gain.dt else 1j * omega
-    values = np.moveaxis(np.asarray(gain(at, squeeze=False, warn_infinite=False)), -1, 0)
-    n = gain.noutputs
+    values = gain(omega)
+    n = values.shape[1]
     others = [i for i in range(n) if i != k]
     out: ComplexArray = values[:, k, k]
     if others:
