@@ -34,7 +34,8 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "left_over": (1.02, 5.0),
     "sharpness": (1e-3, 1.0),
     "of_the_gap": (1e-6, 0.1),
-    "doubt": (1e-5, 0.2),
+    "most_unknown": (0.5, 0.999),
+    "doubt": (1e-5, 0.3),
 }
 
 

@@ -1,16 +1,16 @@
 """
-From evidence to probabilities that come true: seven numbers, fitted to sealed campaigns and kept with the package.
+From evidence to probabilities that come true: eight numbers, fitted to sealed campaigns and kept with the package.
 
 Evidence is tempered: where even the best cause leaves more than noise, differences of χ² are divided by what it leaves, for a
 likelihood that is wrong everywhere is no measure of confidence. Half of the prior lies on no cause at all. "Unknown" is judged on
-held-out records: it takes its share by how much the best cause leaves there.
+held-out records: it takes its share by how much the best cause leaves there, and never all, for a search may have missed the cause.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 
@@ -21,6 +21,10 @@ from cutvib_ss.results import FloatArray
 
 FILE = Path(__file__).parent / "data" / "calibration.json"
 """Where the fitted numbers are kept; `cutvib blind calibrate` writes it."""
+
+
+HOTTER = 10.0
+"""How much higher the temperature of doubt is, and how much softer the edge of "unknown" is there."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +48,10 @@ class Calibration:
     of_the_gap : float
         Part of the re-tuned model's excess that is added to `left_over`: a law that closes 99.9 % of a gap a thousand times
         the noise is right, though what it leaves can be measured.
+    most_unknown : float
+        Largest share of "unknown" before doubt.
     doubt : float
-        Part of all probability that is spread evenly: no answer is surer than this leaves it.
+        Part of all probability that goes by a judgement `HOTTER` times as hesitant: what comes close behind is never ruled out.
     """
 
     temperature: float = 2.0
@@ -54,7 +60,8 @@ class Calibration:
     left_over: float = 1.13
     sharpness: float = 0.015
     of_the_gap: float = 1e-4
-    doubt: float = 5e-3
+    most_unknown: float = 0.9
+    doubt: float = 0.02
 
 
 @cache
@@ -171,10 +178,15 @@ def posteriors(
     odds = _odds(log_evidence, acting, reduced, numbers)
     best = np.argmax(np.where(np.isnan(held), -1.0, odds), axis=-1)
     left = np.take_along_axis(held, best[..., None], axis=-1)[..., 0]
-    unknown = _unknown(left, np.asarray(tuned, dtype=np.float64), numbers)[..., None]
-    shares = np.concatenate([(1.0 - unknown) * odds, unknown], axis=-1)
-    real = np.concatenate([np.isfinite(log_evidence), np.ones_like(unknown, dtype=bool)], axis=-1)
-    return np.asarray((1.0 - numbers.doubt) * shares + numbers.doubt * real / real.sum(axis=-1, keepdims=True))
+
+    def shares(odds: FloatArray, sharpness: float) -> FloatArray:
+        at = replace(numbers, sharpness=sharpness)
+        unknown = _unknown(left, np.asarray(tuned, dtype=np.float64), at)[..., None]
+        return np.concatenate([(1.0 - unknown) * odds, unknown], axis=-1)
+
+    hot = replace(numbers, temperature=HOTTER * numbers.temperature)
+    hesitant = shares(_odds(log_evidence, acting, reduced, hot), HOTTER * numbers.sharpness)
+    return np.asarray((1.0 - numbers.doubt) * shares(odds, numbers.sharpness) + numbers.doubt * hesitant)
 
 
 def _arrays(evidence: Evidence) -> tuple[FloatArray, FloatArray]:
@@ -209,7 +221,7 @@ def probability_unknown(reduced: float, tuned: float, numbers: Calibration) -> f
     Returns
     -------
     float
-        0 to 1; 1 where the reduced χ² is not finite.
+        0 to `most_unknown`.
     """
     return float(_unknown(np.float64(reduced), np.float64(tuned), numbers))
 
@@ -219,4 +231,4 @@ def _unknown(reduced: ArrayLike, tuned: FloatArray | np.float64, numbers: Calibr
     # Relative to the centre, so that a wide margin does not make a sharper edge. What is not finite is beyond all edges.
     left = np.where(np.isfinite(reduced), reduced, 1e12)
     step = (left - centre) / (numbers.sharpness * centre / numbers.left_over)
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(step, -60.0, 60.0))))
+    return np.asarray(numbers.most_unknown / (1.0 + np.exp(-np.clip(step, -60.0, 60.0))))

@@ -27,7 +27,8 @@ def sufficient(reduced: float, tuned: float) -> bool:
     bool
         True up to the point at which "unknown" is as probable.
     """
-    return probability_unknown(reduced, tuned, shipped()) < 0.5
+    numbers = shipped()
+    return probability_unknown(reduced, tuned, numbers) < 0.5 * numbers.most_unknown
 
 
 def ambiguity_set(causes: Sequence[Cause]) -> tuple[int, ...]:

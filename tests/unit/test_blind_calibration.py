@@ -17,7 +17,9 @@ from cutvib_ss.gap.calibration import Calibration, Evidence, posterior, shipped
 from tests.unit.blind_example import diagnosis, label, opened_trial
 
 NAMES = [f"effect{k} place" for k in range(6)]
-NUMBERS = Calibration(temperature=1.0, detection=5.0, left_over=1.3, sharpness=0.05, of_the_gap=1e-3, doubt=1e-3)
+NUMBERS = Calibration(
+    temperature=1.0, detection=5.0, left_over=1.3, sharpness=0.05, of_the_gap=1e-3, most_unknown=0.999, doubt=1e-3
+)
 
 
 def evidence(log: dict[str, float], held: dict[str, float], reduced: float = 1.0) -> Evidence:
@@ -73,10 +75,21 @@ def test_what_is_left_over_makes_it_unknown() -> None:
     assert posterior(evidence(log, {"none": 1e3, "a x": 2.0}), NUMBERS)["unknown"] < 0.2
 
 
-def test_doubt_bounds_every_probability() -> None:
-    found = posterior(evidence({"none": 0.0, "a x": 1e4}, {"none": 9.0, "a x": 1.0}), replace(NUMBERS, doubt=0.06))
-    assert max(found.values()) < 0.97
-    assert min(found.values()) >= 0.02 - 1e-12
+def test_doubt_leaves_something_to_what_comes_close_behind() -> None:
+    log = {"none": 0.0, "a x": 300.0, "b y": 275.0, "c z": 100.0}
+    sure, doubtful = (
+        posterior(evidence(log, {"none": 9.0, "a x": 1.0}), replace(NUMBERS, doubt=doubt)) for doubt in (1e-5, 0.1)
+    )
+    assert sure["a x"] > 0.98
+    assert 0.9 < doubtful["a x"] < 0.99
+    assert doubtful["b y"] > 100 * sure["b y"]
+    assert doubtful["c z"] < 0.001
+
+
+def test_a_search_may_have_missed_the_cause() -> None:
+    found = posterior(evidence({"none": 0.0, "a x": 1e4}, {"none": 90.0, "a x": 9.0}), replace(NUMBERS, most_unknown=0.8))
+    assert found["unknown"] == pytest.approx(0.8)
+    assert found["a x"] == pytest.approx(0.2)
 
 
 def test_numbers_that_ship(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

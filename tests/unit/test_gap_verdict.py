@@ -59,13 +59,13 @@ def test_unknown_grows_with_what_is_left():
     shares = [probability_unknown(r, 1.0, JUDGED) for r in (1.0, 1.2, 1.5, 5.0, np.nan)]
     assert shares == sorted(shares)
     assert shares[0] < 0.01
-    assert shares[-2] > 0.99
+    assert shares[-2] == shares[-1] == JUDGED.most_unknown
 
 
 def test_what_is_left_of_a_large_gap_may_be_measurable():
-    assert probability_unknown(3.0, 1.5, JUDGED) > 0.99
+    assert probability_unknown(3.0, 1.5, JUDGED) > 0.89
     assert probability_unknown(3.0, 40_000.0, JUDGED) < 0.01
-    assert probability_unknown(30.0, 40_000.0, JUDGED) > 0.99
+    assert probability_unknown(30.0, 40_000.0, JUDGED) > 0.89
 
 
 @pytest.mark.parametrize(
