@@ -87,7 +87,9 @@ def test_doubt_leaves_something_to_what_comes_close_behind() -> None:
 
 
 def test_a_search_may_have_missed_the_cause() -> None:
-    found = posterior(evidence({"none": 0.0, "a x": 1e4}, {"none": 90.0, "a x": 9.0}), replace(NUMBERS, most_unknown=0.8))
+    found = posterior(
+        evidence({"none": 0.0, "a x": 1e4}, {"none": 90.0, "a x": 9.0}), replace(NUMBERS, most_unknown=0.8)
+    )
     assert found["unknown"] == pytest.approx(0.8)
     assert found["a x"] == pytest.approx(0.2)
 
