@@ -105,7 +105,7 @@ def closed(trial: Trial, name: str) -> float:
 
 def _error(e: Entry, model: Model, low: float, high: float) -> float:
     lines = (e.freq >= low) & (e.freq <= high)
-    return float(np.mean(np.abs(predicted(e, model, 0.0) - e.data)[:, lines]))
+    return float(np.mean(np.abs(predicted(e, model, 0.0).data - e.data)[:, lines]))
 
 
 def in_processes(work: Callable[[ItemT], ResultT], items: Iterable[ItemT], jobs: int) -> list[ResultT]:

@@ -10,6 +10,10 @@ from cutvib_ss.cli import main
 pytest.importorskip("exudyn")
 
 
+# Its plan has one cause that is simulated, which cost most: with three the gate would take longer than it may.
+SEED = "9"
+
+
 def test_a_small_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "trial"
     run = [
@@ -18,7 +22,7 @@ def test_a_small_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         "--cases",
         "12",
         "--seed",
-        "12",
+        SEED,
         "--mix",
         "none=6,outside=1",
         "--out",

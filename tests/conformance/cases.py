@@ -38,7 +38,7 @@ from cutvib_ss.slots import with_value
 from cutvib_ss.structure import Structure
 
 CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "rail_torsion": (("rail",), ("eccentricity", "inertia", "torsion_frequency", "damping_ratio")),
+    "rail_torsion": (("rail",), ("eccentricity", "inertia", "torsion_frequency", "damping_ratio", "elements")),
     "support_compliance": (("rail_ends",), ("k_left", "k_right", "c_left", "c_right", "rigid_damping")),
     "end_fixity": (("rail_ends",), ("k_left", "k_right")),
     "rail_added_mass": (("rail",), ("position", "mass", "damping")),

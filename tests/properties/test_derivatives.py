@@ -29,6 +29,7 @@ SKIPPED = {
     "slope",
     "system",
     "rigid_damping",
+    "elements",
 }
 FEWER = max(5, settings().max_examples // 5)
 """Examples of these tests: each goes through all values of a model."""
