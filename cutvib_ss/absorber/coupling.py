@@ -23,9 +23,9 @@ from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.parameters import TABLE_7_PRINTED, AbsorberParameters, check_number, table_7
+from cutvib_ss.paths import ModelT
 from cutvib_ss.response.axes import as_laplace
 from cutvib_ss.results import ComplexArray, FrequencyResponse
-from cutvib_ss.slots import ModelT
 from cutvib_ss.subsystems.elements import Attachment, SprungMass
 
 

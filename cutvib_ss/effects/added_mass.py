@@ -20,7 +20,7 @@ from cutvib_ss.effects.base import (
 )
 from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.machine import Machine
-from cutvib_ss.slots import Path, value_at, with_value
+from cutvib_ss.paths import Path, value_at, with_value
 from cutvib_ss.subsystems.elements import SpringDamperMass
 
 

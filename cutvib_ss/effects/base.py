@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.machine import Machine
 from cutvib_ss.parameters import check_number
-from cutvib_ss.slots import Path
+from cutvib_ss.paths import Path
 from cutvib_ss.structure import Structure
 from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass, SprungMass
 

@@ -10,8 +10,8 @@ from scipy import linalg
 
 from cutvib_ss.effects.base import PLACE_PORTS, Carried, Model
 from cutvib_ss.machine import Machine
+from cutvib_ss.paths import value_at
 from cutvib_ss.results import FloatArray
-from cutvib_ss.slots import value_at
 
 TYPICAL_FORCE = 50.0
 """Force on the tool that moves a joint, where nothing is known of the records [N]; on another structure it is 1 N."""

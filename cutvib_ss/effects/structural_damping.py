@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to, check_place, machine_only, parameter
 from cutvib_ss.machine import Machine
-from cutvib_ss.slots import Path, value_at, with_value
+from cutvib_ss.paths import Path, value_at, with_value
 from cutvib_ss.subsystems.elements import SpringDamperMass
 
 

@@ -19,8 +19,8 @@ from cutvib_ss.gap.records import Group, merged
 from cutvib_ss.gap.severity import Run
 from cutvib_ss.gap.simulation import simulated
 from cutvib_ss.gap.unknowns import CALIBRATION_SHAPES, calibration_shapes, tuning_paths
+from cutvib_ss.paths import value_at
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.slots import value_at
 
 SMALL, SMALL_LAW = 2e-4, 0.01
 """Change of a channel's response, as a part of its peak, that is in proportion to the severity; of one that is simulated, whose

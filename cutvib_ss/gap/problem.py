@@ -19,8 +19,8 @@ from cutvib_ss.gap.hypothesis import Hypothesis, carried_on, changed, stages_of
 from cutvib_ss.gap.prediction import Circles, Predicted, Prediction
 from cutvib_ss.gap.records import Group
 from cutvib_ss.gap.unknowns import CALIBRATION_SHAPES, calibration_shapes, from_unknown, to_unknown, tuning_paths
+from cutvib_ss.paths import value_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.slots import value_at, with_values
 
 IndexArray: TypeAlias = NDArray[np.intp]
 

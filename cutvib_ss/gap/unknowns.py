@@ -8,8 +8,8 @@ import numpy as np
 
 from cutvib_ss.effects.base import Model, Range
 from cutvib_ss.parameters import Tolerances
+from cutvib_ss.paths import Path, value_at
 from cutvib_ss.results import FloatArray
-from cutvib_ss.slots import Path, value_at
 
 CALIBRATION_SHAPES = 5
 """Smooth shapes over the band that a calibration error is made of: a constant and half cosines."""

@@ -23,12 +23,12 @@ from typing import TypeAlias, cast
 import numpy as np
 
 from cutvib_ss.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.paths import Path, value_at
 from cutvib_ss.response.condensed import CondensedModel, Row
 from cutvib_ss.response.rail_derivatives import RailPair
 from cutvib_ss.response.rail_receptance import RailField
 from cutvib_ss.response.stacked import dot, mixed
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.slots import Path, value_at
 from cutvib_ss.structure import Structure
 from cutvib_ss.subsystems.elements import SpringDamperMass, SprungMass
 from cutvib_ss.subsystems.head import head_row_derivatives

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.machine import Machine
+from cutvib_ss.paths import Path
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.condensed import CondensedModel
 from cutvib_ss.response.derivatives import ResponseDerivatives
 from cutvib_ss.results import QUANTITY_OF_FORM, ComplexArray, Form, FrequencyResponse, Quantity
-from cutvib_ss.slots import Path
 from cutvib_ss.structure import Structure
 from cutvib_ss.units import DERIVATIVE_ORDER
 

@@ -25,12 +25,13 @@ from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.laws import LAWS
 from cutvib_ss.machine import Machine
 from cutvib_ss.parameters import check_number
+from cutvib_ss.paths import Path
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.frequency import ChainedResponse, output_quantities
 from cutvib_ss.response.modal_form import modal_form
 from cutvib_ss.response.port_motion import PortMotion, harmonic_tables
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
-from cutvib_ss.slots import NonlinearElement, Path
+from cutvib_ss.slots import NonlinearElement
 from cutvib_ss.structure import Structure
 
 _SAMPLES = 32

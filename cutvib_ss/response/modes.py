@@ -12,9 +12,9 @@ from scipy import linalg, optimize
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.machine import Machine
 from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.paths import ModelT
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.results import ComplexArray, FloatArray, Modes, TrackedModes
-from cutvib_ss.slots import ModelT
 from cutvib_ss.structure import Structure
 from cutvib_ss.subsystems.elements import SpringDamperMass
 

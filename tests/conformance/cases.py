@@ -34,7 +34,7 @@ from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.machine import Machine, published_machine
 from cutvib_ss.mechanical import Channel, SecondOrder
-from cutvib_ss.slots import with_value
+from cutvib_ss.paths import with_value
 from cutvib_ss.structure import Structure
 
 CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {

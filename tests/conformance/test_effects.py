@@ -22,10 +22,10 @@ from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.gap.problem import tuning_paths
 from cutvib_ss.machine import Machine, published_machine
 from cutvib_ss.model_files import read_machine, write_machine
+from cutvib_ss.paths import value_at, with_value
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.response.frequency import ChainedResponse, frequency_response, output_quantities
 from cutvib_ss.results import ComplexArray
-from cutvib_ss.slots import value_at, with_value
 from cutvib_ss.structure import Structure
 from tests.conformance.cases import (
     ANYWHERE,

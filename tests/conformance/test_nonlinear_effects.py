@@ -11,9 +11,9 @@ from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.gap.unknowns import tuning_paths
 from cutvib_ss.machine import Machine
+from cutvib_ss.paths import value_at, with_value
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import Stepped, modal_form, step
-from cutvib_ss.slots import value_at, with_value
 from tests.conformance.cases import Case, cases, loaded, with_parameter
 
 NONLINEAR = [c for c in cases() if not EFFECTS[c.id].linear]

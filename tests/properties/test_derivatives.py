@@ -8,10 +8,11 @@ import numpy as np
 from hypothesis import given, settings
 
 from cutvib_ss.machine import Machine
+from cutvib_ss.paths import Path, value_at, with_value
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.response.derivatives import ResponseDerivatives
 from cutvib_ss.response.frequency import ChainedResponse, output_quantities
-from cutvib_ss.slots import ChannelChain, MeasurementChain, Path, value_at, with_value
+from cutvib_ss.slots import ChannelChain, MeasurementChain
 from cutvib_ss.structure import Structure
 from tests.properties.machines import FREQ, POSITIONS, full_machines, structures
 

@@ -10,10 +10,11 @@ import pytest
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.machine import Machine, published_machine
 from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.paths import Path, value_at, with_value
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.harmonic_balance import SineSweep, sine_response
 from cutvib_ss.response.stepping import modal_form, step
-from cutvib_ss.slots import ChannelChain, MeasurementChain, NonlinearElement, Path, value_at, with_value
+from cutvib_ss.slots import ChannelChain, MeasurementChain, NonlinearElement
 from cutvib_ss.structure import Structure
 from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
 

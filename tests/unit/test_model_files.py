@@ -15,8 +15,8 @@ from cutvib_ss.errors import CutvibError, DataFormatError, ParameterError
 from cutvib_ss.machine import Machine, published_machine
 from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.parameters import Tolerances, recovered_rail, table_3
+from cutvib_ss.paths import with_value
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.slots import with_value
 from cutvib_ss.structure import Structure
 from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
 

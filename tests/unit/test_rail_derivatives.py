@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cutvib_ss.machine import published_machine
+from cutvib_ss.paths import with_value
 from cutvib_ss.response.frequency import ChainedResponse
-from cutvib_ss.slots import with_value
 from cutvib_ss.subsystems.elements import SpringDamperMass
 from cutvib_ss.subsystems.rail import EndSupports, RailAttachment, Shear
 
