@@ -171,22 +171,6 @@ class Problem:
         mean, std = BLOW_AT_PRIOR
         return max(mean + std * float(x[self._blow]), 0.0) if self.n_blow else 0.0
 
-    def loudness_of(self, x: FloatArray) -> FloatArray:
-        """
-        The unknowns of records whose force is known only roughly.
-
-        Parameters
-        ----------
-        x : ndarray
-            Unknowns.
-
-        Returns
-        -------
-        ndarray, shape (record,)
-            Theirs.
-        """
-        return x[self._shared_by_all : self.first_effect]
-
     def prior_precision(self) -> FloatArray:
         """
         Precision of the priors of the unknowns; none for effects, whose priors are even.

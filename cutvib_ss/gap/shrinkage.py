@@ -228,8 +228,13 @@ def predicted(
     if not simulate:
         return Shown(np.asarray(Prediction(model, group, blow_at).data[0] * error), sure)
     if e.replay is not None and e.replay.assumed and bool(model.nonlinear):
-        louder = 0.0 if problem is None or x is None or not problem.loud else float(np.mean(problem.loudness_of(x)))
-        return _by_its_force(model, group, error, louder)
+        # The forces' unknowns stand before the effects'.
+        fitted = (
+            np.zeros(1)
+            if problem is None or x is None
+            else x[problem.first_effect - len(problem.loud) : problem.first_effect]
+        )
+        return _by_its_force(model, group, error, float(np.mean(fitted)) if fitted.size else 0.0)
     return Shown(np.asarray(simulated(model, group).data[0] * error), sure)
 
 
