@@ -102,7 +102,7 @@ def candidates(model: Model, band: tuple[float, float], channels: Sequence[str])
 def _everywhere(model: Model, band: tuple[float, float]) -> list[Candidate]:
     scale = _port_scales(model)
     out = []
-    grid = np.geomspace(max(band[0], 1e-3) * 1.2, band[1], 15)[:-1]
+    grid = np.geomspace(max(band[0], 1e-3).tolist() * 1.2, band[1], 15)[:-1]
     for place in LocalResonator.places(model):
         masses = (scale[place][0] * 0.01, scale[place][0] * 0.06)
         starts = (LocalResonator(place, mass, float(f), 0.03) for f in grid for mass in masses)
@@ -201,18 +201,18 @@ def _law_starts(law: type[Effect], place: str, m: Motion, k: float, c: float) ->
     middle = float(np.sqrt(m.low * m.high))
     force = k * middle
     if law is CubicStiffness:
-        sizes = np.geomspace(0.01, 3.0, 6)
+        sizes = np.geomspace(0.01, 3.0, 6).tolist()
         return tuple(CubicStiffness(place, r * k / middle**2) for r in (*sizes, -0.01, -0.05, -0.2))
     if law is Freeplay:
-        return tuple(Freeplay(place, r * middle) for r in np.geomspace(0.005, 1.5, 9))
+        return tuple(Freeplay(place, r * middle) for r in np.geomspace(0.005, 1.5, 9).tolist())
     if law is DryFriction:
-        return tuple(DryFriction(place, r * force) for r in np.geomspace(0.003, 1.5, 8))
+        return tuple(DryFriction(place, r * force) for r in np.geomspace(0.003, 1.5, 8).tolist())
     if law is JointSlip:
         return tuple(JointSlip(place, r * k, q * r * force) for r in (0.05, 0.25, 1.0) for q in (0.03, 0.15, 0.6, 1.5))
     if law is BilinearStiffness:
         return tuple(BilinearStiffness(place, a) for a in (-0.7, -0.35, -0.15, -0.05, 0.05, 0.15, 0.35, 0.7))
     damping = max(c, 1e-3 * force / m.rate)
-    return tuple(QuadraticDamping(place, r * damping / m.rate) for r in np.geomspace(0.1, 20.0, 6))
+    return tuple(QuadraticDamping(place, r * damping / m.rate) for r in np.geomspace(0.1, 20.0, 6).tolist())
 
 
 def _candidate(effect: str, where: str, *starts: Effect) -> Candidate:
