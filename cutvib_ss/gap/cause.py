@@ -23,7 +23,6 @@ from cutvib_ss.gap.levels import level_stands_out, motions
 from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.scan import Scan, Scanned
-from cutvib_ss.gap.simulation import problem_for
 from cutvib_ss.gap.verdict import sufficient
 from cutvib_ss.results import FloatArray
 
@@ -57,6 +56,8 @@ PAIRS_CLOSE = 15.0
 """As CLOSE, for pairs."""
 ROUGH = 1e-2
 """Relative gain at which steps on few lines end."""
+CAUGHT = 5.0
+"""Log evidence by which a cause has to lead before the model without one is tuned again from there."""
 ENOUGH = 1.1
 """Reduced χ² below which the re-tuned model needs no cause, if the level does not show either."""
 LEADS = 0.1
@@ -116,12 +117,12 @@ def search(
         The tuned nominal model first, then the causes by evidence.
     """
     few = records.coarse(COARSE_LINES, COARSE_ERROR)
-    none = Ranked(
-        "none", fit(nominal, records, Hypothesis(), fit(nominal, few, Hypothesis(), None, LATER_STEPS, ROUGH).x), True
-    )
+    scout = fit(nominal, few, Hypothesis(), None, LATER_STEPS, ROUGH)
+    none = Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True)
     linear = candidates(nominal, observed.band, observed.channels)
     rough = _rough(nominal, few, linear)
-    ranked = _refined(nominal, records, rough, REFINED)
+    ranked = _refined(nominal, records, rough, REFINED, (scout.objective, none.fit.log_evidence))
+    none = _not_caught(nominal, records, none, ranked)
     by_level = level_stands_out(records)
     laws: Sequence[Candidate] = ()
     motion: dict[str, float] = {}
@@ -135,7 +136,19 @@ def search(
         ranked += _refined(nominal, records, rough, 2, _rival(nominal, outlook, ranked), MOST_LAWS)
     if none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
         ranked += _pairs(nominal, records, few, outlook, ranked, [*linear, *laws], motion)
-    return (none, *sorted(ranked, key=lambda r: -r.fit.log_evidence))
+    best: dict[str, Ranked] = {}
+    for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
+        best.setdefault(r.name, r)
+    return (none, *best.values())
+
+
+def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked]) -> Ranked:
+    """The model without a cause, tuned from where the best cause has its tuning too: it may have been caught in a side minimum."""
+    best = max(ranked, key=lambda r: r.fit.log_evidence).fit
+    if best.log_evidence < none.fit.log_evidence + CAUGHT:
+        return none
+    again = fit(nominal, records, Hypothesis(), best.x[: best.first_effect])
+    return Ranked(none.name, again, True) if again.objective < none.fit.objective else none
 
 
 def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], float]) -> bool:
@@ -159,18 +172,19 @@ def _refined(
     records: Records,
     rough: Sequence[tuple[Candidate, Fit]],
     least: int,
-    rival: tuple[float, float] = (np.inf, -np.inf),
+    rival: tuple[float, float],
     most: int = MOST,
     close: float = CLOSE,
 ) -> list[Ranked]:
     """
-    The best on few lines fitted on all; the others keep a bound.
+    The best on few lines fitted on all; the others keep an estimate.
 
-    ``rival`` is the objective of another cause on the same few lines, and its evidence on all: what stays far behind it there
-    is not worth the dearer fit.
+    ``rival`` is the objective of another cause, or none, on the same few lines, and its evidence on all: what stays far behind it
+    there is not worth the dearer fit.
     """
     ahead = rough[0][1].objective if rough else 0.0
     ranked: list[Ranked] = []
+    left_out: list[tuple[Candidate, Fit]] = []
     for i, (candidate, start) in enumerate(rough):
         behind = start.objective - ahead
         wanted = (behind < close and i < most) or (behind < FAR and i < least)
@@ -178,11 +192,14 @@ def _refined(
         if start.objective - rival[0] < CLOSE and wanted and not hopeless:
             ranked.append(Ranked(candidate.name, fit(nominal, records, start.hypothesis, start.x), True))
         else:
-            # Few lines and a widened noise understate how far behind it is.
-            bound = max(
-                (r.fit.log_evidence - behind / 2 for r in ranked), default=rival[1] - (start.objective - rival[0]) / 2
-            )
-            ranked.append(Ranked(candidate.name, replace(start, log_evidence=bound), False))
+            left_out.append((candidate, start))
+    best = max((r.fit.log_evidence for r in ranked), default=rival[1])
+    # Few lines and a widened noise understate how far behind a cause is, by as much as for the rival.
+    lead = rival[0] - ahead
+    each = max(0.5, (best - rival[1]) / lead) if ranked and lead > 1.0 else 0.5
+    for candidate, start in left_out:
+        behind = start.objective - (ahead if ranked else rival[0])
+        ranked.append(Ranked(candidate.name, replace(start, log_evidence=best - each * behind), False))
     return ranked
 
 
@@ -196,11 +213,12 @@ def _rival(nominal: Model, outlook: Records, ranked: Sequence[Ranked]) -> tuple[
 def _rough(nominal: Model, few: Records, found: Sequence[Candidate]) -> list[tuple[Candidate, Fit]]:
     """Each candidate from the best of its starts, on few lines; best first."""
     out = []
+    scan = Scan(nominal, few, Hypothesis(), None, {}, apart=False)
     for candidate in found:
         # All start from the untuned model: the tuning of a model that lacks the cause leads away.
         starts = [Hypothesis((e,)) for e in candidate.starts]
         if len(starts) > CLIMBED:
-            starts.sort(key=lambda h: _as_it_stands(nominal, few, h))
+            starts.sort(key=lambda h: -scan.as_it_stands(h.effects[0]).gain)
         tries = [f for h in starts[:CLIMBED] if (f := _started(nominal, few, h, None, FIRST_STEPS)) is not None]
         if tries:
             best = min(tries, key=lambda f: f.objective)
@@ -227,16 +245,6 @@ def _rough_laws(
         if started is not None:
             out.append((candidate, started))
     return sorted(out, key=lambda pair: pair[1].objective)
-
-
-def _as_it_stands(nominal: Model, records: Records, hypothesis: Hypothesis) -> float:
-    """χ² of a hypothesis at its start, nothing tuned."""
-    problem = problem_for(nominal, records, hypothesis)
-    try:
-        chi2 = problem.residuals(problem.start())[2]
-    except (CutvibError, np.linalg.LinAlgError):
-        return np.inf
-    return chi2 if np.isfinite(chi2) else np.inf
 
 
 def _started(
@@ -289,5 +297,21 @@ def _pairs(
             if any(f.chi2 < f.count for _, f in tried):
                 break
         tried.sort(key=lambda pair: pair[1].objective)
-        out += [r for r in _refined(nominal, records, tried[:2], 1, close=PAIRS_CLOSE) if r.refined]
+        # No single cause is a rival here: none is enough.
+        nobody = (np.inf, -np.inf)
+        out += [r for r in _refined(nominal, records, tried[:2], 1, nobody, close=PAIRS_CLOSE) if r.refined]
+    return [*out, *_alone(nominal, records, out)]
+
+
+def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ranked]:
+    """Each cause of the best linear pair by itself, from its values there: its own fit may have been caught in a side minimum."""
+    linear = [r for r in pairs if r.fit.hypothesis.linear]
+    if not linear:
+        return []
+    best = max(linear, key=lambda r: r.fit.log_evidence)
+    out = []
+    for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
+        out.append(
+            Ranked(name, fit(nominal, records, Hypothesis((effect,)), best.fit.x[: best.fit.first_effect]), True)
+        )
     return out

@@ -120,7 +120,13 @@ def _everywhere(model: Model, band: tuple[float, float]) -> list[Candidate]:
             )
         )
     for place, name in ParameterShift.choices(model):
-        out.append(_candidate("parameter_shift", f"{place}.{name}", ParameterShift(place, name, 1.0)))
+        out.append(
+            _candidate(
+                "parameter_shift",
+                f"{place}.{name}",
+                *(ParameterShift(place, name, f) for f in (0.6, 0.8, 1.0, 1.25, 1.7)),
+            )
+        )
     return out
 
 

@@ -94,10 +94,10 @@ class Space:
             for path, tolerance in tuning_paths(model)
         ]
         calibration = model.tolerance.calibration
-        u = (group.freq - group.freq[0]) / (group.freq[-1] - group.freq[0])
+        band = (float(group.freq[0]), float(group.freq[-1]))
         for c in range(len(group.channels)):
             for part in (1.0, 1j):
-                for shape in calibration_shapes(u, CALIBRATION_SHAPES if calibration > 0 else 0):
+                for shape in calibration_shapes(group.freq, band, CALIBRATION_SHAPES if calibration > 0 else 0):
                     column = np.zeros_like(self.plain)
                     column[:, c] = part * calibration * shape * self.plain[:, c]
                     columns.append(column)

@@ -225,8 +225,7 @@ class Problem:
         self._circles = [None] * len(self.groups)
 
     def _shapes_at(self, freq: FloatArray) -> FloatArray:
-        low, high = self._band
-        return calibration_shapes((freq - low) / (high - low), self._n_shapes)
+        return calibration_shapes(freq, self._band, self._n_shapes)
 
     def calibration_of(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
         """

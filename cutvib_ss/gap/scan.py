@@ -111,7 +111,7 @@ class Scan:
         """
         if starts[0].linear:
             return max((self._scaled(e) for e in starts), key=lambda s: s.gain)
-        return max((self._as_it_stands(e) for e in starts), key=lambda s: s.gain)
+        return max((self.as_it_stands(e) for e in starts), key=lambda s: s.gain)
 
     def refined(self, best: Scanned) -> Scanned:
         """
@@ -175,7 +175,20 @@ class Scan:
             return -np.inf
         return self.leaves - self._freed(residual) if np.isfinite(residual).all() else -np.inf
 
-    def _as_it_stands(self, effect: Effect) -> Scanned:
+    def as_it_stands(self, effect: Effect) -> Scanned:
+        """
+        A cause at its start, the fit's unknowns free to give way.
+
+        Parameters
+        ----------
+        effect : Effect
+            The cause.
+
+        Returns
+        -------
+        Scanned
+            Its gain is minus infinity where the model cannot take it.
+        """
         both, problem, x = self._both(effect)
         return Scanned(self._gain_at(problem, x), both)
 

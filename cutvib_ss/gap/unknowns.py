@@ -87,14 +87,16 @@ def from_unknown(x: float, r: Range) -> tuple[float, float]:
     return r.low + x * (r.high - r.low), r.high - r.low
 
 
-def calibration_shapes(u: FloatArray, count: int) -> FloatArray:
+def calibration_shapes(freq: FloatArray, band: tuple[float, float], count: int) -> FloatArray:
     """
     Smooth shapes over the band whose sum with unit normal coefficients has unit variance.
 
     Parameters
     ----------
-    u : ndarray, shape (frequency,)
-        Frequency, 0 to 1 over the band.
+    freq : ndarray, shape (frequency,)
+        Frequency [Hz].
+    band : (float, float)
+        Ends of the band [Hz].
     count : int
         Number of shapes.
 
@@ -102,9 +104,18 @@ def calibration_shapes(u: FloatArray, count: int) -> FloatArray:
     -------
     ndarray, shape (shape, frequency)
         A constant and half cosines, their weights falling with their order.
+
+    Notes
+    -----
+    Over an axis half-way between frequency and its logarithm: a sensor errs by its amplifier's corner below the band and by its
+    resonance above it. On frequency alone a phase that bends in the lowest octaves passes for a delay.
     """
     if count == 0:
-        return np.zeros((0, u.size))
+        return np.zeros((0, freq.size))
+    low, high = band
+    corner = max(low, 0.02 * (high - low))
+    logarithmic = np.log1p((freq - low) / corner) / np.log1p((high - low) / corner)
+    u = 0.5 * ((freq - low) / (high - low) + logarithmic)
     order = np.arange(count)
     weight = 1.0 / (1.0 + order.astype(float) ** 2)
     shapes = np.cos(np.pi * np.outer(order, u)) * weight[:, None]
