@@ -124,7 +124,7 @@ def _everywhere(model: Model, band: tuple[float, float]) -> list[Candidate]:
             _candidate(
                 "parameter_shift",
                 f"{place}.{name}",
-                *(ParameterShift(place, name, f) for f in (0.6, 0.8, 1.0, 1.25, 1.7)),
+                *(ParameterShift(place, name, f) for f in (1.0, 0.6, 0.8, 1.25, 1.7)),
             )
         )
     return out
