@@ -15,6 +15,9 @@ from cutvib_ss.blind.seal import Trial
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.gap.calibration import Calibration, Evidence, posterior
 
+HARDLY = 0.5
+"""Gap over noise below which a cause outside the catalogue is not looked for."""
+
 
 @dataclass(frozen=True)
 class CaseEvidence:
@@ -74,7 +77,7 @@ def read_evidence(folder: Path) -> TrialEvidence:
     Returns
     -------
     TrialEvidence
-        Its diagnosed cases.
+        Its diagnosed cases, but for those outside the catalogue that hardly show: none of them could be told from no gap.
 
     Raises
     ------
@@ -92,9 +95,26 @@ def read_evidence(folder: Path) -> TrialEvidence:
     cases = [
         case_evidence(name, label, read_json(trial.diagnosis(name)))
         for name, label in sorted(opened["labels"].items())
-        if trial.diagnosis(name).is_file()
+        if trial.diagnosis(name).is_file() and shows(label)
     ]
     return TrialEvidence(folder.resolve().name, opened["settings"], commitment["code_sha256"], tuple(cases))
+
+
+def shows(label: Mapping[str, Any]) -> bool:
+    """
+    Whether a case says anything of "unknown": a cause outside the catalogue whose gap is lost in the noise does not.
+
+    Parameters
+    ----------
+    label : mapping
+        The case's label.
+
+    Returns
+    -------
+    bool
+        False for causes outside the catalogue of less than `HARDLY` of the noise.
+    """
+    return label.get("kind") != "outside" or float(label.get("gap_sigma") or 0.0) >= HARDLY
 
 
 def case_evidence(name: str, label: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> CaseEvidence:

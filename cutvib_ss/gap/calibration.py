@@ -23,7 +23,7 @@ FILE = Path(__file__).parent / "data" / "calibration.json"
 """Where the fitted numbers are kept; `cutvib blind calibrate` writes it."""
 
 
-HOTTER = 10.0
+HOTTER = 3.0
 """How much higher the temperature of doubt is, and how much softer the edge of "unknown" is there."""
 
 
