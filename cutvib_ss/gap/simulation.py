@@ -150,9 +150,11 @@ def simulated(
 def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:
     """
     What an exponential window that nobody took out does to each blow: by how much the force was larger than recorded, and the
-    window on the response (blow, sample), one at the blow. A guessed force is the one that acted.
+    window on the response (blow, sample), one at the blow. A guessed force is the one that acted; a continuous recording, cut into
+    blocks, has no blow for a window to begin at.
     """
-    force, sigma = np.stack(replay.forces), model.chain.decay_rate
+    force = np.stack(replay.forces)
+    sigma = 0.0 if replay.block else model.chain.decay_rate
     at = np.argmax(np.abs(force), axis=1)[:, None] / replay.fs
     gain = 1.0 if replay.assumed else float(np.exp(sigma * at.mean()))
     return gain, np.exp(-sigma * (np.arange(force.shape[1]) / replay.fs - at))

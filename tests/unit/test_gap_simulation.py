@@ -17,7 +17,7 @@ from cutvib_ss.gap.prediction import Prediction
 from cutvib_ss.gap.records import Entry, Records, merged
 from cutvib_ss.gap.scan import Scan
 from cutvib_ss.gap.shrinkage import judged, predicted
-from cutvib_ss.gap.simulation import LOUDNESS, SimulatedProblem, problem_for, simulated
+from cutvib_ss.gap.simulation import LOUDNESS, SimulatedProblem, _window, problem_for, simulated
 from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement.replay import assumed_blow
 
@@ -169,3 +169,11 @@ def test_a_window_that_nobody_took_out_acts_on_what_is_simulated(assumed):
     group = merged([replace(e, replay=replace(e.replay, assumed=assumed)) for e in entries], apart=True)[0]
     closed, stepped = Prediction(windowed, group, 0.05).data, simulated(windowed, group).data
     assert np.abs(stepped - closed).max() < 1e-2 * np.abs(closed).max()
+
+
+def test_a_window_leaves_continuous_recordings_alone():
+    entry = records(30.0).entries[0]
+    continuous = replace(entry.replay, block=entry.replay.forces[0].size // 4)
+    gain, window = _window(WindowDamping("measurement", 40.0).apply(MACHINE), continuous)
+    assert gain == 1.0
+    assert (window == 1.0).all()
