@@ -84,7 +84,7 @@ def test_it_carries_parameters_figures_warnings_and_the_caveat(page: str) -> Non
         "18-41.5 Hz, 80-130 Hz, 190-300 Hz",
         "92.5 % is closed (95 % interval 91.0 to 94.0 %); of what stood above the noise, 99 %.",
         "blow 2: double hit",
-        "probabilities are not yet calibrated",
+        "probabilities are calibrated on simulated campaigns",
     ):
         assert said in text
     assert "nan" not in text.lower()
