@@ -7,13 +7,10 @@ They are at other positions, with hardly any noise and no calibration errors: wh
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -24,11 +21,9 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.observations import observe
 from cutvib_ss.gap.records import Entry
 from cutvib_ss.gap.shrinkage import predicted
+from cutvib_ss.gap.workers import Workers
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.model_files import read_machine
-
-ItemT = TypeVar("ItemT")
-ResultT = TypeVar("ResultT")
 
 
 def with_achieved(trial: Trial, cases: Sequence[Case], jobs: int = 1) -> tuple[Case, ...]:
@@ -64,7 +59,8 @@ def with_achieved(trial: Trial, cases: Sequence[Case], jobs: int = 1) -> tuple[C
             raise SealError(f"{trial.fresh(case.name)}: are not the records that were committed to; the trial is void")
     if able:
         names = [c.name for c in able]
-        known |= dict(zip(names, in_processes(partial(closed, trial), names, jobs), strict=True))
+        with Workers(jobs) as workers:
+            known |= dict(zip(names, workers.map(partial(closed, trial), names), strict=True))
         write_json(kept, known)
     return tuple(replace(c, achieved=known.get(c.name, float("nan"))) for c in cases)
 
@@ -106,28 +102,3 @@ def closed(trial: Trial, name: str) -> float:
 def _error(e: Entry, model: Model, low: float, high: float) -> float:
     lines = (e.freq >= low) & (e.freq <= high)
     return float(np.mean(np.abs(predicted(e, model, 0.0).data - e.data)[:, lines]))
-
-
-def in_processes(work: Callable[[ItemT], ResultT], items: Iterable[ItemT], jobs: int) -> list[ResultT]:
-    """
-    Results of some work on many items, in their order.
-
-    Parameters
-    ----------
-    work : callable
-        Of one item; a function of a module.
-    items : iterable
-        The items.
-    jobs : int
-        Processes; one works here.
-
-    Returns
-    -------
-    list
-        Results.
-    """
-    if jobs == 1:
-        return [work(item) for item in items]
-    # Not forked: threads of the numerical libraries would be copied in the middle of their work.
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        return list(pool.map(work, items, chunksize=2))

@@ -23,7 +23,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cutvib_ss.blind.achieved import in_processes
 from cutvib_ss.blind.cases import NONE, UNKNOWN, Answer, Case, Causes, Entry, causes_of, read_cases
 from cutvib_ss.blind.features import CHANNELS, SIGNATURE, features
 from cutvib_ss.blind.files import packed, read_json, unpack, write_bytes
@@ -33,6 +32,7 @@ from cutvib_ss.blind.seal import Trial
 from cutvib_ss.blind.workers import diagnosed, spread
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.gap.verdict import SET, SURE
+from cutvib_ss.gap.workers import Workers
 from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.results import FloatArray
 
@@ -83,7 +83,8 @@ def with_baselines(score: Score, folder: Path, train: Sequence[Path], jobs: int 
         for c in read_cases(Trial(other), read_json(Trial(other).labels)["labels"])
     ]
     campaigns = [Trial(folder).campaigns / c.name for c in score.cases]
-    seen = np.array(in_processes(features, [*(k for k, _ in known), *campaigns], jobs))
+    with Workers(jobs) as workers:
+        seen = np.array(workers.map(features, [*(k for k, _ in known), *campaigns]))
     learnt, asked, truths = seen[: len(known)], seen[len(known) :], [t for _, t in known]
     found = {
         "nearest signature": nearest_signature(learnt, truths, asked),

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.scan import Scan, Scanned
 from cutvib_ss.gap.verdict import sufficient
+from cutvib_ss.gap.workers import Workers
 from cutvib_ss.results import FloatArray
 
 COARSE_LINES = 120
@@ -52,6 +55,8 @@ SCANNED = 5
 """Records that are all scanned."""
 HOPELESS = 3.0
 """Reduced χ² on few lines, with their widened noise, from which a cause that is simulated is not worth the fit on all."""
+MOST_STEPS, MOST_LAW_STEPS = 40, 15
+"""Steps on all lines: those of a law are dear, and the last of many gain little."""
 PAIRS_CLOSE = 15.0
 """As CLOSE, for pairs."""
 ROUGH = 1e-2
@@ -67,6 +72,9 @@ PAIRED = 2
 SECONDS, LAW_SECONDS = 5, 3
 """Second causes that are fitted on each of them, unless one on the first leaves no more than noise: those that promise most. So
 many where one of the two is simulated."""
+
+
+NameT = TypeVar("NameT")
 
 
 @dataclass(frozen=True)
@@ -95,7 +103,11 @@ class Ranked:
 
 
 def search(
-    nominal: Model, records: Records, observed: Observations, leaves: Callable[[Ranked], float]
+    nominal: Model,
+    records: Records,
+    observed: Observations,
+    leaves: Callable[[Ranked], float],
+    workers: Workers,
 ) -> tuple[Ranked, ...]:
     """
     Fit every cause, and pairs where no single one is enough.
@@ -110,6 +122,8 @@ def search(
         The campaign they are of: its band and channels.
     leaves : callable
         Reduced χ² that a cause leaves on held-out records.
+    workers : Workers
+        Who fits.
 
     Returns
     -------
@@ -120,8 +134,8 @@ def search(
     scout = fit(nominal, few, Hypothesis(), None, LATER_STEPS, ROUGH)
     none = Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True)
     linear = candidates(nominal, observed.band, observed.channels)
-    rough = _rough(nominal, few, linear)
-    ranked = _refined(nominal, records, rough, REFINED, (scout.objective, none.fit.log_evidence))
+    rough = _rough(nominal, few, linear, workers)
+    ranked = _refined(nominal, records, rough, REFINED, (scout.objective, none.fit.log_evidence), workers)
     none = _not_caught(nominal, records, none, ranked)
     by_level = level_stands_out(records)
     laws: Sequence[Candidate] = ()
@@ -132,10 +146,10 @@ def search(
         moved = motions(none.fit.model, outlook)
         motion = {place: m.high for place, m in moved.items()}
         laws = nonlinear_candidates(nominal, moved)
-        rough = _rough_laws(nominal, outlook, laws, motion)
-        ranked += _refined(nominal, records, rough, 2, _rival(nominal, outlook, ranked), MOST_LAWS)
+        rough = _rough_laws(nominal, outlook, laws, motion, workers)
+        ranked += _refined(nominal, records, rough, 2, _rival(nominal, outlook, ranked), workers, MOST_LAWS)
     if none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
-        ranked += _pairs(nominal, records, few, outlook, ranked, [*linear, *laws], motion)
+        ranked += _pairs(nominal, records, few, outlook, ranked, [*linear, *laws], motion, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
         best.setdefault(r.name, r)
@@ -173,6 +187,7 @@ def _refined(
     rough: Sequence[tuple[Candidate, Fit]],
     least: int,
     rival: tuple[float, float],
+    workers: Workers,
     most: int = MOST,
     close: float = CLOSE,
 ) -> list[Ranked]:
@@ -183,16 +198,18 @@ def _refined(
     there is not worth the dearer fit.
     """
     ahead = rough[0][1].objective if rough else 0.0
-    ranked: list[Ranked] = []
+    chosen: list[tuple[Candidate, Fit]] = []
     left_out: list[tuple[Candidate, Fit]] = []
     for i, (candidate, start) in enumerate(rough):
         behind = start.objective - ahead
         wanted = (behind < close and i < most) or (behind < FAR and i < least)
         hopeless = not start.hypothesis.linear and start.chi2 > HOPELESS * start.count
-        if start.objective - rival[0] < CLOSE and wanted and not hopeless:
-            ranked.append(Ranked(candidate.name, fit(nominal, records, start.hypothesis, start.x), True))
-        else:
-            left_out.append((candidate, start))
+        near = start.objective - rival[0] < CLOSE and wanted and not hopeless
+        (chosen if near else left_out).append((candidate, start))
+    steps = [MOST_STEPS if f.hypothesis.linear else MOST_LAW_STEPS for _, f in chosen]
+    starts = [f for _, f in chosen]
+    fits = workers.map(partial(fit, nominal, records), [f.hypothesis for f in starts], [f.x for f in starts], steps)
+    ranked = [Ranked(c.name, f, True) for (c, _), f in zip(chosen, fits, strict=True)]
     best = max((r.fit.log_evidence for r in ranked), default=rival[1])
     # Few lines and a widened noise understate how far behind a cause is, by as much as for the rival.
     lead = rival[0] - ahead
@@ -210,41 +227,50 @@ def _rival(nominal: Model, outlook: Records, ranked: Sequence[Ranked]) -> tuple[
     return there.objective, best.fit.log_evidence
 
 
-def _rough(nominal: Model, few: Records, found: Sequence[Candidate]) -> list[tuple[Candidate, Fit]]:
+def _rough(nominal: Model, few: Records, found: Sequence[Candidate], workers: Workers) -> list[tuple[Candidate, Fit]]:
     """Each candidate from the best of its starts, on few lines; best first."""
-    out = []
     scan = Scan(nominal, few, Hypothesis(), None, {}, apart=False)
-    for candidate in found:
-        # All start from the untuned model: the tuning of a model that lacks the cause leads away.
-        starts = [Hypothesis((e,)) for e in candidate.starts]
-        if len(starts) > CLIMBED:
-            starts.sort(key=lambda h: -scan.as_it_stands(h.effects[0]).gain)
-        tries = [f for h in starts[:CLIMBED] if (f := _started(nominal, few, h, None, FIRST_STEPS)) is not None]
-        if tries:
-            best = min(tries, key=lambda f: f.objective)
-            found_best = fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)
-            out.append((candidate, found_best))
-            for i, other in enumerate(found_best.hypothesis.effects[0].conventions):
-                again = fit(nominal, few, Hypothesis((other,)), found_best.x, LATER_STEPS, ROUGH)
-                out.append((Candidate(f"{candidate.name}, convention {i + 2}", (other,)), again))
-    return sorted(out, key=lambda pair: pair[1].objective)
+    each = workers.map(partial(_scouted, nominal, few, scan), found)
+    return sorted((row for rows in each for row in rows), key=lambda pair: pair[1].objective)
+
+
+def _scouted(nominal: Model, few: Records, scan: Scan, candidate: Candidate) -> list[tuple[Candidate, Fit]]:
+    """A candidate from the best of its starts, and its other conventions from there; nothing where the model takes none."""
+    # All start from the untuned model: the tuning of a model that lacks the cause leads away.
+    starts = [Hypothesis((e,)) for e in candidate.starts]
+    if len(starts) > CLIMBED:
+        starts.sort(key=lambda h: -scan.as_it_stands(h.effects[0]).gain)
+    tries = [f for h in starts[:CLIMBED] if (f := _started(nominal, few, h, None, FIRST_STEPS)) is not None]
+    if not tries:
+        return []
+    best = min(tries, key=lambda f: f.objective)
+    out = [(candidate, fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH))]
+    [(_, first)] = out
+    for i, other in enumerate(first.hypothesis.effects[0].conventions):
+        again = fit(nominal, few, Hypothesis((other,)), first.x, LATER_STEPS, ROUGH)
+        out.append((Candidate(f"{candidate.name}, convention {i + 2}", (other,)), again))
+    return out
 
 
 def _rough_laws(
-    nominal: Model, outlook: Records, found: Sequence[Candidate], motion: Mapping[str, float]
+    nominal: Model, outlook: Records, found: Sequence[Candidate], motion: Mapping[str, float], workers: Workers
 ) -> list[tuple[Candidate, Fit]]:
     """The same for laws, whose steps are dear: each is scanned, and those that promise most take some."""
     # Every other of many records: of three positions at three levels the corners and the middle.
     some = Records(outlook.entries[:: 2 if len(outlook.entries) > SCANNED else 1], outlook.rough)
     scan = Scan(nominal, some, Hypothesis(), None, motion, apart=True)
-    promising = sorted(((c, scan.promise(c.starts)) for c in found), key=lambda row: -row[1].gain)
-    promising = sorted(((c, scan.refined(s)) for c, s in promising[:MOST_REFINED]), key=lambda row: -row[1].gain)
-    out = []
-    for candidate, scanned in promising[:MOST_STARTED]:
-        started = _started(nominal, outlook, scanned.hypothesis, None, LAW_STEPS)
-        if started is not None:
-            out.append((candidate, started))
+    promising = _ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))[:MOST_REFINED]
+    refined = workers.map(scan.refined, [s for _, s in promising])
+    promising = _ranked_by_gain([c for c, _ in promising], refined)[:MOST_STARTED]
+    tries = workers.map(
+        partial(_started, nominal, outlook, warm=None, steps=LAW_STEPS), [s.hypothesis for _, s in promising]
+    )
+    out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]
     return sorted(out, key=lambda pair: pair[1].objective)
+
+
+def _ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:
+    return sorted(zip(names, scanned, strict=True), key=lambda row: -row[1].gain)
 
 
 def _started(
@@ -265,6 +291,7 @@ def _pairs(
     ranked: Sequence[Ranked],
     seconds: Sequence[Candidate],
     motion: Mapping[str, float],
+    workers: Workers,
 ) -> list[Ranked]:
     """A second cause on top of the best single ones."""
     best: dict[tuple[str, str], Ranked] = {}
@@ -279,27 +306,29 @@ def _pairs(
             # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
             x = None if base.fit.hypothesis.linear and family is outlook else base.fit.x
             scan = Scan(nominal, family, base.fit.hypothesis, x, motion, apart=family is outlook)
-            promising: list[tuple[str, Scanned]] = []
+            added: dict[str, Candidate] = {}
             for candidate in seconds:
                 names = frozenset((base.name, candidate.name))
                 linear = base.fit.hypothesis.linear and candidate.starts[0].linear
                 if len(names) == 1 or names in seen or linear != (family is few):
                     continue
                 seen.add(names)
-                promising.append((f"{base.name} + {candidate.name}", scan.promise(candidate.starts)))
-            promising.sort(key=lambda row: -row[1].gain)
+                added[f"{base.name} + {candidate.name}"] = candidate
             most, steps = (SECONDS, LATER_STEPS) if family is few else (LAW_SECONDS, LAW_STEPS)
-            promising = [(n, scan.refined(s)) for n, s in promising[:most]]
-            for name, scanned in promising:
-                started = _started(nominal, family, scanned.hypothesis, scan.warm, steps)
-                if started is not None:
-                    tried.append((Candidate(name, ()), started))
+            promising = _ranked_by_gain(list(added), workers.map(scan.promise, [c.starts for c in added.values()]))[
+                :most
+            ]
+            scanned = workers.map(scan.refined, [s for _, s in promising])
+            fits = workers.map(
+                partial(_started, nominal, family, warm=scan.warm, steps=steps), [s.hypothesis for s in scanned]
+            )
+            tried += [(Candidate(name, ()), f) for (name, _), f in zip(promising, fits, strict=True) if f is not None]
             if any(f.chi2 < f.count for _, f in tried):
                 break
         tried.sort(key=lambda pair: pair[1].objective)
         # No single cause is a rival here: none is enough.
         nobody = (np.inf, -np.inf)
-        out += [r for r in _refined(nominal, records, tried[:2], 1, nobody, close=PAIRS_CLOSE) if r.refined]
+        out += [r for r in _refined(nominal, records, tried[:2], 1, nobody, workers, close=PAIRS_CLOSE) if r.refined]
     return [*out, *_alone(nominal, records, out)]
 
 

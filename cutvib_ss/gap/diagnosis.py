@@ -15,6 +15,7 @@ from cutvib_ss.gap.calibration import Evidence, posterior, shipped, tempered
 from cutvib_ss.gap.cause import ENOUGH, Ranked, search
 from cutvib_ss.gap.detail import found
 from cutvib_ss.gap.fit import Fit
+from cutvib_ss.gap.hum import hums, mains
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.levels import level_stands_out
 from cutvib_ss.gap.metrics import Sides
@@ -25,6 +26,7 @@ from cutvib_ss.gap.problem import Problem
 from cutvib_ss.gap.records import Entry, Records, merged
 from cutvib_ss.gap.result import CandidateEvidence, Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.gap.verdict import ambiguity_set, verdict
+from cutvib_ss.gap.workers import Workers
 from cutvib_ss.measurement.records import Campaign
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 
@@ -32,6 +34,8 @@ JUDGED = 3
 """Causes that are judged on held-out records, at least while they carry any probability."""
 BAND_WIDTH = 5.0
 """Width over which the error is averaged to find the bands that stand out [Hz]."""
+
+HUMS = "all that the re-tuned model leaves lies on multiples of {:g} Hz: the mains hum in the measurement"
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,8 @@ def diagnose(
     seed : int
         Of the order in which positions are left out, and of the bootstrap.
     jobs : int
-        Processes; one does all today, more are accepted.
+        Processes, among which independent fits are spread; the result does not depend on their number. With more than one a
+        script needs its ``if __name__ == "__main__":``, since they are spawned.
 
     Returns
     -------
@@ -93,11 +98,11 @@ def diagnose(
     if not campaign.records:
         raise DiagnosisError("the campaign holds no records")
     # Small matrices in many threads wait for each other.
-    with threadpool_limits(1):
-        return _diagnosed(campaign, nominal, hold_out, seed)
+    with threadpool_limits(1), Workers(jobs) as workers:
+        return _diagnosed(campaign, nominal, hold_out, seed, workers)
 
 
-def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int) -> Diagnosis:
+def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
     observed = observe(campaign, nominal)
     fitted = [e for e in observed.entries if not e.check] or list(observed.entries)
     records = Records(tuple(fitted))
@@ -106,10 +111,10 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
 
     def judged(r: Ranked) -> _Held:
         if r.name not in judgements:
-            judgements[r.name] = _Held(r, shrinkage.judge(nominal, turns, r.fit))
+            judgements[r.name] = _Held(r, shrinkage.judge(nominal, turns, r.fit, workers))
         return judgements[r.name]
 
-    ranked = search(nominal, records, observed, lambda r: judged(r).reduced)
+    ranked = search(nominal, records, observed, lambda r: judged(r).reduced, workers)
     none, causes = ranked[0], ranked[1:]
     problem = Problem(nominal, records.merged, Hypothesis())
     evidence = Evidence(
@@ -138,9 +143,11 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     odds = posterior(evidence, shipped())
     unknown = odds["unknown"]
     by_level = bool(levels > where.LEVEL_EXCESS) or level_stands_out(records)
-    located = Located()
+    located, hum = Located(), None
     if by_level or none.reduced > ENOUGH:
         located = locate(nominal, none.fit, fitted, problem.blow_at(none.fit.x), by_level)
+        hum = mains(nominal, none.fit, records)
+        located = located if hum is None else hums(located, hum)
     rows = _causes(none, shown, odds, unknown, located.best, held, before, observed)
     result = verdict(rows)
     chosen = none.fit if result == "no_gap" else after.ranked.fit
@@ -170,7 +177,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         ambiguity_set=ambiguity_set(rows),
         next_test=test,
         title=campaign.title,
-        warnings=campaign.warnings,
+        warnings=(*campaign.warnings, *([] if hum is None else [HUMS.format(hum)])),
         nominal=nominal,
         corrected_machine=chosen.model,
         comparisons=_comparisons(nominal, none.fit, chosen, fitted),

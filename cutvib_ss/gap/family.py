@@ -73,6 +73,9 @@ def family_of(quantity: str, freq: FloatArray, value: ComplexArray, std: FloatAr
         None where no law known is close.
     """
     usable = np.isfinite(value) & np.isfinite(std) & (std > 0)
+    if quantity == "compliance":
+        # Where the function was left at nothing, no stiffness can be told.
+        usable &= value != 0
     if np.count_nonzero(usable) < 8:
         return None
     s: ComplexArray = np.asarray(2j * np.pi * freq[usable], dtype=np.complex128)

@@ -53,6 +53,27 @@ def in_parallel(v: Lines, ports: Sequence[str], ties: FloatArray) -> Elements:
     return Elements(v.response, left, right, own, ties, -1)
 
 
+def across(v: Lines, one: str, other: str) -> Elements:
+    """
+    An element that opposes two ports' being parted.
+
+    Parameters
+    ----------
+    v : Lines
+        The model.
+    one, other : str
+        The ports.
+
+    Returns
+    -------
+    Elements
+        The modification.
+    """
+    own = v.between(one, one) + v.between(other, other) - 2.0 * v.between(one, other)
+    right = v.between(one, "force") - v.between(other, "force")
+    return Elements(v.response, (v.shown(one) - v.shown(other))[None], right[None], own[None, None], np.eye(1), -1)
+
+
 def at_point(v: Lines, y: float) -> Elements:
     """
     An element between a point of the rail and ground.

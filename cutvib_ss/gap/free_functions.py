@@ -28,6 +28,10 @@ NEARBY = 4
 """… and from close by, at most."""
 SETTLED = 1e-3
 """Relative gain at which steps end."""
+BENDS = 10
+"""Degree of a smooth function of the logarithm of frequency …"""
+REWEIGHTED = 8
+"""… and the times that lines far from it are given less weight."""
 
 
 @dataclass(frozen=True)
@@ -216,6 +220,47 @@ def fitted_functions(
     return functions, best
 
 
+def smoothing_cost(rows: Rows, m: Modification, gain: ComplexArray, functions: ComplexArray) -> FloatArray:
+    """
+    Squares that smooth functions of frequency would leave beyond the fitted ones.
+
+    Parameters
+    ----------
+    rows : Rows
+        The records.
+    m : Modification
+        How the functions enter.
+    gain : ndarray, shape (channel, frequency)
+        Calibration errors, 1 + ε.
+    functions : ndarray, shape (set, function, frequency)
+        The fitted functions.
+
+    Returns
+    -------
+    ndarray, shape (set, frequency)
+        To second order: each function's distance from a polynomial in log f, by the fit's own curvature. Lines that lie far off
+        count little when the polynomial is fitted, so that a resonance there does not bend it everywhere.
+    """
+    matrix, _ = _normal(rows, m, gain, rows.weight, functions)
+    curvature = np.nan_to_num(np.abs(np.einsum("iisf->sif", matrix)))
+    u = np.log(rows.group.freq)
+    basis = np.polynomial.chebyshev.chebvander(
+        2.0 * (u - u[0]) / max(u[-1] - u[0], 1e-12) - 1.0, min(BENDS, u.size - 1)
+    )
+    # A set's share of the data, against which a distance is far.
+    usual = rows.group.data.size / rows.group.freq.size / rows.count
+    cost = np.zeros((len(functions), u.size))
+    for own, weights, total in zip(functions, curvature, cost, strict=True):
+        for value, weight in zip(own, weights, strict=True):
+            off = np.zeros(u.size)
+            for _ in range(REWEIGHTED):
+                root = np.sqrt(weight / (1.0 + off / usual))
+                smooth = basis @ np.linalg.lstsq(basis * root[:, None], value * root, rcond=None)[0]
+                off = weight * np.abs(value - smooth) ** 2
+            total += off
+    return cost
+
+
 def _inverted(rows: Rows, m: Modification, gain: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """At each line the best of no elements and the inversions of single responses."""
     best_one: ComplexArray = np.zeros((rows.count, m.functions, rows.group.freq.size), dtype=np.complex128)
@@ -227,9 +272,9 @@ def _inverted(rows: Rows, m: Modification, gain: ComplexArray, weight: FloatArra
     turn = np.array([np.count_nonzero(rows.sets[:i] == k) for i, k in enumerate(rows.sets)])
     for k in range(int(turn.max()) + 1):
         mine = np.flatnonzero(turn == k)
-        for c in range(asked.shape[1]):
-            trial = best_one.copy()
-            trial[rows.sets[mine], 0] = asked[mine, c]
+        for j, c in np.ndindex(len(asked), asked.shape[2]):
+            trial = np.zeros_like(best_one)
+            trial[rows.sets[mine], j] = asked[j, mine, c]
             left = squares_left(rows, m, gain, trial, weight)
             better = left < best
             best_one, best = np.where(better[:, None], trial, best_one), np.where(better, left, best)

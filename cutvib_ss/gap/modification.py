@@ -74,7 +74,7 @@ class Modification(Protocol):
 
     def inverted(self, data: ComplexArray) -> ComplexArray | None:
         """
-        The function that each single response asks for.
+        The function that each single response asks for, were there no other.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class Modification(Protocol):
 
         Returns
         -------
-        ndarray, shape (row, channel, frequency), or None
+        ndarray, shape (function, row, channel, frequency), or None
             The functions; None where a response alone does not tell.
         """
         ...
@@ -175,7 +175,7 @@ class Elements:
 
     def inverted(self, data: ComplexArray) -> ComplexArray | None:
         """
-        The function that each single response asks for.
+        The function that each single response asks for, were there no other.
 
         Parameters
         ----------
@@ -184,14 +184,16 @@ class Elements:
 
         Returns
         -------
-        ndarray, shape (row, channel, frequency), or None
-            The functions; None where there are several elements.
+        ndarray, shape (function, row, channel, frequency), or None
+            The functions; None where a function has several elements.
         """
-        if self.ties.shape != (1, 1):
+        count = len(self.ties)
+        if not np.array_equal(self.ties, np.eye(count)):
             return None
         missing = data - self.response
+        own = self.own[np.arange(count), np.arange(count)]
         with np.errstate(all="ignore"):
-            asked = missing / (self.sign * self.left[0] * self.right[0][:, None] - missing * self.own[0, 0][:, None])
+            asked = missing / (self.sign * self.left * self.right[:, :, None] - missing * own[:, :, None])
         return np.where(np.isfinite(asked), asked, 0.0)
 
 

@@ -3,9 +3,14 @@ The place of a gap without a hypothesis: the one whose free functions of frequen
 
 Every way in which a place can be at fault is fitted with the tuning around it (`cutvib_ss.gap.projection`), from the model as
 given and as re-tuned, for tuning without the element may have absorbed part of it. What counts is what the functions leave for
-each degree of freedom, and how well they do at positions that they were not fitted to: a place does not win by freedom. Where the
-response changes with the level every record has functions of its own: what a nonlinear force does to one record is one
-function there, exactly, and channels alone have to agree.
+each degree of freedom, and how well they do at positions that they were not fitted to: a place does not win by freedom.
+
+Where the response changes with the level there are two views, which count alike. In one every record has functions of its own: what
+a nonlinear force does to one record is one function there, exactly, and channels alone have to agree. Places in a row would all
+do (what sits behind the base is one function whatever it is; a force channel's gain is as good as the tool), were it not for
+shape: at the right place the function is smooth, elsewhere it has to undo the model's resonances. In the other view records of
+one level share their functions: roughly right where the element's motion differs little between positions, and what tells
+places apart by how they depend on position.
 """
 
 from __future__ import annotations
@@ -19,7 +24,7 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.family import family_of, with_level
 from cutvib_ss.gap.findings import DynamicStiffness, PlaceScore, finite_or_none
 from cutvib_ss.gap.fit import Fit
-from cutvib_ss.gap.free_functions import fitted_functions, rows_of, squares_left
+from cutvib_ss.gap.free_functions import Rows, fitted_functions, rows_of, smoothing_cost, squares_left
 from cutvib_ss.gap.projection import Free, Outer
 from cutvib_ss.gap.records import Entry, Group, merged
 from cutvib_ss.gap.variants import variants
@@ -40,6 +45,10 @@ DOUBT = 0.01
 the catalogue."""
 HELD = 0.25
 """Weight of what is left at positions left out, against what is left of all."""
+SMOOTH = 0.5
+"""Weight of what smooth functions leave where every record has its own, against what any functions leave …"""
+BY_RECORD = 2 / 3
+"""… and weight of that view, against functions by level."""
 SHOWN = 0.05
 """Probability from which a place's functions are kept; the first place's are in any case."""
 KEPT = 2
@@ -99,24 +108,28 @@ def locate(nominal: Model, none: Fit, entries: Sequence[Entry], blow_at: float, 
     -----
     The evidence of a line with n data, of which functions leave the mean square q a degree of freedom, is n ln(1 + q): the
     likelihood of errors with heavy tails, so that a line that no place explains does not decide. Probabilities go with
-    e^(-w Σ n ln(1 + q)), q being of all records and, by a quarter, of those left out by turns.
+    e^(-w Σ n ln(1 + q)), q being of all records and, by a quarter, of those left out by turns; where records have functions of
+    their own, of any functions and of smooth ones.
     """
     groups = merged(entries, apart=by_level)
-    coarse = [_few(g) for g in groups]
-    rows = [rows_of(none.tuned, g, _sets(g, by_level), blow_at) for g in coarse]
-    outer = Outer(nominal, rows)
     channels = tuple(dict.fromkeys(c for g in groups for c in g.channels))
-    best = []
-    for found in _by_place(outer, nominal, channels, none.x, by_level).values():
-        fits = [outer.climb(free, CLIMBS) for free in found[:CLIMBED]]
-        judged = [(*_judged(outer, free, by_level), free) for free in fits]
-        best.append(min(judged, key=lambda row: row[0]))
-    against = np.array([row[0] for row in best])
-    weight = np.exp(-SHARPNESS * (against - against.min()))
-    share = (1.0 - DOUBT) * weight / weight.sum() + DOUBT / weight.size
+    views = _views(none, [_few(g) for g in groups], blow_at, by_level)
+    best: dict[str, tuple[float, Free]] = {}
+    against: dict[str, float] = {}
+    for rows, by_record, weight in views:
+        outer = Outer(nominal, rows)
+        for place, found in _by_place(outer, nominal, channels, none.x, by_level).items():
+            fits = [outer.climb(free, CLIMBS) for free in found[:CLIMBED]]
+            judged = [(*_judged(outer, free, by_record), free) for free in fits]
+            evidence, left, free = min(judged, key=lambda row: row[0])
+            against[place] = against.get(place, 0.0) + weight * evidence
+            best.setdefault(place, (left, free))
+    told = np.array([against[place] for place in best])
+    odds = np.exp(-SHARPNESS * (told - told.min()))
+    share = (1.0 - DOUBT) * odds / odds.sum() + DOUBT / odds.size
     scores = [
-        (PlaceScore(free.variant.place, free.variant.name, left, float(p)), free)
-        for (_, left, free), p in zip(best, share, strict=True)
+        (PlaceScore(place, free.variant.name, left, float(p)), free)
+        for (place, (left, free)), p in zip(best.items(), share, strict=True)
     ]
     scores.sort(key=lambda pair: -pair[0].probability)
     kept = [free for i, (s, free) in enumerate(scores[:KEPT]) if i == 0 or s.probability >= SHOWN]
@@ -131,8 +144,26 @@ def _few(g: Group) -> Group:
     return replace(g, freq=g.freq[keep], data=g.data[..., keep], variance=g.variance[..., keep])
 
 
-def _sets(g: Group, apart: bool) -> np.ndarray:
-    return np.arange(g.positions.size) if apart else np.zeros(g.positions.size, dtype=int)
+def _views(none: Fit, groups: Sequence[Group], blow_at: float, by_level: bool) -> list[tuple[list[Rows], bool, float]]:
+    """Records with who shares functions with whom, whether none does, and what that view counts."""
+
+    def rows(sets: Sequence[np.ndarray]) -> list[Rows]:
+        return [rows_of(none.tuned, g, s, blow_at) for g, s in zip(groups, sets, strict=True)]
+
+    if not by_level:
+        return [(rows([np.zeros(g.positions.size, dtype=int) for g in groups]), False, 1.0)]
+    own = rows([np.arange(g.positions.size) for g in groups])
+    shared = [_levels(g)[1] for g in groups]
+    if all(np.unique(s).size == s.size for s in shared):
+        return [(own, True, 1.0)]
+    return [(own, True, BY_RECORD), (rows(shared), False, 1.0 - BY_RECORD)]
+
+
+def _levels(g: Group) -> tuple[FloatArray, np.ndarray]:
+    """Distinct levels of a group's rows, and which of them each row is at."""
+    level = np.array([np.nan_to_num(same[0].level if same else np.nan, nan=-1.0) for same in g.entries])
+    distinct, index = np.unique(level, return_inverse=True)
+    return distinct, index
 
 
 def _by_place(
@@ -160,23 +191,26 @@ def _freedom(outer: Outer, free: Free) -> float:
     return 2.0 * float(max(count, 1))
 
 
-def _judged(outer: Outer, free: Free, by_level: bool) -> tuple[float, float]:
+def _judged(outer: Outer, free: Free, by_record: bool) -> tuple[float, float]:
     """Evidence against a place, and the mean square that is left of what counts most: of records left out, where there are any."""
     against, means = 0.0, []
     parts = zip(outer.rows, outer.modifications(free.variant, free.x, free.shape), outer.gains(free.x), strict=True)
     for i, (rows, m, gain) in enumerate(parts):
         per_line = rows.group.data.size / rows.group.freq.size
-        functions, left = fitted_functions(rows, m, gain, rows.weight, free.functions[i])
-        left = left.sum(axis=0) / max(per_line - rows.count * m.functions, 1e-3)
+        functions, squares = fitted_functions(rows, m, gain, rows.weight, free.functions[i])
+        left = squares.sum(axis=0) / max(per_line - rows.count * m.functions, 1e-3)
+        other, share = left, HELD
         places = np.unique(rows.group.positions)
-        turns = 0 if by_level else min(TURNS, places.size)
-        held = left if turns < 2 else np.zeros(left.size)
-        for k in range(turns if turns > 1 else 0):
-            off = np.isin(rows.group.positions, places[k::turns])
-            again, _ = fitted_functions(rows, m, gain, rows.but(off), functions)
-            held = held + squares_left(rows, m, gain, again, rows.but(~off)).sum(axis=0) / per_line
-        against += per_line * float(np.sum((1.0 - HELD) * np.log1p(left) + HELD * np.log1p(held)))
-        means.append(held)
+        if by_record:
+            other, share = (squares + smoothing_cost(rows, m, gain, functions)).sum(axis=0) / per_line, SMOOTH
+        elif places.size > 1:
+            other, turns = np.zeros(left.size), min(TURNS, places.size)
+            for k in range(turns):
+                off = np.isin(rows.group.positions, places[k::turns])
+                again, _ = fitted_functions(rows, m, gain, rows.but(off), functions)
+                other = other + squares_left(rows, m, gain, again, rows.but(~off)).sum(axis=0) / per_line
+        against += per_line * float(np.sum((1.0 - share) * np.log1p(left) + share * np.log1p(other)))
+        means.append(left if by_record else other)
     return against, float(np.median(np.concatenate(means)))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from cutvib_ss.gap.prediction import Prediction
 from cutvib_ss.gap.problem import WITHIN, Problem
 from cutvib_ss.gap.records import Entry, Group, Records, merged
 from cutvib_ss.gap.simulation import LOUDNESS, LOUDNESS_STEP, problem_for, simulated
+from cutvib_ss.gap.workers import Workers
 from cutvib_ss.results import ComplexArray, FloatArray
 
 AGAIN, AGAIN_LAWS = 15, 3
@@ -123,7 +125,7 @@ def _key(e: Entry, entries: Sequence[Entry]) -> float:
     return float(e.record)
 
 
-def judge(nominal: Model, turns: Sequence[Fold], start: Fit) -> tuple[Judged, ...]:
+def judge(nominal: Model, turns: Sequence[Fold], start: Fit, workers: Workers) -> tuple[Judged, ...]:
     """
     Errors of a hypothesis on held-out records.
 
@@ -135,22 +137,25 @@ def judge(nominal: Model, turns: Sequence[Fold], start: Fit) -> tuple[Judged, ..
         The turns.
     start : Fit
         The hypothesis fitted on all records, from which each turn starts.
+    workers : Workers
+        Who fits.
 
     Returns
     -------
     tuple of Judged
         Each held-out record, in the records' order.
     """
-    out = []
-    for turn in turns:
-        records = Records(turn.fitted)
-        again = fit(nominal, records, start.hypothesis, start.x, AGAIN if start.hypothesis.linear else AGAIN_LAWS)
-        problem = problem_for(nominal, records, again.hypothesis)
-        model, blow_at = again.model, problem.blow_at(again.x)
-        for e in turn.judged:
-            shown = predicted(e, model, blow_at, problem, again.x)
-            out.append(judged(e, shown.data, shown.variance))
-    return tuple(sorted(out, key=lambda j: j.entry.record))
+    out = workers.map(partial(_one_turn, nominal, start), turns)
+    return tuple(sorted((j for turn in out for j in turn), key=lambda j: j.entry.record))
+
+
+def _one_turn(nominal: Model, start: Fit, turn: Fold) -> list[Judged]:
+    records = Records(turn.fitted)
+    again = fit(nominal, records, start.hypothesis, start.x, AGAIN if start.hypothesis.linear else AGAIN_LAWS)
+    problem = problem_for(nominal, records, again.hypothesis)
+    blow_at = problem.blow_at(again.x)
+    shown = [predicted(e, again.model, blow_at, problem, again.x) for e in turn.judged]
+    return [judged(e, s.data, s.variance) for e, s in zip(turn.judged, shown, strict=True)]
 
 
 def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tuple[Judged, ...]:

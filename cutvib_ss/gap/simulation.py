@@ -43,6 +43,8 @@ JUMP = 0.2
 """Step between lines, against the largest response, from which a sweep may have jumped."""
 STILL = 5.0
 """Modes this many times above the band yield statically to nonlinear forces."""
+CLASSICAL = 20.0
+"""Damping couples no modes that many times above the band."""
 STEPS, ROUGH_STEPS = 20.0, 10.0
 """Steps in a period: χ² is then off by less than 1e-6 of a degree of freedom for smooth laws (1e-3 on few lines), and by 3e-4 for
 friction (1e-2), which takes twice as many."""
@@ -122,7 +124,9 @@ def simulated(
         position = None if np.isnan(at) else at
         replays = [_replay(group, row) for row in rows]
         if position not in forms:
-            forms[position] = modal_form(model, position, outputs, viscous_at=HYSTERESIS_AT)
+            forms[position] = modal_form(
+                model, position, outputs, HYSTERESIS_AT, classical_above=CLASSICAL * float(group.freq[-1])
+            )
         form = forms[position]
         # All records at a position in one call: they share the modal sum.
         louder = np.ones(len(data)) if loudness is None else loudness

@@ -106,6 +106,17 @@ def variants(model: Model, channels: Sequence[str]) -> tuple[Variant, ...]:
         out.append(_parallel(place, (f"{place}_x", f"{place}_z"), tied=True))
     # A hose may hold the tool along the machine; the head moves that way by its joint alone.
     out.append(_parallel("tool", ("tool_z",)))
+    # A cable runs between tool and carriage.
+    out.append(
+        Variant(
+            "tool",
+            "tool_x-base",
+            "dynamic stiffness",
+            "N/m",
+            ("tool_x-base",),
+            lambda v, _: faults.across(v, "tool_x", "base"),
+        )
+    )
     if model.guide is None:
         out.append(Variant("head_base", "guide", "compliance", "m/N", ("guide",), lambda v, _: faults.guide(v)))
     leaks = {"tool_x", "tool_z"} <= set(channels)

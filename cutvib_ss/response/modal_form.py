@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -102,6 +103,7 @@ def modal_form(
     viscous_at: float | None = None,
     quantities: Sequence[Quantity] | None = None,
     ports: Sequence[str] | None = None,
+    classical_above: float = np.inf,
 ) -> ModalForm:
     """
     The modal sum of a model at a position, as its channels and nonlinear elements see it.
@@ -120,6 +122,8 @@ def modal_form(
         Motion quantity of each output: by default each channel's own, displacement of ports.
     ports : sequence of str, optional
         Ports of nonlinear elements; those of the model by default.
+    classical_above : float
+        Frequency [Hz] above which damping couples no modes.
 
     Returns
     -------
@@ -141,7 +145,7 @@ def modal_form(
     system = system_with(machine, position, viscous_at, (*reads, *at))
     rows = np.array([row_of(system, r) for r in (*reads, *at)])
     forces = np.array([drive_of(machine, system), *(row_of(system, p) for p in at)]).T
-    m = modal_basis(system)
+    m = modal_basis(system, classical_above)
     return ModalForm(m.poles, m.drives @ forces, rows @ m.shapes, read, names, at, m.from_state, system.dofs)
 
 
@@ -268,7 +272,7 @@ class ModalBasis:
     from_state: ComplexArray
 
 
-def modal_basis(system: SecondOrder) -> ModalBasis:
+def modal_basis(system: SecondOrder, classical_above: float = np.inf) -> ModalBasis:
     """
     Complex modes of a second-order system.
 
@@ -276,6 +280,9 @@ def modal_basis(system: SecondOrder) -> ModalBasis:
     ----------
     system : SecondOrder
         The system.
+    classical_above : float
+        Frequency [Hz] above which damping couples no modes: undamped modes beyond it keep their own damping alone. Far above what
+        is looked at they yield statically whatever their damping, and the dense eigenproblem is of the others only.
 
     Returns
     -------
@@ -290,26 +297,64 @@ def modal_basis(system: SecondOrder) -> ModalBasis:
     Notes
     -----
     With p the undamped modes' amplitudes the states are (p, ṗ/w); right and left vectors of that small matrix give the sum.
+    A mode that damping does not couple is such a matrix by itself, of two rows.
     """
     try:
         squares, basis = linalg.eigh(system.stiffness, system.mass)
     except linalg.LinAlgError as error:
         raise CouplingError("the mass matrix is not positive definite: there are no modes to step") from error
-    n = squares.size
     w = float(np.sqrt(np.abs(squares).max())) or 1.0
     squares = np.where(np.abs(squares) < (_RIGID * w) ** 2 * 1e4, (_RIGID * w) ** 2 * 1e8, squares)
     damping = basis.T @ system.damping @ basis
+    n = int(np.searchsorted(squares, (2 * np.pi * classical_above) ** 2))
+    poles, right, from_place, from_rate = _halves(squares[:n], damping[:n, :n], w)
+    alone = _pairs(squares[n:], np.diag(damping)[n:], w)
+    weighted = basis.T @ system.mass
+    values = np.concatenate([poles, alone.poles])
+    # A real pole's shape is real up to a factor of its own, which inverse and vector share; a pair counts twice.
+    twice = np.where(values.imag > 0.0, 2.0, 1.0)
+    own = n + alone.mode
+    shapes: ComplexArray = np.hstack([basis[:, :n] @ right, basis[:, own] * alone.right]) * twice
+    drives = (
+        np.asarray(np.vstack([from_rate @ basis.T[:n], alone.from_rate[:, None] * basis.T[own]]), np.complex128) / w
+    )
+    placed = np.vstack([from_place @ weighted[:n], alone.from_place[:, None] * weighted[own]])
+    moving = np.vstack([from_rate @ weighted[:n], alone.from_rate[:, None] * weighted[own]]) / w
+    order = np.argsort(np.abs(values), kind="stable")
+    return ModalBasis(values[order], shapes[:, order], drives[order], np.hstack([placed, moving])[order])
+
+
+def _halves(
+    squares: FloatArray, damping: FloatArray, w: float
+) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
+    """Modes that damping couples: one pole of each pair and the real ones, right vectors, left ones over amplitudes and rates."""
+    n = squares.size
     a = np.block([[np.zeros((n, n)), w * np.eye(n)], [-np.diag(squares) / w, -damping]])
     values, vectors = linalg.eig(a)
     inverse: ComplexArray = linalg.inv(vectors)
-    # A real pole's shape is real up to a factor of its own, which inverse and vector share; a pair counts twice.
     values.imag[np.abs(values.imag) < 1e-13 * w] = 0.0
     kept = np.flatnonzero(values.imag >= 0.0)
-    kept = kept[np.argsort(np.abs(values[kept]), kind="stable")]
-    right: ComplexArray = basis @ vectors[:n, kept] * np.where(values[kept].imag > 0.0, 2.0, 1.0)
-    left = inverse[kept, n:] @ basis.T / w
-    state = np.hstack([inverse[kept, :n], inverse[kept, n:] / w]) @ np.kron(np.eye(2), basis.T @ system.mass)
-    return ModalBasis(values[kept], right, left, state)
+    return values[kept], vectors[:n, kept], inverse[kept, :n], inverse[kept, n:]
+
+
+class _Pairs(NamedTuple):
+    """Modes by themselves: of each pole that is kept, its mode and the entries of its vectors."""
+
+    poles: ComplexArray
+    mode: np.ndarray
+    right: ComplexArray
+    from_place: ComplexArray
+    from_rate: ComplexArray
+
+
+def _pairs(squares: FloatArray, damping: FloatArray, w: float) -> _Pairs:
+    a = np.zeros((squares.size, 2, 2))
+    a[:, 0, 1], a[:, 1, 0], a[:, 1, 1] = w, -squares / w, -damping
+    values, vectors = np.linalg.eig(a.astype(np.complex128))
+    inverse = np.linalg.inv(vectors)
+    values.imag[np.abs(values.imag) < 1e-13 * w] = 0.0
+    mode, which = np.nonzero(values.imag >= 0.0)
+    return _Pairs(values[mode, which], mode, vectors[mode, 0, which], inverse[mode, which, 0], inverse[mode, which, 1])
 
 
 def linear_course(poles: ComplexArray, drives: ComplexArray, h: float) -> tuple[ComplexArray, ComplexArray]:

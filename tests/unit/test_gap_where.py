@@ -1,11 +1,14 @@
 """The place of elements that no catalogue knows, from free functions of frequency; the laws that these suggest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.gap.family import family_of, with_level
 from cutvib_ss.gap.fit import fit
+from cutvib_ss.gap.hum import hums, mains
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.place import locate
 from cutvib_ss.gap.records import Entry, Records
@@ -34,7 +37,9 @@ def dense(machine, position, elements):
     system = machine.second_order(position)
     stiffness = system.dynamic_stiffness(S)
     for port, z in elements.items():
-        stiffness = stiffness + z[:, None, None] * np.outer(system.port(port), system.port(port))
+        first, *other = (system.port(name) for name in port.split("-"))
+        row = first - sum(other)
+        stiffness = stiffness + z[:, None, None] * np.outer(row, row)
     load = np.broadcast_to(system.port("tool_x")[:, None], (FREQ.size, len(system.dofs), 1))
     reads = np.array([system.port(p) for p in ("tool_x", "tool_z", "base")])
     return (reads @ np.linalg.solve(stiffness, load)[..., 0].T) * S**2
@@ -95,6 +100,57 @@ def test_place_of_a_slow_sensor():
     assert found.stiffness[0].label == "tool_z"
     seen = FREQ > 180
     np.testing.assert_allclose((1 + found.stiffness[0].value[0])[seen], (1 / (1 + S / 2e3))[seen], atol=0.05)
+
+
+def test_place_of_a_cable_between_tool_and_carriage():
+    rng, z = np.random.default_rng(6), 1e6 * (1 + S / 4e3) ** 1.5
+    found = located(
+        [entry(k, y, np.nan, dense(published_machine(), y, {"tool_x-base": z}), rng) for k, y in enumerate(POSITIONS)]
+    )
+    assert (found.best, found.scores[0].variant) == ("tool", "tool_x-base")
+    [element] = [e for e in found.stiffness if e.place == "tool"]
+    seen = (FREQ > 180) & (FREQ < 280)
+    assert np.median(np.abs(element.value[0] / z - 1)[seen]) < 0.1
+
+
+def test_place_of_ends_that_give_more_with_the_level():
+    # Record by record anything behind the base is one function: how it depends on position tells the ends from the rail.
+    rng, entries = np.random.default_rng(7), []
+    for y in POSITIONS:
+        for level in (15.0, 60.0):
+            machine = SupportCompliance("rail_ends", 6e8 / level, 1e9, 50.0, 50.0).apply(published_machine())
+            entries.append(entry(len(entries), y, level, dense(machine, y, {}), rng))
+    assert located(entries, by_level=True).best == "rail_ends"
+
+
+def test_place_of_a_trigger_that_jitters():
+    # A gain of all channels, another in every record: as good as any element at the tool, but smooth.
+    rng, entries = np.random.default_rng(8), []
+    for y in POSITIONS:
+        for level in (15.0, 60.0):
+            late = np.exp(-S[:, None] * rng.normal(0.0, 2e-4, 3)).mean(axis=1)
+            entries.append(entry(len(entries), y, level, late * dense(published_machine(), y, {}), rng))
+    assert located(entries, by_level=True).best == "measurement"
+
+
+@pytest.mark.parametrize(("tones", "found"), [(50.0, 50.0), (60.0, 60.0), (57.0, None), (None, None)])
+def test_mains_hum_is_told_by_its_multiples(tones, found):
+    rng, entries = np.random.default_rng(9), []
+    for k, y in enumerate(POSITIONS):
+        elements = {} if tones else {"joint2": 40.0 * S**0.5}
+        e = entry(k, y, np.nan, dense(published_machine(), y, elements), rng)
+        hum = np.zeros_like(e.data)
+        if tones:
+            on = np.abs(FREQ - np.round(FREQ / tones) * tones) < 2.5
+            hum[:, on] = 30.0 * np.sqrt(e.variance[:, on]) * np.exp(2j * np.pi * rng.random((3, on.sum())))
+        entries.append(replace(e, data=e.data + hum))
+    records = Records(tuple(entries))
+    none = fit(OFF, records, Hypothesis())
+    assert none.chi2 > 3.0 * none.count
+    assert mains(OFF, none, records) == found
+    places = hums(located(entries), 50.0).odds
+    assert next(iter(places)) == "measurement"
+    assert sum(places.values()) == pytest.approx(1.0)
 
 
 Z = {

@@ -1,0 +1,69 @@
+"""Fits that do not depend on each other, in several processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from types import TracebackType
+from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+ResultT = TypeVar("ResultT")
+
+
+class Workers:
+    """
+    A pool of processes that starts when it is first needed.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes; with one the work is done here.
+
+    Notes
+    -----
+    Processes are spawned, not forked: threads of the numerical libraries would be copied in the middle of their work. A script that
+    asks for more than one therefore needs its ``if __name__ == "__main__":``. What is done, and in which order it is given
+    back, does not depend on their number.
+    """
+
+    def __init__(self, jobs: int = 1) -> None:
+        self.jobs = jobs
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def map(self, work: Callable[..., ResultT], *columns: Iterable[Any]) -> list[ResultT]:
+        """
+        Results of some work.
+
+        Parameters
+        ----------
+        work : callable
+            A function of a module, or a `functools.partial` of one.
+        *columns : iterable
+            Its arguments, as of `map`.
+
+        Returns
+        -------
+        list
+            Results in order; the first error is raised.
+        """
+        rows = list(zip(*columns, strict=True))
+        if self.jobs == 1 or len(rows) < 2:
+            return [work(*row) for row in rows]
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(
+                self.jobs, mp_context=get_context("spawn"), initializer=threadpool_limits, initargs=(1,)
+            )
+        # What the work shares goes along with every chunk: few chunks, yet some to even out.
+        return list(self._pool.map(work, *zip(*rows, strict=True), chunksize=max(1, len(rows) // (3 * self.jobs))))
