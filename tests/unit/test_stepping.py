@@ -38,6 +38,16 @@ def two_masses(k: float = 2.5e5, input_quantity: str = "force") -> Structure:
     return Structure(system, channels, "drive", input_quantity)  # type: ignore[arg-type]
 
 
+def chain(n: int, c: float) -> Structure:
+    """Masses in a row on springs, to 2 kHz; one dashpot at their end couples all modes."""
+    k = (2 * np.pi * 1000.0) ** 2
+    stiffness = k * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    damping = 1e-5 * stiffness
+    damping[-1, -1] += c
+    system = SecondOrder(np.eye(n), damping, stiffness, tuple(f"x{i}" for i in range(n)), {"end": np.eye(n)[-1]})
+    return Structure(system, {"end": Channel("end", "displacement")}, "end")
+
+
 def one_mass(k: float, c: float = 0.0) -> Structure:
     """A mass of 1 kg on a spring; without one it is free."""
     system = SecondOrder(np.eye(1), np.array([[c]]), np.array([[k]]), ("x",), {"x": np.ones(1)})
@@ -47,6 +57,28 @@ def one_mass(k: float, c: float = 0.0) -> Structure:
 def with_element(model: Machine | Structure, port: str, law: str, **parameters: float) -> Machine | Structure:
     """The model with one nonlinear element."""
     return replace(model, nonlinear=(NonlinearElement(port, law, parameters),))
+
+
+@pytest.mark.parametrize("c", [30.0, 1e6])  # the latter overdamps a mode
+def test_damping_that_couples_no_modes_above_a_limit(c: float) -> None:
+    model, s = chain(30, c), 2j * np.pi * np.linspace(20.0, 200.0, 400)
+    exact = modal_form(model).receptance(s)
+    same = modal_form(model, classical_above=1e5)
+    np.testing.assert_allclose(same.receptance(s), exact, rtol=1e-9)
+    errors = [
+        np.abs(modal_form(model, classical_above=f).receptance(s) - exact).max() / np.abs(exact).max()
+        for f in (400.0, 800.0, 1600.0)
+    ]
+    assert errors[0] > errors[1] > errors[2]
+    assert c > 1e3 or errors[2] < 2e-4
+    # One by one they are what they are together where nothing couples them.
+    alone = replace(model, system=replace(model.system, damping=1e-5 * model.system.stiffness))
+    split, whole = modal_form(alone, classical_above=800.0), modal_form(alone)
+    np.testing.assert_allclose(split.receptance(s), whole.receptance(s), rtol=1e-9)
+    state = np.random.default_rng(1).standard_normal(60)
+    moved = [(f.shapes @ (f.from_state @ state)).real for f in (split, whole)]
+    np.testing.assert_allclose(moved[0], moved[1], rtol=1e-9)
+    assert moved[0] == pytest.approx(state[29])
 
 
 # --- linear -----------------------------------------------------------------------------------------------------------
