@@ -11,7 +11,7 @@ os.environ["MPLBACKEND"] = "Agg"
 
 # `ci` draws the same examples every time: a gate must not fail by luck. `thorough` looks for new ones.
 settings.register_profile(
-    "ci", deadline=None, max_examples=25, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+    "ci", deadline=None, max_examples=15, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.register_profile("thorough", deadline=None, max_examples=200, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))

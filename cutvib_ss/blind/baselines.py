@@ -6,34 +6,37 @@ Nearest signature
 Classifier
     A random forest on features of the campaigns, trained on the same.
 Untuned χ²
-    Every cause fitted to the model as given, nothing re-tuned and no calibration error allowed: the least χ² wins.
+    Every single cause fitted to the model as given, nothing re-tuned and no calibration error allowed: the least χ² wins.
 BIC
     The diagnosis' own tuned fits, weighed by Schwarz's criterion: no held-out records, no "unknown", no calibration.
 """
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
-from functools import partial
+from dataclasses import asdict, fields, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from cutvib_ss.blind.cases import NONE, UNKNOWN, Answer, Case, Causes, Entry, causes_of, read_cases
 from cutvib_ss.blind.features import CHANNELS, SIGNATURE, features
-from cutvib_ss.blind.files import packed, read_json, unpack, write_bytes
+from cutvib_ss.blind.files import read_json, write_json
 from cutvib_ss.blind.rows import rows
 from cutvib_ss.blind.score import Score
 from cutvib_ss.blind.seal import Trial
-from cutvib_ss.blind.workers import diagnosed, spread
-from cutvib_ss.errors import ParameterError
+from cutvib_ss.errors import CutvibError, ParameterError
+from cutvib_ss.gap.cause import search
+from cutvib_ss.gap.diagnosis import evidence_of
+from cutvib_ss.gap.findings import finite_or_none
+from cutvib_ss.gap.observations import observe
+from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.verdict import SET, SURE
 from cutvib_ss.gap.workers import Workers
-from cutvib_ss.model_files import read_machine, write_machine
+from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.results import FloatArray
 
 Odds: TypeAlias = Mapping[Causes, float]
@@ -262,9 +265,9 @@ def _softmax(diagnosis: Mapping[str, Any] | None, score: Callable[[Mapping[str, 
     return odds
 
 
-def untuned(folder: Path, names: Sequence[str], jobs: int) -> list[Mapping[str, Any] | None]:
+def untuned(folder: Path, names: Sequence[str], jobs: int) -> list[Mapping[str, Any]]:
     """
-    Diagnoses of a trial's campaigns with a model whose values may not move; they are kept, so that a second call is quick.
+    Fits of single causes to a model whose values may not move; they are kept, so that a second call is quick.
 
     Parameters
     ----------
@@ -277,24 +280,42 @@ def untuned(folder: Path, names: Sequence[str], jobs: int) -> list[Mapping[str, 
 
     Returns
     -------
-    list of dict or None
-        None where there is no diagnosis.
+    list of dict
+        The evidence of each case as a diagnosis holds it; without any where it cannot be fitted.
     """
     kept = folder / "baselines" / "untuned"
     kept.mkdir(parents=True, exist_ok=True)
     missing = [name for name in names if not (kept / f"{name}.json").is_file()]
-    tasks = ((name, partial(_held, Trial(folder).campaigns / name)) for name in missing)
-    for name, found in spread(diagnosed, tasks, jobs, None):
-        write_bytes(kept / f"{name}.json", found.diagnosis or b"null")
+    with Workers(jobs) as workers:
+        workers.map(
+            fitted_untuned, [Trial(folder).campaigns / n for n in missing], [kept / f"{n}.json" for n in missing]
+        )
     return [read_json(kept / f"{name}.json") for name in names]
 
 
-def _held(campaign: Path) -> bytes:
-    """The campaign with a model whose tolerances are next to nothing."""
-    with tempfile.TemporaryDirectory(prefix="cutvib-") as name:
-        copy = Path(name) / "campaign"
-        unpack(packed(campaign), copy)
-        machine: Any = read_machine(copy / "machine.toml")  # of either kind: both have tolerances
-        nothing = {f.name: UNTUNED for f in fields(machine.tolerance)}
-        write_machine(replace(machine, tolerance=replace(machine.tolerance, **nothing)), copy / "machine.toml")
-        return packed(copy)
+def fitted_untuned(campaign: Path, out: Path) -> None:
+    """
+    Fit every single cause to one campaign with a model whose tolerances are next to nothing.
+
+    Parameters
+    ----------
+    campaign : Path
+        The campaign's folder.
+    out : Path
+        File for the evidence.
+    """
+    try:
+        measured = read_campaign(campaign)
+        given: Any = measured.machine  # of either kind: both have tolerances
+        nothing = {f.name: UNTUNED for f in fields(given.tolerance)}
+        nominal = replace(given, tolerance=replace(given.tolerance, **nothing))
+        observed = observe(measured, nominal)
+        with threadpool_limits(1):
+            records = Records(observed.entries)
+            ranked = search(nominal, records, observed, lambda r: r.reduced, Workers(), pairs=False)
+    except CutvibError:
+        write_json(out, {})
+        return
+    listed = [asdict(evidence_of(r)) for r in ranked]
+    candidates = [{**c, "chi2": finite_or_none(c["chi2"]), "held_reduced_chi2": None} for c in listed]
+    write_json(out, {"evidence": {"data": ranked[0].fit.count, "candidates": candidates}})

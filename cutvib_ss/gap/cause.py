@@ -108,6 +108,7 @@ def search(
     observed: Observations,
     leaves: Callable[[Ranked], float],
     workers: Workers,
+    pairs: bool = True,
 ) -> tuple[Ranked, ...]:
     """
     Fit every cause, and pairs where no single one is enough.
@@ -124,6 +125,8 @@ def search(
         Reduced χ² that a cause leaves on held-out records.
     workers : Workers
         Who fits.
+    pairs : bool
+        Whether two causes are tried where no single one is enough.
 
     Returns
     -------
@@ -148,7 +151,7 @@ def search(
         laws = nonlinear_candidates(nominal, moved)
         rough = _rough_laws(nominal, outlook, laws, motion, workers)
         ranked += _refined(nominal, records, rough, 2, _rival(nominal, outlook, ranked), workers, MOST_LAWS)
-    if none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
+    if pairs and none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
         ranked += _pairs(nominal, records, few, outlook, ranked, [*linear, *laws], motion, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):

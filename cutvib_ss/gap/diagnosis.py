@@ -182,22 +182,42 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         corrected_machine=chosen.model,
         comparisons=_comparisons(nominal, none.fit, chosen, fitted),
         evidence=tuple(
-            CandidateEvidence(
-                name=r.name,
-                effect=r.fit.hypothesis.effect,
-                place=r.fit.hypothesis.place,
-                parameters=_discrete(r.fit),
-                log_evidence=r.fit.log_evidence,
-                chi2=r.fit.chi2 - r.fit.aside if r.refined else float("nan"),
-                unknowns=r.fit.x.size - r.fit.first_effect,
-                judged=r.name in held,
-                held_reduced_chi2=held[r.name].reduced if r.name in held else float("nan"),
-            )
-            for r in ranked
+            evidence_of(r, held[r.name].reduced if r.name in held else float("nan"), r.name in held) for r in ranked
         ),
         reduced_chi2=evidence.reduced,
         data_count=problem.count,
         findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
+    )
+
+
+def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool = False) -> CandidateEvidence:
+    """
+    What a fitted hypothesis has to say for itself.
+
+    Parameters
+    ----------
+    r : Ranked
+        The hypothesis.
+    held_reduced_chi2 : float
+        What it leaves on held-out records.
+    judged : bool
+        Whether it was judged on them.
+
+    Returns
+    -------
+    CandidateEvidence
+        The same as plain values.
+    """
+    return CandidateEvidence(
+        name=r.name,
+        effect=r.fit.hypothesis.effect,
+        place=r.fit.hypothesis.place,
+        parameters=_discrete(r.fit),
+        log_evidence=r.fit.log_evidence,
+        chi2=r.fit.chi2 - r.fit.aside if r.refined else float("nan"),
+        unknowns=r.fit.x.size - r.fit.first_effect,
+        judged=judged,
+        held_reduced_chi2=held_reduced_chi2,
     )
 
 

@@ -1,6 +1,7 @@
 """The simpler methods: features of campaigns, lookups, a forest, plain criteria on the diagnosis' own fits."""
 
 import json
+import shutil
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -21,11 +22,14 @@ from cutvib_ss.blind.baselines import (
 )
 from cutvib_ss.blind.cases import NONE, UNKNOWN, Case, read_cases
 from cutvib_ss.blind.features import BANDS, CHANNELS, features
-from cutvib_ss.blind.files import packed, read_json
+from cutvib_ss.blind.files import read_json
 from cutvib_ss.blind.rows import rows
 from cutvib_ss.blind.score import scored
 from cutvib_ss.blind.seal import Trial
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.gap.cause import Ranked
+from cutvib_ss.gap.fit import fit
+from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.machine import published_machine
 from cutvib_ss.model_files import read_machine
 from cutvib_ss.response.frequency import frequency_response
@@ -175,29 +179,28 @@ def test_baselines_stand_beside_the_score(tmp_path: Path, monkeypatch: pytest.Mo
             with_baselines(score, asked, [bad])
 
 
-def test_the_untuned_model_has_next_to_no_tolerances_and_its_diagnoses_are_kept(
+def test_the_untuned_model_has_next_to_no_tolerances_and_its_fits_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from cutvib_ss.blind.files import unpack
-    from tests.unit.blind_example import outcome
-
     (tmp_path / "campaigns").mkdir()
-    unpack(packed(DEMO), tmp_path / "campaigns" / "c1")
+    shutil.copytree(DEMO, tmp_path / "campaigns" / "c1")
     asked = []
 
-    def diagnose(archive: bytes) -> Any:
-        unpack(archive, tmp_path / f"seen{len(asked)}")
-        asked.append(read_machine(tmp_path / f"seen{len(asked)}" / "machine.toml"))
-        return outcome(diagnosis([("none", "none", 1.0)]))
+    def searched(nominal: Any, records: Any, *_: Any, pairs: bool) -> Any:
+        asked.append(nominal)
+        found = fit(nominal, records.coarse(40, 0.03), Hypothesis(), max_iterations=1)
+        return (Ranked("none", found, True), Ranked("guide_compliance", found, False))
 
-    monkeypatch.setattr(baselines, "diagnosed", diagnose)
-    first = untuned(tmp_path, ["c1"], 1)
-    assert untuned(tmp_path, ["c1"], 1) == first
-    (machine,) = asked
-    nominal = read_machine(DEMO / "machine.toml")
-    assert max(vars(machine.tolerance).values()) < 1e-5
-    assert machine.head == nominal.head
-    assert machine.rail == nominal.rail
+    monkeypatch.setattr(baselines, "search", searched)
+    (first,) = untuned(tmp_path, ["c1"], 1)
+    assert untuned(tmp_path, ["c1"], 1) == [first]
+    (nominal,) = asked
+    given = read_machine(DEMO / "machine.toml")
+    assert max(vars(nominal.tolerance).values()) < 1e-5
+    assert (nominal.head, nominal.rail) == (given.head, given.rail)
+    assert list(least_chi2(first)) == [NONE], "what was not fitted on all lines has no χ²"
+    (tmp_path / "campaigns" / "c2").mkdir()
+    assert untuned(tmp_path, ["c2"], 1) == [{}]
 
 
 def test_another_methods_answers_take_no_time_and_no_gap_figures() -> None:
