@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import copyreg
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
 ResultT = TypeVar("ResultT")
+
+
+def _reduced(mapping: MappingProxyType[Any, Any]) -> tuple[type, tuple[dict[Any, Any]]]:
+    return MappingProxyType, (dict(mapping),)
+
+
+# Models keep their tables read-only, which pickle does not know by itself.
+copyreg.pickle(MappingProxyType, _reduced)
 
 
 class Workers:
