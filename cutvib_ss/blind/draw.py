@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from cutvib_ss.blind.files import write_json
+from cutvib_ss.blind.plan import SMALL
 from cutvib_ss.blind.workers import CAMPAIGN, FRESH, LABEL
 
 FRESH_POSITIONS = 2
@@ -34,7 +35,13 @@ def main(request: dict[str, Any], folder: Path) -> None:
     """
     from cutvib_ss.blind.rig import draw_case, write_campaign
 
-    case = draw_case(request["seed"], request["kind"], cause=request["cause"], severity=tuple(request["severity"]))
+    case = draw_case(
+        request["seed"],
+        request["kind"],
+        request["cause"],
+        tuple(request["severity"]),
+        SMALL if request["small"] else None,
+    )
     (folder / CAMPAIGN).mkdir()
     write_campaign(case, folder / CAMPAIGN)
     if request["kind"] in ("single", "pair"):

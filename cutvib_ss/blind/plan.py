@@ -19,6 +19,11 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 SHARES: Mapping[str, float] = {"none": 0.30, "outside": 0.12, "pair": 0.08}
 """Parts of a trial by default; the rest has one cause. Of 500 cases: 150, 60, 40 and 250."""
 
+SMALL: Mapping[str, Any] = {
+    "positions": (0.12, 0.37, 0.63, 0.88), "levels": (20.0, 100.0), "channels": ("tool_x", "tool_z"),
+}  # fmt: skip
+"""Conditions of a small campaign."""
+
 
 @dataclass(frozen=True)
 class Request:
@@ -35,12 +40,15 @@ class Request:
         Which cause, where the kind leaves a choice; None leaves it to the rig.
     severity : tuple of float
         Range from which the severity is drawn, relative to the rig's usual one.
+    small : bool
+        Whether the campaign is one of an hour, not of a day.
     """
 
     seed: int
     kind: Kind
     cause: str | None
     severity: tuple[float, float]
+    small: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,12 +66,15 @@ class Settings:
         Number of cases of each kind.
     severity : tuple of float
         Range of severities.
+    small : bool
+        Whether all campaigns have `SMALL` extent, instead of one that is drawn.
     """
 
     cases: int
     seed: int
     mix: Mapping[str, int]
     severity: tuple[float, float] = (0.3, 2.0)
+    small: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """
@@ -77,7 +88,9 @@ class Settings:
         return {**asdict(self), "severity": list(self.severity)}
 
 
-def settings(cases: int, seed: int, mix: str | None = None, severity: tuple[float, float] = (0.3, 2.0)) -> Settings:
+def settings(
+    cases: int, seed: int, mix: str | None = None, severity: tuple[float, float] = (0.3, 2.0), small: bool = False
+) -> Settings:
     """
     Settings of a trial from what a user gives.
 
@@ -91,6 +104,8 @@ def settings(cases: int, seed: int, mix: str | None = None, severity: tuple[floa
         Numbers by kind, such as ``"none=150,outside=60,pair=40"``; the rest has one cause.
     severity : tuple of float
         Range of severities.
+    small : bool
+        Whether all campaigns are small.
 
     Returns
     -------
@@ -119,7 +134,7 @@ def settings(cases: int, seed: int, mix: str | None = None, severity: tuple[floa
     singles = cases - sum(counts.values())
     if singles < 0:
         raise ParameterError(f"--mix {mix}: asks for {cases - singles} cases, --cases for {cases}")
-    return Settings(cases, seed, {**counts, "single": singles}, severity)
+    return Settings(cases, seed, {**counts, "single": singles}, severity, small)
 
 
 def _counts(mix: str) -> dict[str, int]:
@@ -159,8 +174,34 @@ def requests(asked: Settings, causes: Sequence[str], outside: Sequence[str]) -> 
             drawn.append((kind, names[order[i % len(names)]] if len(names) else None))
     dealt = [drawn[k] for k in rng.permutation(asked.cases)]
     return tuple(
-        Request(int(seed), kind, cause, asked.severity) for seed, (kind, cause) in zip(seeds, dealt, strict=True)
+        Request(int(seed), kind, cause, asked.severity, asked.small)
+        for seed, (kind, cause) in zip(seeds, dealt, strict=True)
     )
+
+
+def options_of(asked: Mapping[str, Any]) -> str:
+    """
+    Options of ``cutvib blind run`` that make a trial's cases.
+
+    Parameters
+    ----------
+    asked : mapping
+        `Settings.to_dict` of the trial.
+
+    Returns
+    -------
+    str
+        As on a command line.
+
+    Examples
+    --------
+    >>> options_of(settings(12, 9, "none=6,outside=1", small=True).to_dict())
+    '--cases 12 --seed 9 --mix none=6,outside=1,pair=0 --severity 0.3:2 --small'
+    """
+    mix = ",".join(f"{kind}={n}" for kind, n in asked["mix"].items() if kind != "single")
+    low, high = asked["severity"]
+    small = " --small" if asked.get("small") else ""
+    return f"--cases {asked['cases']} --seed {asked['seed']} --mix {mix} --severity {low:g}:{high:g}{small}"
 
 
 def neutral_name(salt: bytes, index: int) -> str:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from cutvib_ss.blind.files import digest, folder_hash, packed, read_json, unpack, write_bytes, write_json
-from cutvib_ss.blind.plan import Request, Settings, neutral_name, requests
+from cutvib_ss.blind.plan import Request, Settings, neutral_name, options_of, requests
 from cutvib_ss.blind.seal import SealError, Trial, check_code, commit
 from cutvib_ss.blind.workers import Diagnoser, Made, Rig, RigError, diagnosed, rig_case, spread
 from cutvib_ss.errors import ParameterError
@@ -132,10 +132,11 @@ def _prepared(trial: Trial, asked: Settings) -> bytes:
     kept = trial.sealed / "trial.json"
     if kept.is_file():
         before = read_json(kept)
-        if before["settings"] != asked.to_dict():
+        # A trial from before there were small ones says nothing of them.
+        if {"small": False, **before["settings"]} != asked.to_dict():
             raise ParameterError(
-                f"{trial.folder}: holds a trial with other settings ({_told(before['settings'])}); repeat these to resume it, or "
-                "choose another folder"
+                f"{trial.folder}: holds a trial with other settings ({options_of(before['settings'])}); repeat these to "
+                "resume it, or choose another folder"
             )
         trial.folder.mkdir(parents=True, exist_ok=True)
     else:
@@ -150,12 +151,6 @@ def _prepared(trial: Trial, asked: Settings) -> bytes:
     for folder in (trial.campaigns, trial.diagnoses, trial.sealed / "cases"):
         folder.mkdir(exist_ok=True)
     return bytes.fromhex(read_json(kept)["salt"])
-
-
-def _told(settings: dict[str, Any]) -> str:
-    mix = ",".join(f"{kind}={n}" for kind, n in settings["mix"].items() if kind != "single")
-    low, high = settings["severity"]
-    return f"--cases {settings['cases']} --seed {settings['seed']} --mix {mix} --severity {low:g}:{high:g}"
 
 
 def _make_campaigns(

@@ -42,6 +42,10 @@ def blind_run_command(
     severity: Annotated[
         str, typer.Option("--severity", metavar="LO:HI", help="Range of severities, relative to the rig's usual ones.")
     ] = "0.3:2",
+    small: Annotated[
+        bool,
+        typer.Option("--small", help="Campaigns of four positions, two levels and two channels, for a quick trial."),
+    ] = False,
     timeout: Annotated[
         float, typer.Option("--timeout", min=1.0, metavar="S", help="A diagnosis of more seconds has failed.")
     ] = 1800.0,
@@ -50,7 +54,7 @@ def blind_run_command(
     from cutvib_ss.blind.plan import settings
     from cutvib_ss.blind.trial import package_tools, run_trial
 
-    asked = settings(cases, seed, mix, _range(severity))
+    asked = settings(cases, seed, mix, _range(severity), small)
     trial = run_trial(asked, out, package_tools(), jobs, scheduler, timeout, _progress)
     console = results()
     say(console, f"{cases} cases diagnosed; sealed by {trial.commitment}")

@@ -84,6 +84,8 @@ class Effect(ABC):
     """Id in the catalogue."""
     linear: ClassVar[bool] = True
     """Whether the frequency response alone carries it."""
+    scale_free: ClassVar[bool] = True
+    """Whether it does the same at every level of force; of laws those that tell only the sign of the motion."""
 
     place: str
 

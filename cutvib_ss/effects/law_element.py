@@ -31,6 +31,7 @@ class LawElement(Effect):
     """
 
     linear: ClassVar[bool] = False
+    scale_free: ClassVar[bool] = False
 
     @classmethod
     def _needs_spring(cls) -> bool:

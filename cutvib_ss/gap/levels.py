@@ -17,6 +17,26 @@ STANDS_OUT = 5.0
 """Standard deviations by which that has to exceed one, somewhere …"""
 NOISE_KNOWN = 0.15
 """… to which this is added, for the noise itself is an estimate."""
+APART = 1.5
+"""Ratio of levels from which what depends on the level would show between them."""
+
+
+def levels_compared(records: Records) -> bool:
+    """
+    Whether some position was measured at levels far enough apart for a difference to show.
+
+    Parameters
+    ----------
+    records : Records
+        The records.
+
+    Returns
+    -------
+    bool
+        False where every position has one level, or levels close together.
+    """
+    each = ([e.level for e in same] for g in records.merged for same in g.entries)
+    return any(max(levels) > APART * min(levels) for levels in each)
 
 
 def level_stands_out(records: Records) -> bool:

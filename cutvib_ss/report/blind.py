@@ -11,6 +11,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from cutvib_ss.blind.cases import Case, name_of
+from cutvib_ss.blind.plan import options_of
 from cutvib_ss.blind.rows import Row
 from cutvib_ss.blind.score import Group, Score, case_data
 from cutvib_ss.blind.statistics import Estimate
@@ -34,13 +35,11 @@ def heading(score: Score) -> list[str]:
     list of str
         Sentences.
     """
-    about, s = score.about, score.about["settings"]
+    about = score.about
     kinds = ", ".join(f"{n} {kind}" for kind, n in about["kinds"].items())
-    low, high = s["severity"]
-    mix = ",".join(f"{kind}={n}" for kind, n in s["mix"].items() if kind != "single")
     return [
         f"{about['cases']} cases: {kinds}.",
-        f"Command: cutvib blind run --cases {s['cases']} --seed {s['seed']} --mix {mix} --severity {low:g}:{high:g}",
+        f"Command: cutvib blind run {options_of(about['settings'])}",
         f"Sealed {about['sealed'][:16]}, opened {about['opened'][:16]} (UTC); version {about['version']}, "
         f"commit {about['commit'] or 'unknown'}, code {about['code_sha256'][:12]}.",
     ]
