@@ -69,7 +69,7 @@ LEADS = 0.1
 """Part of the excess that a single cause has to take away before a second one is tried on top: else neither is known."""
 PAIRED = 2
 """Single causes to which a second one is added."""
-SECONDS, LAW_SECONDS = 5, 3
+SECONDS, LAW_SECONDS = 9, 3
 """Second causes that are fitted on each of them, unless one on the first leaves no more than noise: those that promise most. So
 many where one of the two is simulated."""
 
@@ -224,9 +224,10 @@ def _refined(
     # Few lines and a widened noise understate how far behind a cause is, by as much as for the rival.
     lead = rival[0] - ahead
     each = max(0.5, (best - rival[1]) / lead) if ranked and lead > 1.0 else 0.5
+    front = ahead if ranked else rival[0]
     for candidate, start in left_out:
-        behind = start.objective - (ahead if ranked else rival[0])
-        ranked.append(Ranked(candidate.name, replace(start, log_evidence=best - each * behind), False))
+        bound = best - each * (start.objective - front)
+        ranked.append(Ranked(candidate.name, replace(start, log_evidence=bound), False))
     return ranked
 
 
@@ -266,9 +267,7 @@ def _rough_laws(
     nominal: Model, outlook: Records, found: Sequence[Candidate], motion: Mapping[str, float], workers: Workers
 ) -> list[tuple[Candidate, Fit]]:
     """The same for laws, whose steps are dear: each is scanned, and those that promise most take some."""
-    # Every other of many records: of three positions at three levels the corners and the middle.
-    some = Records(outlook.entries[:: 2 if len(outlook.entries) > SCANNED else 1], outlook.rough)
-    scan = Scan(nominal, some, Hypothesis(), None, motion, apart=True)
+    scan = Scan(nominal, _some(outlook), Hypothesis(), None, motion, apart=True)
     promising = _ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))[:MOST_REFINED]
     refined = workers.map(scan.refined, [s for _, s in promising])
     promising = _ranked_by_gain([c for c, _ in promising], refined)[:MOST_STARTED]
@@ -277,6 +276,11 @@ def _rough_laws(
     )
     out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]
     return sorted(out, key=lambda pair: pair[1].objective)
+
+
+def _some(outlook: Records) -> Records:
+    """Every other of many records: of three positions at three levels the corners and the middle."""
+    return Records(outlook.entries[:: 2 if len(outlook.entries) > SCANNED else 1], outlook.rough)
 
 
 def _ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:
@@ -375,13 +379,23 @@ def _with_second(
         added[f"{base.name} + {candidate.name}"] = candidate
     if not added:
         return []
-    scan = Scan(nominal, family, base.hypothesis, x, motion, apart=not linear)
     most, steps = (SECONDS, LATER_STEPS) if linear else (LAW_SECONDS, LAW_STEPS)
-    promising = _ranked_by_gain(list(added), workers.map(scan.promise, [c.starts for c in added.values()]))[:most]
-    scanned = workers.map(scan.refined, [s for _, s in promising])
-    fits = workers.map(partial(_started, nominal, family, warm=scan.warm, steps=steps), [s.hypothesis for s in scanned])
-    rough = [(Candidate(name, ()), f) for (name, _), f in zip(promising, fits, strict=True) if f is not None]
-    return [(c, fit(nominal, sharp, f.hypothesis, f.x, steps, ROUGH)) for c, f in rough]
+    starts = [c.starts for c in added.values()]
+    rough: dict[str, Fit] = {}
+    # What is small beside the widened noise shows as measured, once the first cause is right; laws are scanned from afar only.
+    for seen_on in (family, sharp) if linear else (_some(family),):
+        scan = Scan(nominal, seen_on, base.hypothesis, x, motion, apart=not linear)
+        promising = _ranked_by_gain(list(added), workers.map(scan.promise, starts))[:most]
+        new = [(name, s) for name, s in promising if name not in rough]
+        hypotheses = [s.hypothesis for s in workers.map(scan.refined, [s for _, s in new])]
+        fits = workers.map(partial(_started, nominal, family, warm=scan.warm, steps=steps), hypotheses)
+        rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
+    fits = workers.map(
+        partial(_started, nominal, sharp, steps=steps),
+        [f.hypothesis for f in rough.values()],
+        [f.x for f in rough.values()],
+    )
+    return [(Candidate(name, ()), f) for name, f in zip(rough, fits, strict=True) if f is not None]
 
 
 def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ranked]:

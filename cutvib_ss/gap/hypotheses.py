@@ -166,7 +166,7 @@ def _on_the_rail(model: Machine, band: tuple[float, float]) -> list[Candidate]:
         _candidate(
             "rail_added_mass", "", *(RailAddedMass("rail", y, p.mass * f, 1.0) for y in spots for f in (0.01, 0.06))
         ),
-        *([_candidate("rail_shear", "", *(RailShear("rail", ratio) for ratio in (15.0, 80.0)))] if told else []),
+        *([_candidate("rail_shear", "", *(RailShear("rail", ratio) for ratio in (15.0, 80.0, 300.0)))] if told else []),
         _candidate("rail_torsion", "", *(RailTorsion("rail", e, 0.5, f * p.first_frequency, 0.02) for e, f in twists)),
         *(
             _candidate("structural_damping", joint, StructuralDamping(joint, max(2 * np.pi * 220 * loss[joint], 0.005)))

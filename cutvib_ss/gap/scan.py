@@ -28,6 +28,8 @@ STEPS, TOLERANCE = 10, 1e-2
 """Steps of the fit underneath on the records of the scan, and the relative gain at which they end."""
 NUDGE = 0.02
 """Part of its range by which a parameter is moved off a start that does nothing."""
+NOTHING = 1e-3
+"""Squares a datum below which a start does nothing: so much the estimator's own sums may differ."""
 REFINED_FROM = 0.05
 """Size of the simplex, in parts of the ranges, from which the best of a law's values is refined …"""
 EVALUATIONS = 12
@@ -91,8 +93,11 @@ class Scan:
         predictions, residuals, _ = problem.residuals(here)
         self.rows = problem.rows(here, predictions)
         self.left = _flat(residuals)
-        matrix = self.rows @ self.rows.T + np.diag(problem.prior_precision() + 1e-9)
-        self.factor = linalg.cho_factor(matrix)
+        precision = problem.prior_precision()
+        self.factor = linalg.cho_factor(self.rows @ self.rows.T + np.diag(precision + 1e-9))
+        # Where the fit was drawn away from the priors' middle to make up for what it lacks, it gains by going back.
+        self.strain = precision * here
+        self.strained = float(self.strain @ here)
         self.leaves = self._freed(self.left)
 
     def promise(self, starts: Sequence[Effect]) -> Scanned:
@@ -164,9 +169,9 @@ class Scan:
         return both, problem, problem.start(self.warm)
 
     def _freed(self, residual: FloatArray) -> float:
-        """Squares of a residual that the fit's unknowns cannot take up."""
-        pulled = self.rows @ residual
-        return float(residual @ residual - pulled @ linalg.cho_solve(self.factor, pulled))
+        """Squares of a residual, and of the priors, that the fit's unknowns cannot take up."""
+        pulled = self.rows @ residual - self.strain
+        return float(residual @ residual + self.strained - pulled @ linalg.cho_solve(self.factor, pulled))
 
     def _gain_at(self, problem: Problem, x: FloatArray) -> float:
         try:
@@ -195,28 +200,29 @@ class Scan:
     def _scaled(self, effect: Effect) -> Scanned:
         """By the change of the prediction at a start, scaled as it is best."""
         both, problem, x = self._both(effect)
-        there = self._along(problem, x)
-        if there != 0.0:
-            return Scanned(there, both)
+        gain, moved_by = self._along(problem, x)
+        if moved_by > NOTHING * self.left.size or gain == -np.inf:
+            return Scanned(gain, both)
         # The start does nothing yet: each parameter is moved off it, and may go either way.
         moves = []
         for i in range(problem.size - sum(p[0] == len(self.effects) for p in problem.parameters), problem.size):
             moved = x.copy()
             moved[i] += NUDGE if x[i] + NUDGE <= 1.0 else -NUDGE
-            moves.append(abs(self._along(problem, moved)))
+            moves.append(abs(self._along(problem, moved)[0]))
         return Scanned(max((m for m in moves if np.isfinite(m)), default=-np.inf), both)
 
-    def _along(self, problem: Problem, x: FloatArray) -> float:
-        """χ² that a change of the prediction would take away; negative if turned round."""
+    def _along(self, problem: Problem, x: FloatArray) -> tuple[float, float]:
+        """χ² that a change of the prediction would take away, negative if turned round; and the change's own squares."""
         try:
             change = self.left - _flat(problem.residuals(x)[1])
         except (CutvibError, np.linalg.LinAlgError):
-            return -np.inf
+            return -np.inf, 0.0
         if not np.isfinite(change).all():
-            return -np.inf
-        own = change - self.rows.T @ linalg.cho_solve(self.factor, self.rows @ change)
-        along, size = float(own @ self.left), float(own @ own)
-        return along * abs(along) / size if size > 0.0 else 0.0
+            return -np.inf, 0.0
+        pulled = linalg.cho_solve(self.factor, self.rows @ change)
+        own = change - self.rows.T @ pulled
+        along, size = float(own @ self.left + pulled @ self.strain), float(own @ change)
+        return along * abs(along) / size if size > 0.0 else 0.0, float(change @ change)
 
 
 def _flat(residuals: Sequence[ComplexArray]) -> FloatArray:

@@ -80,6 +80,7 @@ def test_the_corrected_machine_is_a_machine(diagnosis):
     assert frequency_response(machine, [0.3], [171.0]).data.shape == (1, 3, 1, 1)
 
 
+@pytest.mark.slow
 def test_names_titles_and_order_do_not_matter(campaign, diagnosis):
     shuffled = replace(
         campaign, title="another", records=tuple(replace(r, name=f"x{i}") for i, r in enumerate(campaign.records[::-1]))
@@ -115,13 +116,13 @@ def is_right(label, diagnosis):
     )
 
 
-@pytest.mark.parametrize("name", ["c01", "c08"])
+@pytest.mark.parametrize("name", ["c01"])
 def test_labelled_campaigns(shared, name):
     assert is_right(*labelled(shared, name))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["c02", "c03", "c04", "c07", "c09"])
+@pytest.mark.parametrize("name", ["c02", "c03", "c04", "c07", "c08", "c09"])
 def test_more_labelled_campaigns(shared, name):
     assert is_right(*labelled(shared, name))
 

@@ -113,6 +113,7 @@ def test_place_of_a_cable_between_tool_and_carriage():
     assert np.median(np.abs(element.value[0] / z - 1)[seen]) < 0.1
 
 
+@pytest.mark.slow
 def test_place_of_ends_that_give_more_with_the_level():
     # Record by record anything behind the base is one function: how it depends on position tells the ends from the rail.
     rng, entries = np.random.default_rng(7), []
@@ -133,7 +134,7 @@ def test_place_of_a_trigger_that_jitters():
     assert located(entries, by_level=True).best == "measurement"
 
 
-@pytest.mark.parametrize(("tones", "found"), [(50.0, 50.0), (60.0, 60.0), (57.0, None), (None, None)])
+@pytest.mark.parametrize(("tones", "found"), [(60.0, 60.0), (57.0, None), (None, None)])
 def test_mains_hum_is_told_by_its_multiples(tones, found):
     rng, entries = np.random.default_rng(9), []
     for k, y in enumerate(POSITIONS):
