@@ -71,7 +71,8 @@ def diagnose(
     seed : int
         Of the order in which positions are left out, and of the bootstrap.
     jobs : int
-        Processes; one does all today, more are accepted.
+        Processes, among which independent fits are spread; the result does not depend on their number. With more than one a
+        script needs its ``if __name__ == "__main__":``, since they are spawned.
 
     Returns
     -------
@@ -97,8 +98,8 @@ def diagnose(
     if not campaign.records:
         raise DiagnosisError("the campaign holds no records")
     # Small matrices in many threads wait for each other.
-    with threadpool_limits(1):
-        return _diagnosed(campaign, nominal, hold_out, seed, Workers())
+    with threadpool_limits(1), Workers(jobs) as workers:
+        return _diagnosed(campaign, nominal, hold_out, seed, workers)
 
 
 def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:

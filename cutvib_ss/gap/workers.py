@@ -14,8 +14,13 @@ from threadpoolctl import threadpool_limits
 ResultT = TypeVar("ResultT")
 
 
-def _reduced(mapping: MappingProxyType[Any, Any]) -> tuple[type, tuple[dict[Any, Any]]]:
-    return MappingProxyType, (dict(mapping),)
+def _read_only(table: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(table)
+
+
+def _reduced(table: MappingProxyType[Any, Any]) -> tuple[Callable[..., Any], tuple[dict[Any, Any]]]:
+    # The type itself has no name by which another process could find it.
+    return _read_only, (dict(table),)
 
 
 # Models keep their tables read-only, which pickle does not know by itself.

@@ -6,20 +6,16 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
 
-from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.machine import CUTTING_SIGNALS, Machine
 from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.response.modal_basis import modal_basis
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 from cutvib_ss.structure import Structure
 from cutvib_ss.units import DERIVATIVE_ORDER
-
-_RIGID = 1e-10
-"""Undamped poles closer to zero than this part of the fastest are set apart by it: a free body's motion has a double pole."""
 
 
 @dataclass(frozen=True)
@@ -246,178 +242,3 @@ def row_of(system: SecondOrder, name: str) -> FloatArray:
         The row.
     """
     return system.port(CUTTING_SIGNALS.get(name, name) if name not in system.ports else name)
-
-
-@dataclass(frozen=True)
-class ModalBasis:
-    """
-    Complex modes of a second-order system.
-
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (mode,)
-        Poles of positive imaginary part, and real ones [rad/s], the slowest first.
-    shapes : ndarray of complex, shape (n, mode)
-        Displacement of the degrees of freedom by the modes' amplitudes; of a conjugate pair twice its half, so that the real part
-        of the sum over these modes is the motion.
-    drives : ndarray of complex, shape (mode, n)
-        How forces on the degrees of freedom drive the modes.
-    from_state : ndarray of complex, shape (mode, 2 n)
-        Amplitudes of an initial displacement and velocity.
-    """
-
-    poles: ComplexArray
-    shapes: ComplexArray
-    drives: ComplexArray
-    from_state: ComplexArray
-
-
-def modal_basis(system: SecondOrder, classical_above: float = np.inf) -> ModalBasis:
-    """
-    Complex modes of a second-order system.
-
-    Parameters
-    ----------
-    system : SecondOrder
-        The system.
-    classical_above : float
-        Frequency [Hz] above which damping couples no modes: undamped modes beyond it keep their own damping alone. Far above what
-        is looked at they yield statically whatever their damping, and the dense eigenproblem is of the others only.
-
-    Returns
-    -------
-    ModalBasis
-        All modes.
-
-    Raises
-    ------
-    CouplingError
-        If the mass matrix is not positive definite.
-
-    Notes
-    -----
-    With p the undamped modes' amplitudes the states are (p, ṗ/w); right and left vectors of that small matrix give the sum.
-    A mode that damping does not couple is such a matrix by itself, of two rows.
-    """
-    try:
-        squares, basis = linalg.eigh(system.stiffness, system.mass)
-    except linalg.LinAlgError as error:
-        raise CouplingError("the mass matrix is not positive definite: there are no modes to step") from error
-    w = float(np.sqrt(np.abs(squares).max())) or 1.0
-    squares = np.where(np.abs(squares) < (_RIGID * w) ** 2 * 1e4, (_RIGID * w) ** 2 * 1e8, squares)
-    damping = basis.T @ system.damping @ basis
-    n = int(np.searchsorted(squares, (2 * np.pi * classical_above) ** 2))
-    poles, right, from_place, from_rate = _halves(squares[:n], damping[:n, :n], w)
-    alone = _pairs(squares[n:], np.diag(damping)[n:], w)
-    weighted = basis.T @ system.mass
-    values = np.concatenate([poles, alone.poles])
-    # A real pole's shape is real up to a factor of its own, which inverse and vector share; a pair counts twice.
-    twice = np.where(values.imag > 0.0, 2.0, 1.0)
-    own = n + alone.mode
-    shapes: ComplexArray = np.hstack([basis[:, :n] @ right, basis[:, own] * alone.right]) * twice
-    drives = (
-        np.asarray(np.vstack([from_rate @ basis.T[:n], alone.from_rate[:, None] * basis.T[own]]), np.complex128) / w
-    )
-    placed = np.vstack([from_place @ weighted[:n], alone.from_place[:, None] * weighted[own]])
-    moving = np.vstack([from_rate @ weighted[:n], alone.from_rate[:, None] * weighted[own]]) / w
-    order = np.argsort(np.abs(values), kind="stable")
-    return ModalBasis(values[order], shapes[:, order], drives[order], np.hstack([placed, moving])[order])
-
-
-def _halves(
-    squares: FloatArray, damping: FloatArray, w: float
-) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
-    """Modes that damping couples: one pole of each pair and the real ones, right vectors, left ones over amplitudes and rates."""
-    n = squares.size
-    a = np.block([[np.zeros((n, n)), w * np.eye(n)], [-np.diag(squares) / w, -damping]])
-    values, vectors = linalg.eig(a)
-    inverse: ComplexArray = linalg.inv(vectors)
-    values.imag[np.abs(values.imag) < 1e-13 * w] = 0.0
-    kept = np.flatnonzero(values.imag >= 0.0)
-    return values[kept], vectors[:n, kept], inverse[kept, :n], inverse[kept, n:]
-
-
-class _Pairs(NamedTuple):
-    """Modes by themselves: of each pole that is kept, its mode and the entries of its vectors."""
-
-    poles: ComplexArray
-    mode: np.ndarray
-    right: ComplexArray
-    from_place: ComplexArray
-    from_rate: ComplexArray
-
-
-def _pairs(squares: FloatArray, damping: FloatArray, w: float) -> _Pairs:
-    a = np.zeros((squares.size, 2, 2))
-    a[:, 0, 1], a[:, 1, 0], a[:, 1, 1] = w, -squares / w, -damping
-    values, vectors = np.linalg.eig(a.astype(np.complex128))
-    inverse = np.linalg.inv(vectors)
-    values.imag[np.abs(values.imag) < 1e-13 * w] = 0.0
-    mode, which = np.nonzero(values.imag >= 0.0)
-    return _Pairs(values[mode, which], mode, vectors[mode, 0, which], inverse[mode, which, 0], inverse[mode, which, 1])
-
-
-def linear_course(poles: ComplexArray, drives: ComplexArray, h: float) -> tuple[ComplexArray, ComplexArray]:
-    """
-    What a step under forces that go evenly from one value to another does to the modes.
-
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (mode,)
-        Poles [rad/s].
-    drives : ndarray of complex, shape (force, mode)
-        How the forces drive the modes.
-    h : float
-        Length of the step [s].
-
-    Returns
-    -------
-    turn : ndarray of complex, shape (mode,)
-        e^(p h).
-    pushes : ndarray of complex, shape (2, force, mode)
-        Change by each force's value at the start, and at the end.
-
-    Notes
-    -----
-    With x = p h, φ₁ = (e^x - 1)/x and φ₂ = (e^x - 1 - x)/x²: h (φ₁ - φ₂) and h φ₂.
-    """
-    x = poles * h
-    near = np.abs(x) < 1e-3
-    safe = np.where(near, 1.0, x)
-    first = np.where(near, 1 + x / 2 + x**2 / 6 + x**3 / 24, np.expm1(safe) / safe)
-    second = np.where(near, 0.5 + x / 6 + x**2 / 24 + x**3 / 120, (np.expm1(safe) - safe) / safe**2)
-    return np.exp(x), h * np.stack([(first - second) * drives, second * drives])
-
-
-def parts(values: ComplexArray) -> FloatArray:
-    """
-    Real and imaginary part, one after the other.
-
-    Parameters
-    ----------
-    values : ndarray of complex, shape (...)
-        Any array.
-
-    Returns
-    -------
-    ndarray, shape (2, ...)
-        Its parts.
-    """
-    return np.ascontiguousarray([values.real, values.imag])
-
-
-def reading(shapes: ComplexArray) -> FloatArray:
-    """
-    Factors that make the real part of a sum over modes from their real and imaginary parts.
-
-    Parameters
-    ----------
-    shapes : ndarray of complex, shape (...)
-        Weights of the modes.
-
-    Returns
-    -------
-    ndarray, shape (2, ...)
-        Re and -Im.
-    """
-    return np.ascontiguousarray([shapes.real, -shapes.imag])

@@ -10,7 +10,8 @@ import numpy as np
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.machine import Machine
 from cutvib_ss.mechanical import SecondOrder
-from cutvib_ss.response.modal_form import ModalBasis, row_of
+from cutvib_ss.response.modal_basis import ModalBasis
+from cutvib_ss.response.modal_form import row_of
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 from cutvib_ss.structure import Structure
 from cutvib_ss.subsystems.rail import EndSupports

@@ -22,7 +22,8 @@ from cutvib_ss.laws import LAWS
 from cutvib_ss.machine import Machine
 from cutvib_ss.response.compiled import interact
 from cutvib_ss.response.compiled_modes import advance
-from cutvib_ss.response.modal_form import drive_of, linear_course, modal_basis, parts, reading, row_of, system_with
+from cutvib_ss.response.modal_basis import linear_course, modal_basis, parts, reading
+from cutvib_ss.response.modal_form import drive_of, row_of, system_with
 from cutvib_ss.response.output_rows import END_FORCES, output_rows
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity, TimeResponse
 from cutvib_ss.structure import Structure

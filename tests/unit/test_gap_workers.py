@@ -1,0 +1,31 @@
+"""Work spread over processes."""
+
+from functools import partial
+from types import MappingProxyType
+
+import pytest
+
+from cutvib_ss.effects.end_fixity import EndFixity
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.gap.workers import Workers
+from cutvib_ss.machine import published_machine
+from cutvib_ss.paths import value_at
+
+
+def test_order_and_results_are_those_of_one_process():
+    numbers = [(7, 3), (2, 5), (9, 4), (1, 1)]
+    with Workers(2) as two:
+        assert two.map(divmod, *zip(*numbers, strict=True)) == Workers().map(divmod, *zip(*numbers, strict=True))
+
+
+def test_models_and_their_tables_travel():
+    machine = EndFixity("rail_ends", 1e4, 2e4).apply(published_machine())
+    with Workers(2) as two:
+        assert two.map(len, [MappingProxyType({"a": 1}), MappingProxyType({})]) == [1, 0]
+        paths = [("head", "k1"), ("rail", "parameters", "mass")]
+        assert two.map(partial(value_at, machine), paths) == [value_at(machine, p) for p in paths]
+
+
+def test_the_first_error_is_raised():
+    with Workers(2) as two, pytest.raises(ParameterError, match="k_left"):
+        two.map(partial(EndFixity, "rail_ends"), [1e4, -1.0], [1e4, 1e4])
