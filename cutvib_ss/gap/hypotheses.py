@@ -132,9 +132,9 @@ def _everywhere(model: Model, band: tuple[float, float]) -> list[Candidate]:
 
 def _measurement(model: Model, channels: Sequence[str]) -> list[Candidate]:
     out = []
+    # What is wrong with all responses alike is wrong with the force.
     for channel in ("all", *channels) if len(channels) > 1 else channels:
         out.append(_candidate("channel_delay", channel, ChannelDelay("measurement", channel, 0.0)))
-    for channel in channels:
         out.append(_candidate("calibration_error", channel, CalibrationError("measurement", channel, 1.0)))
     if CrossAxis.places(model) and "tool_z" in channels:
         out.append(_candidate("cross_axis", "", CrossAxis("measurement", 0.0)))
