@@ -48,16 +48,16 @@ UNTUNED = 1e-6
 """Tolerance of a model that may not be re-tuned."""
 
 
-def with_baselines(score: Score, folder: Path, train: Sequence[Path], jobs: int = 1) -> Score:
+def with_baselines(score: Score, folders: Sequence[Path], train: Sequence[Path], jobs: int = 1) -> Score:
     """
     A score with the figures of the simpler methods beside it.
 
     Parameters
     ----------
     score : Score
-        Of the trial.
-    folder : Path
-        The trial's folder.
+        Of one trial, or of several together.
+    folders : sequence of Path
+        Their folders.
     train : sequence of Path
         Opened trials to learn from.
     jobs : int
@@ -78,14 +78,15 @@ def with_baselines(score: Score, folder: Path, train: Sequence[Path], jobs: int 
             raise ParameterError(
                 f"{other}: the seal of this trial is not open; score it first: cutvib blind score {other}"
             )
-        if other.resolve() == folder.resolve():
+        if other.resolve() in {folder.resolve() for folder in folders}:
             raise ParameterError(f"{other}: is the trial to be scored; the baselines must learn from another")
     known = [
         (Trial(other).campaigns / c.name, c.truth.causes)
         for other in train
         for c in read_cases(Trial(other), read_json(Trial(other).labels)["labels"])
     ]
-    campaigns = [Trial(folder).campaigns / c.name for c in score.cases]
+    trials = [Trial(folder) for folder in folders]
+    campaigns = [t.campaigns / c.name for c in score.cases for t in trials if (t.campaigns / c.name).is_dir()]
     with Workers(jobs) as workers:
         seen = np.array(workers.map(features, [*(k for k, _ in known), *campaigns]))
     learnt, asked, truths = seen[: len(known)], seen[len(known) :], [t for _, t in known]
@@ -94,7 +95,7 @@ def with_baselines(score: Score, folder: Path, train: Sequence[Path], jobs: int 
         "classifier": forest(learnt, truths, asked),
     }
     if all("evidence" in c.answer.diagnosis for c in score.cases if c.answer.entries):
-        found["untuned χ²"] = [least_chi2(d) for d in untuned(folder, [c.name for c in score.cases], jobs)]
+        found["untuned χ²"] = [least_chi2(d) for d in untuned(campaigns, jobs)]
         found["BIC"] = [bic(c.answer.diagnosis) for c in score.cases]
     return replace(score, baselines={name: rows(answered(score.cases, odds)) for name, odds in found.items()})
 
@@ -265,16 +266,14 @@ def _softmax(diagnosis: Mapping[str, Any] | None, score: Callable[[Mapping[str, 
     return odds
 
 
-def untuned(folder: Path, names: Sequence[str], jobs: int) -> list[Mapping[str, Any]]:
+def untuned(campaigns: Sequence[Path], jobs: int) -> list[Mapping[str, Any]]:
     """
     Fits of single causes to a model whose values may not move; they are kept, so that a second call is quick.
 
     Parameters
     ----------
-    folder : Path
-        The trial's folder.
-    names : sequence of str
-        The cases.
+    campaigns : sequence of Path
+        The cases' campaigns, each in its trial's folder.
     jobs : int
         At a time.
 
@@ -283,14 +282,13 @@ def untuned(folder: Path, names: Sequence[str], jobs: int) -> list[Mapping[str, 
     list of dict
         The evidence of each case as a diagnosis holds it; without any where it cannot be fitted.
     """
-    kept = folder / "baselines" / "untuned"
-    kept.mkdir(parents=True, exist_ok=True)
-    missing = [name for name in names if not (kept / f"{name}.json").is_file()]
+    kept = [c.parent.parent / "baselines" / "untuned" / f"{c.name}.json" for c in campaigns]
+    for folder in {file.parent for file in kept}:
+        folder.mkdir(parents=True, exist_ok=True)
+    missing = [(c, file) for c, file in zip(campaigns, kept, strict=True) if not file.is_file()]
     with Workers(jobs) as workers:
-        workers.map(
-            fitted_untuned, [Trial(folder).campaigns / n for n in missing], [kept / f"{n}.json" for n in missing]
-        )
-    return [read_json(kept / f"{name}.json") for name in names]
+        workers.map(fitted_untuned, [c for c, _ in missing], [file for _, file in missing])
+    return [read_json(file) for file in kept]
 
 
 def fitted_untuned(campaign: Path, out: Path) -> None:

@@ -258,19 +258,17 @@ def open_seal(trial: Trial) -> dict[str, Any]:
         diagnosis is newer than the opening.
     """
     commitment = check_code(trial, "the score")
-    names = sorted(commitment["campaigns_sha256"])
+    if trial.labels.is_file():
+        return opened(trial)
+    names: list[str] = sorted(commitment["campaigns_sha256"])
     if trial.opening.is_file():
         _check_nothing_since(trial, names)
     _check_runs(trial, names, commitment)
-    if trial.labels.is_file():
-        secret: dict[str, Any] = read_json(trial.labels)
-        _check_labels(secret, bytes.fromhex(read_json(trial.opening)["salt"]), commitment, trial.labels)
-        return secret
     kept = trial.sealed / "labels.json"
     if not kept.is_file():
         raise SealError(f"{kept}: the sealed labels are missing; keep {trial.sealed.name} beside the trial's folder")
     content = read_json(kept)
-    secret = content["secret"]
+    secret: dict[str, Any] = content["secret"]
     _check_labels(secret, bytes.fromhex(content["salt"]), commitment, kept)
     if not trial.opening.is_file():
         write_json(
@@ -287,6 +285,38 @@ def open_seal(trial: Trial) -> dict[str, Any]:
         )
     # Public from here on, so that anyone can check them against the commitment.
     write_json(trial.labels, secret)
+    return secret
+
+
+def opened(trial: Trial) -> dict[str, Any]:
+    """
+    The labels of a trial that has been opened before, by whatever code is installed now.
+
+    Parameters
+    ----------
+    trial : Trial
+        The trial.
+
+    Returns
+    -------
+    dict
+        ``labels`` of the cases by name, and the ``settings``.
+
+    Raises
+    ------
+    SealError
+        If the seal is closed, or labels or diagnoses are not those of the opening, or not by the code committed to.
+    """
+    if not (trial.commitment.is_file() and trial.opening.is_file() and trial.labels.is_file()):
+        raise SealError(
+            f"{trial.folder}: the seal is not open; score it by itself first: cutvib blind score {trial.folder}"
+        )
+    commitment = read_json(trial.commitment)
+    names = sorted(commitment["campaigns_sha256"])
+    _check_nothing_since(trial, names)
+    _check_runs(trial, names, commitment)
+    secret: dict[str, Any] = read_json(trial.labels)
+    _check_labels(secret, bytes.fromhex(read_json(trial.opening)["salt"]), commitment, trial.labels)
     return secret
 
 

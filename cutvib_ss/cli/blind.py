@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from cutvib_ss.blind.score import Score
 
-_TrialArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the trial.")]
 _SuffixError = "give a name that ends in .html (a page) or .md (a table)"
 
 
@@ -62,7 +61,10 @@ def blind_run_command(
 
 
 def blind_score_command(
-    trial: _TrialArgument,
+    trials: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR…", help="Folder of the trial; several, already opened, are scored as one."),
+    ],
     json: JsonOption = None,
     report: Annotated[
         list[Path] | None,
@@ -81,7 +83,7 @@ def blind_score_command(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time.")] = 1,
 ) -> None:
     """Open the seal, once, and score the diagnoses."""
-    from cutvib_ss.blind.score import score_trial
+    from cutvib_ss.blind.score import pooled_score, score_trial
 
     pages = report or []
     for page in pages:
@@ -89,12 +91,12 @@ def blind_score_command(
             raise ParameterError(f"--report {page}: {_SuffixError}")
     check_outputs(json, *pages)
     with working("scoring"):
-        found = score_trial(trial, jobs)
+        found = score_trial(trials[0], jobs) if len(trials) == 1 else pooled_score(trials, jobs)
     if train:
         from cutvib_ss.blind.baselines import with_baselines
 
         with working("training and running the baselines"):
-            found = with_baselines(found, trial, train, jobs)
+            found = with_baselines(found, trials, train, jobs)
     if pages:
         from cutvib_ss.report.blind import score_html, score_markdown
 

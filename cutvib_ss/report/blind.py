@@ -37,12 +37,14 @@ def heading(score: Score) -> list[str]:
     """
     about = score.about
     kinds = ", ".join(f"{n} {kind}" for kind, n in about["kinds"].items())
-    return [
-        f"{about['cases']} cases: {kinds}.",
-        f"Command: cutvib blind run {options_of(about['settings'])}",
-        f"Sealed {about['sealed'][:16]}, opened {about['opened'][:16]} (UTC); version {about['version']}, "
-        f"commit {about['commit'] or 'unknown'}, code {about['code_sha256'][:12]}.",
-    ]
+    said = [f"{about['cases']} cases: {kinds}."]
+    for one in (about, *about.get("with", ())):
+        said.append(f"Command: cutvib blind run {options_of(one['settings'])}")
+        said.append(
+            f"Sealed {one['sealed'][:16]}, opened {one['opened'][:16]} (UTC); version {one['version']}, "
+            f"commit {one['commit'] or 'unknown'}, code {one['code_sha256'][:12]}."
+        )
+    return said
 
 
 def figure(value: float, unit: str) -> str:

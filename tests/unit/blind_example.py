@@ -100,6 +100,7 @@ def opened_trial(folder: Path, cases: list[tuple[dict[str, Any], dict[str, Any]]
         (folder / part).mkdir(parents=True)
     names = [f"c{k:03d}" for k in range(len(cases))]
     for name, (_, found) in zip(names, cases, strict=True):
+        (folder / "campaigns" / name).mkdir()
         write_json(folder / "diagnoses" / f"{name}.json", found)
         write_json(folder / "diagnoses" / f"{name}.run.json", {"status": "done", "cpu_seconds": 1.0})
     settings = {"cases": len(cases), "seed": seed, "mix": {}, "severity": [0.3, 2.0]}

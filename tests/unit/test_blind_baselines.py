@@ -167,16 +167,16 @@ def test_baselines_stand_beside_the_score(tmp_path: Path, monkeypatch: pytest.Mo
         return centre[truths[int(folder.name[1:])]] + 0.01 * int(folder.name[1:])
 
     monkeypatch.setattr(baselines, "features", seen)
-    monkeypatch.setattr(baselines, "untuned", lambda folder, names, jobs: [c[1] for c in cases()])
+    monkeypatch.setattr(baselines, "untuned", lambda campaigns, jobs: [c[1] for c in cases()])
     score = scored(read_cases(Trial(asked), read_json(asked / "labels.json")["labels"]), ABOUT)
-    found = with_baselines(score, asked, [learnt])
+    found = with_baselines(score, [asked], [learnt])
     assert list(found.baselines) == ["nearest signature", "classifier", "untuned χ²", "BIC"]
     right = {name: next(r for r in own if r.key == "right_all").estimate.value for name, own in found.baselines.items()}
     assert right == {"nearest signature": 1.0, "classifier": 1.0, "untuned χ²": 0.5, "BIC": 0.5}
     assert set(json.loads(json.dumps(found.to_dict(), allow_nan=False))["baselines"]) == set(right)
     for bad in (asked, tmp_path):
         with pytest.raises(ParameterError, match=r"the trial to be scored|is not open"):
-            with_baselines(score, asked, [bad])
+            with_baselines(score, [asked], [bad])
 
 
 def test_the_untuned_model_has_next_to_no_tolerances_and_its_fits_are_kept(
@@ -192,15 +192,15 @@ def test_the_untuned_model_has_next_to_no_tolerances_and_its_fits_are_kept(
         return (Ranked("none", found, True), Ranked("guide_compliance", found, False))
 
     monkeypatch.setattr(baselines, "search", searched)
-    (first,) = untuned(tmp_path, ["c1"], 1)
-    assert untuned(tmp_path, ["c1"], 1) == [first]
+    (first,) = untuned([tmp_path / "campaigns" / "c1"], 1)
+    assert untuned([tmp_path / "campaigns" / "c1"], 1) == [first]
     (nominal,) = asked
     given = read_machine(DEMO / "machine.toml")
     assert max(vars(nominal.tolerance).values()) < 1e-5
     assert (nominal.head, nominal.rail) == (given.head, given.rail)
     assert list(least_chi2(first)) == [NONE], "what was not fitted on all lines has no χ²"
     (tmp_path / "campaigns" / "c2").mkdir()
-    assert untuned(tmp_path, ["c2"], 1) == [{}]
+    assert untuned([tmp_path / "campaigns" / "c2"], 1) == [{}]
 
 
 def test_another_methods_answers_take_no_time_and_no_gap_figures() -> None:

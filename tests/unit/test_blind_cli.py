@@ -48,6 +48,29 @@ def test_run_and_score(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert json.loads(capsys.readouterr().out) == data
 
 
+def test_trials_of_one_code_are_scored_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    again = [*RUN[: RUN.index("--seed")], "--seed", "2", *RUN[RUN.index("--seed") + 2 :]]
+    assert main([*RUN, "--out", str(one)]) == main([*again, "--out", str(two)]) == 0
+    capsys.readouterr()
+    together = ["blind", "score", str(one), str(two), "--json", "-"]
+    assert main(together) == 2
+    assert "not open" in capsys.readouterr().err
+    counts = []
+    for trial in (one, two):
+        assert main(["blind", "score", str(trial), "--json", "-"]) == 0
+        counts.append(len(json.loads(capsys.readouterr().out)["cases"]))
+    assert main(together) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert len(found["cases"]) == sum(counts)
+    assert [found["trial"]["settings"]["seed"], found["trial"]["with"][0]["settings"]["seed"]] == [5, 2]
+    commitment = json.loads((two / "commitment.json").read_text())
+    commitment["code_sha256"] = "0" * 64
+    (two / "commitment.json").write_text(json.dumps(commitment))
+    assert main(together) == 2
+    assert "other code" in capsys.readouterr().err
+
+
 def test_json_on_standard_output_is_all_there_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "trial"
     assert main([*RUN, "--out", str(out)]) == 0
