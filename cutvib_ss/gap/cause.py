@@ -16,7 +16,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from cutvib_ss.effects.base import Model
+from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.hypotheses import Candidate, candidates, nonlinear_candidates
@@ -55,6 +55,8 @@ SCANNED = 5
 """Records that are all scanned."""
 HOPELESS = 3.0
 """Reduced χ² on few lines, with their widened noise, from which a cause that is simulated is not worth the fit on all."""
+ASTRAY = 10.0
+"""The same on few lines as measured, from which no pair with a law is looked for further."""
 MOST_STEPS, MOST_LAW_STEPS = 40, 15
 """Steps on all lines: those of a law are dear, and the last of many gain little."""
 PAIRS_CLOSE = 15.0
@@ -138,6 +140,7 @@ def search(
     none = Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True)
     linear = candidates(nominal, observed.band, observed.channels)
     rough = _rough(nominal, few, linear, workers)
+    alone = {c.name: f.hypothesis.effects[0] for c, f in rough}
     ranked = _refined(nominal, records, rough, REFINED, (scout.objective, none.fit.log_evidence), workers)
     none = _not_caught(nominal, records, none, ranked)
     by_level = level_stands_out(records)
@@ -159,7 +162,8 @@ def search(
         rough = _rough_laws(nominal, outlook, laws, motion, workers)
         ranked += _refined(nominal, records, rough, 2, _rival(nominal, outlook, ranked), workers, MOST_LAWS)
     if pairs and none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
-        ranked += _pairs(nominal, records, few, outlook, ranked, [*linear, *laws], motion, workers)
+        seconds = [*(_Second(c, alone.get(c.name)) for c in linear), *(_Second(c, None) for c in laws)]
+        ranked += _pairs(nominal, records, few, outlook, ranked, seconds, motion, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
         best.setdefault(r.name, r)
@@ -305,13 +309,25 @@ class _Base(NamedTuple):
     x: FloatArray
 
 
+class _Second(NamedTuple):
+    """A cause that may be added, and its values where it was fitted to few lines by itself."""
+
+    candidate: Candidate
+    alone: Effect | None
+
+    def starts(self, by_simulation: bool) -> tuple[Effect, ...]:
+        """Its starts: where each is a simulation, of a linear cause only the first and where it did best by itself."""
+        starts = self.candidate.starts
+        return starts if self.alone is None or not by_simulation else (starts[0], self.alone)
+
+
 def _pairs(
     nominal: Model,
     records: Records,
     few: Records,
     outlook: Records | None,
     ranked: Sequence[Ranked],
-    seconds: Sequence[Candidate],
+    seconds: Sequence[_Second],
     motion: Mapping[str, float],
     workers: Workers,
 ) -> list[Ranked]:
@@ -332,6 +348,8 @@ def _pairs(
         bases = list(best.values())[:PAIRED]
         tried: list[tuple[Candidate, Fit]] = []
         for turn in range(len(bases) + 1):
+            if turn == len(bases) and family is outlook and tried[0][1].chi2 > ASTRAY * tried[0][1].count:
+                break
             base = bases[turn] if turn < len(bases) else _second_of(*tried[0])
             tried += _with_second(nominal, family, sharp, base, seconds, motion, seen, workers, family is few)
             tried.sort(key=lambda pair: pair[1].objective)
@@ -360,7 +378,7 @@ def _with_second(
     family: Records,
     sharp: Records,
     base: _Base,
-    seconds: Sequence[Candidate],
+    seconds: Sequence[_Second],
     motion: Mapping[str, float],
     seen: set[frozenset[str]],
     workers: Workers,
@@ -369,33 +387,33 @@ def _with_second(
     """The second causes that promise most on top of a first, each pair fitted to few lines as measured."""
     # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
     x = None if base.hypothesis.linear and not linear else base.x
-    added: dict[str, Candidate] = {}
-    for candidate in seconds:
-        names = frozenset((base.name, candidate.name))
-        both = base.hypothesis.linear and candidate.starts[0].linear
+    added: dict[str, tuple[Effect, ...]] = {}
+    for second in seconds:
+        name = second.candidate.name
+        names = frozenset((base.name, name))
+        both = base.hypothesis.linear and second.candidate.starts[0].linear
         if len(names) == 1 or names in seen or both != linear:
             continue
         seen.add(names)
-        added[f"{base.name} + {candidate.name}"] = candidate
+        added[f"{base.name} + {name}"] = second.starts(by_simulation=not linear)
     if not added:
         return []
     most, steps = (SECONDS, LATER_STEPS) if linear else (LAW_SECONDS, LAW_STEPS)
-    starts = [c.starts for c in added.values()]
     rough: dict[str, Fit] = {}
     # What is small beside the widened noise shows as measured, once the first cause is right; laws are scanned from afar only.
     for seen_on in (family, sharp) if linear else (_some(family),):
         scan = Scan(nominal, seen_on, base.hypothesis, x, motion, apart=not linear)
-        promising = _ranked_by_gain(list(added), workers.map(scan.promise, starts))[:most]
+        promising = _ranked_by_gain(list(added), workers.map(scan.promise, added.values()))[:most]
         new = [(name, s) for name, s in promising if name not in rough]
         hypotheses = [s.hypothesis for s in workers.map(scan.refined, [s for _, s in new])]
         fits = workers.map(partial(_started, nominal, family, warm=scan.warm, steps=steps), hypotheses)
         rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
+    # As measured the steps of a law are as dear again: its two best are enough.
+    ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if linear else 2]
     fits = workers.map(
-        partial(_started, nominal, sharp, steps=steps),
-        [f.hypothesis for f in rough.values()],
-        [f.x for f in rough.values()],
+        partial(_started, nominal, sharp, steps=steps), [f.hypothesis for _, f in ahead], [f.x for _, f in ahead]
     )
-    return [(Candidate(name, ()), f) for name, f in zip(rough, fits, strict=True) if f is not None]
+    return [(Candidate(name, ()), f) for (name, _), f in zip(ahead, fits, strict=True) if f is not None]
 
 
 def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ranked]:
