@@ -24,7 +24,7 @@ test test-all: export OPENBLAS_NUM_THREADS := 1
 SPHINX := $(BIN)/sphinx-build -q -W --keep-going -j $(JOBS) -d docs/_build/doctrees
 PYTEST := $(BIN)/pytest -n $(JOBS) --benchmark-disable --doctest-modules cutvib_ss tests
 
-.PHONY: help setup demo test test-all bench docs blind calibration format style types layers docs-check
+.PHONY: help setup demo test test-all bench docs blind calibration format checks style types layers docs-check
 .DEFAULT_GOAL := help
 
 help:
@@ -45,10 +45,10 @@ $(STAMP): pyproject.toml
 demo: $(STAMP)
 	$(BIN)/cutvib demo
 
-test: style types layers docs-check
+test: checks
 	$(PYTEST) -m "not slow and not benchmark"
 
-test-all: style types layers docs-check
+test-all: checks
 	HYPOTHESIS_PROFILE=thorough $(PYTEST) -m "not benchmark"
 
 bench: $(STAMP)
@@ -89,6 +89,9 @@ format: $(STAMP)
 	$(BIN)/ruff format .
 
 # --- the parts of the gate -------------------------------------------------------------------------------------------
+
+checks: $(STAMP)
+	@$(MAKE) --no-print-directory -j $(JOBS) style types layers docs-check
 
 style: $(STAMP)
 	$(BIN)/ruff check .

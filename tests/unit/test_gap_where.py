@@ -65,6 +65,7 @@ def test_place_of_a_fractional_damper():
     assert np.median(np.abs(element.value[0] - z)[seen] / element.std[0][seen]) < 4.0
 
 
+@pytest.mark.slow
 def test_place_of_ends_on_fractional_dampers():
     rng, stiff = np.random.default_rng(2), 1.5e7
     machine = SupportCompliance("rail_ends", stiff, 2 * stiff, 0.0, 0.0).apply(published_machine())
@@ -75,6 +76,7 @@ def test_place_of_ends_on_fractional_dampers():
     assert np.median(np.abs(left.value[0] * (stiff + ends["rail_left"]) - 1)[FREQ > 100]) < 0.15
 
 
+@pytest.mark.slow
 def test_place_of_a_force_that_depends_on_the_level():
     # To one record a nonlinear force is one function of frequency, whatever the law.
     rng, entries = np.random.default_rng(3), []
@@ -124,6 +126,7 @@ def test_place_of_ends_that_give_more_with_the_level():
     assert located(entries, by_level=True).best == "rail_ends"
 
 
+@pytest.mark.slow
 def test_place_of_a_trigger_that_jitters():
     # A gain of all channels, another in every record: as good as any element at the tool, but smooth.
     rng, entries = np.random.default_rng(8), []

@@ -18,14 +18,11 @@ def test_order_and_results_are_those_of_one_process():
         assert two.map(divmod, *zip(*numbers, strict=True)) == Workers().map(divmod, *zip(*numbers, strict=True))
 
 
-def test_models_and_their_tables_travel():
+def test_models_and_their_tables_travel_and_so_do_errors():
     machine = EndFixity("rail_ends", 1e4, 2e4).apply(published_machine())
     with Workers(2) as two:
         assert two.map(len, [MappingProxyType({"a": 1}), MappingProxyType({})]) == [1, 0]
         paths = [("head", "k1"), ("rail", "parameters", "mass")]
         assert two.map(partial(value_at, machine), paths) == [value_at(machine, p) for p in paths]
-
-
-def test_the_first_error_is_raised():
-    with Workers(2) as two, pytest.raises(ParameterError, match="k_left"):
-        two.map(partial(EndFixity, "rail_ends"), [1e4, -1.0], [1e4, 1e4])
+        with pytest.raises(ParameterError, match="k_left"):
+            two.map(partial(EndFixity, "rail_ends"), [1e4, -1.0], [1e4, 1e4])
