@@ -1,4 +1,4 @@
-"""The score of an opened trial: rows with goals, confusion, calibration, and every case that was sure and wrong."""
+"""The score of some cases: rows with goals, confusion, calibration, and every case that was sure and wrong."""
 
 from __future__ import annotations
 
@@ -7,16 +7,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cutvib_ss.blind.achieved import with_achieved
-from cutvib_ss.blind.cases import NONE, UNKNOWN, Case, Causes, name_of, read_cases
-from cutvib_ss.blind.files import read_json
+from cutvib_ss.blind.cases import NONE, UNKNOWN, Case, Causes, name_of
 from cutvib_ss.blind.rows import LARGE, SMALL, SURE, Row, confidences, excess_closed, left_over, rows, stated_closed
-from cutvib_ss.blind.seal import SealError, Trial, open_seal, opened
 from cutvib_ss.blind.statistics import (
     Bin,
     Estimate,
@@ -181,81 +177,6 @@ class Score:
         }
         finite: dict[str, Any] = _finite(data)
         return finite
-
-
-def score_trial(folder: Path, jobs: int = 1) -> Score:
-    """
-    Open a trial's seal and score it.
-
-    Parameters
-    ----------
-    folder : Path
-        The trial's folder.
-    jobs : int
-        Corrected models at a time that are tried on fresh records.
-
-    Returns
-    -------
-    Score
-        The score.
-
-    Raises
-    ------
-    SealError
-        If the seal does not hold, or cases are not diagnosed yet.
-    """
-    trial = Trial(folder)
-    return _scored_together([(trial, open_seal(trial))], jobs)
-
-
-def pooled_score(folders: Sequence[Path], jobs: int = 1) -> Score:
-    """
-    The score of several opened trials of one code, as of one trial.
-
-    Parameters
-    ----------
-    folders : sequence of Path
-        The trials' folders.
-    jobs : int
-        Corrected models at a time that are tried on fresh records.
-
-    Returns
-    -------
-    Score
-        The score.
-
-    Raises
-    ------
-    SealError
-        If a seal is closed or does not hold, or the trials were diagnosed by different code.
-    """
-    trials = [Trial(folder) for folder in folders]
-    secrets = [opened(trial) for trial in trials]
-    codes = {str(read_json(trial.commitment)["code_sha256"]) for trial in trials}
-    if len(codes) > 1:
-        told = ", ".join(str(f) for f in folders)
-        raise SealError(f"{told}: were diagnosed by different code; score each by itself")
-    return _scored_together(list(zip(trials, secrets, strict=True)), jobs)
-
-
-def _scored_together(trials: Sequence[tuple[Trial, Mapping[str, Any]]], jobs: int) -> Score:
-    first, *others = [_about(trial, secret) for trial, secret in trials]
-    cases = [c for trial, secret in trials for c in with_achieved(trial, read_cases(trial, secret["labels"]), jobs)]
-    return scored(cases, {**first, "with": others} if others else first)
-
-
-def _about(trial: Trial, secret: Mapping[str, Any]) -> dict[str, Any]:
-    commitment, opening = read_json(trial.commitment), read_json(trial.opening)
-    return {
-        "folder": trial.folder.resolve().name,
-        "sealed": commitment["sealed"],
-        "opened": opening["opened"],
-        "version": commitment["version"],
-        "commit": commitment["commit"],
-        "code_sha256": commitment["code_sha256"],
-        "labels_sha256": commitment["labels_sha256"],
-        "settings": secret["settings"],
-    }
 
 
 def scored(cases: Sequence[Case], about: Mapping[str, Any]) -> Score:

@@ -258,9 +258,14 @@ def open_seal(trial: Trial) -> dict[str, Any]:
         diagnosis is newer than the opening.
     """
     commitment = check_code(trial, "the score")
-    if trial.labels.is_file():
-        return opened(trial)
-    names: list[str] = sorted(commitment["campaigns_sha256"])
+    if not trial.labels.is_file():
+        _lay_open(trial, commitment)
+    return opened(trial)
+
+
+def _lay_open(trial: Trial, commitment: Mapping[str, Any]) -> None:
+    """State when the seal was opened and what was diagnosed by then; copy the labels to where anyone can check them."""
+    names = sorted(commitment["campaigns_sha256"])
     if trial.opening.is_file():
         _check_nothing_since(trial, names)
     _check_runs(trial, names, commitment)
@@ -268,8 +273,7 @@ def open_seal(trial: Trial) -> dict[str, Any]:
     if not kept.is_file():
         raise SealError(f"{kept}: the sealed labels are missing; keep {trial.sealed.name} beside the trial's folder")
     content = read_json(kept)
-    secret: dict[str, Any] = content["secret"]
-    _check_labels(secret, bytes.fromhex(content["salt"]), commitment, kept)
+    _check_labels(content["secret"], bytes.fromhex(content["salt"]), commitment, kept)
     if not trial.opening.is_file():
         write_json(
             trial.opening,
@@ -283,9 +287,7 @@ def open_seal(trial: Trial) -> dict[str, Any]:
                 "diagnoses_sha256": {p.name: digest(p.read_bytes()) for p in _diagnosis_files(trial, names)},
             },
         )
-    # Public from here on, so that anyone can check them against the commitment.
-    write_json(trial.labels, secret)
-    return secret
+    write_json(trial.labels, content["secret"])
 
 
 def opened(trial: Trial) -> dict[str, Any]:

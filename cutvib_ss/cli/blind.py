@@ -83,7 +83,7 @@ def blind_score_command(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time.")] = 1,
 ) -> None:
     """Open the seal, once, and score the diagnoses."""
-    from cutvib_ss.blind.score import pooled_score, score_trial
+    from cutvib_ss.blind.trial_score import score_trials
 
     pages = report or []
     for page in pages:
@@ -91,7 +91,7 @@ def blind_score_command(
             raise ParameterError(f"--report {page}: {_SuffixError}")
     check_outputs(json, *pages)
     with working("scoring"):
-        found = score_trial(trials[0], jobs) if len(trials) == 1 else pooled_score(trials, jobs)
+        found = score_trials(trials, jobs)
     if train:
         from cutvib_ss.blind.baselines import with_baselines
 

@@ -12,7 +12,7 @@ from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.gap import shrinkage, where
 from cutvib_ss.gap.calibration import Evidence, posterior, shipped, tempered
-from cutvib_ss.gap.cause import ENOUGH, Ranked, search
+from cutvib_ss.gap.cause import search
 from cutvib_ss.gap.detail import found
 from cutvib_ss.gap.fit import Fit
 from cutvib_ss.gap.hum import hums, mains
@@ -23,6 +23,7 @@ from cutvib_ss.gap.next_test import next_test
 from cutvib_ss.gap.observations import Observations, observe
 from cutvib_ss.gap.place import Located, locate
 from cutvib_ss.gap.problem import Problem
+from cutvib_ss.gap.ranking import ENOUGH, Ranked
 from cutvib_ss.gap.records import Entry, Records, merged
 from cutvib_ss.gap.result import CandidateEvidence, Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.gap.verdict import ambiguity_set, verdict

@@ -27,9 +27,9 @@ from cutvib_ss.blind.rows import rows
 from cutvib_ss.blind.score import scored
 from cutvib_ss.blind.seal import Trial
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.gap.cause import Ranked
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.ranking import Ranked
 from cutvib_ss.machine import published_machine
 from cutvib_ss.model_files import read_machine
 from cutvib_ss.response.frequency import frequency_response

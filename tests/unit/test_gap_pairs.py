@@ -7,10 +7,10 @@ import pytest
 
 from cutvib_ss.effects.bilinear_stiffness import BilinearStiffness
 from cutvib_ss.effects.end_fixity import EndFixity
-from cutvib_ss.gap.cause import _refined
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypotheses import Candidate, candidates
 from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.ranking import on_all_lines
 from cutvib_ss.gap.records import Entry, Records
 from cutvib_ss.gap.scan import Scan
 from cutvib_ss.gap.workers import Workers
@@ -71,6 +71,6 @@ def test_causes_that_are_not_fitted_stay_as_far_behind_as_they_were(records, fir
     law = Hypothesis((BilinearStiffness("joint1", 0.1),), {"joint1": 1e-5})
     behind = [replace(first, hypothesis=law, objective=first.objective + d, chi2=1e9) for d in (1500.0, 1500.5)]
     rough = [(Candidate(f"law {k}", ()), f) for k, f in enumerate(behind)]
-    out = _refined(OFF, records, rough, 2, (first.objective, first.log_evidence), Workers())
+    out = on_all_lines(OFF, records, rough, 2, (first.objective, first.log_evidence), Workers())
     assert not any(r.refined for r in out)
     assert [r.fit.log_evidence - first.log_evidence for r in out] == pytest.approx([-750.0, -750.25])

@@ -1,0 +1,193 @@
+"""Two causes at once, where no single one is enough: a second one on top of the best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.gap.fit import Fit, fit
+from cutvib_ss.gap.hypotheses import Candidate
+from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.ranking import (
+    COARSE_LINES,
+    ENOUGH,
+    LATER_STEPS,
+    LAW_STEPS,
+    Ranked,
+    first_steps,
+    on_all_lines,
+    ranked_by_gain,
+    some,
+)
+from cutvib_ss.gap.records import Records
+from cutvib_ss.gap.scan import Scan
+from cutvib_ss.gap.workers import Workers
+from cutvib_ss.results import FloatArray
+
+ASTRAY = 10.0
+"""Reduced χ² on few lines as measured from which no pair with a law is looked for further."""
+PAIRS_CLOSE = 15.0
+"""As CLOSE, for pairs."""
+PAIRED = 2
+"""Single causes to which a second one is added."""
+SECONDS, LAW_SECONDS = 9, 3
+"""Second causes that are fitted on each of them, unless one on the first leaves no more than noise: those that promise most. So
+many where one of the two is simulated."""
+
+
+class _Base(NamedTuple):
+    """A cause to which a second one is added."""
+
+    name: str
+    hypothesis: Hypothesis
+    x: FloatArray
+
+
+class Second(NamedTuple):
+    """A cause that may be added, and its values where it was fitted to few lines by itself."""
+
+    candidate: Candidate
+    alone: Effect | None
+
+    def starts(self, by_simulation: bool) -> tuple[Effect, ...]:
+        """Its starts: where each is a simulation, of a linear cause only the first and where it did best by itself."""
+        starts = self.candidate.starts
+        return starts if self.alone is None or not by_simulation else (starts[0], self.alone)
+
+
+def fit_pairs(
+    nominal: Model,
+    records: Records,
+    few: Records,
+    outlook: Records | None,
+    ranked: Sequence[Ranked],
+    seconds: Sequence[Second],
+    motion: Mapping[str, float],
+    workers: Workers,
+) -> list[Ranked]:
+    """
+    A second cause on top of the best single ones, and of the one that was the best second: a cause that stood in for two may then
+    give way.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    records, few : Records
+        All lines, and few of them with a widened noise.
+    outlook : Records, optional
+        Few lines of the records on which laws are simulated.
+    ranked : sequence of Ranked
+        Single causes.
+    seconds : sequence of Second
+        What may be added.
+    motion : mapping of str to float
+        Largest motion at each place, from which laws get their size.
+    workers : Workers
+        Who fits.
+
+    Returns
+    -------
+    list of Ranked
+        The pairs that were fitted on all lines, and single causes fitted again from the best of them.
+    """
+    best: dict[tuple[str, str], _Base] = {}
+    for r in sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence):
+        key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
+        best.setdefault(key, _Base(r.name, r.fit.hypothesis, r.fit.x))
+    seen: set[frozenset[str]] = set()
+    out: list[Ranked] = []
+    for family in (few,) if outlook is None else (few, outlook):
+        # The widened noise pulls from afar; as measured, the same lines tell what is alike under it.
+        sharp = records.coarse(COARSE_LINES, 0.0) if family is few else records.for_laws(COARSE_LINES, 0.0)
+        assert sharp is not None
+        bases = list(best.values())[:PAIRED]
+        tried: list[tuple[Candidate, Fit]] = []
+        for turn in range(len(bases) + 1):
+            if turn == len(bases) and family is outlook and tried[0][1].chi2 > ASTRAY * tried[0][1].count:
+                break
+            base = bases[turn] if turn < len(bases) else _second_of(*tried[0])
+            tried += _with_second(nominal, family, sharp, base, seconds, motion, seen, workers, family is few)
+            tried.sort(key=lambda pair: pair[1].objective)
+            if not tried or (family is outlook and _enough_on_few(tried[0][1])):
+                break
+        # No single cause is a rival here: none is enough.
+        nobody = (np.inf, -np.inf)
+        out += [
+            r for r in on_all_lines(nominal, records, tried[:2], 1, nobody, workers, close=PAIRS_CLOSE) if r.refined
+        ]
+        if tried and _enough_on_few(tried[0][1]):
+            break
+    return [*out, *_alone(nominal, records, out)]
+
+
+def _enough_on_few(fitted: Fit) -> bool:
+    return fitted.chi2 < ENOUGH * fitted.count
+
+
+def _second_of(pair: Candidate, fitted: Fit) -> _Base:
+    """The second cause of a pair, as a first one."""
+    alone = replace(fitted.hypothesis, effects=fitted.hypothesis.effects[-1:])
+    return _Base(pair.name.split(" + ")[-1], alone, fitted.x[: fitted.first_effect])
+
+
+def _with_second(
+    nominal: Model,
+    family: Records,
+    sharp: Records,
+    base: _Base,
+    seconds: Sequence[Second],
+    motion: Mapping[str, float],
+    seen: set[frozenset[str]],
+    workers: Workers,
+    linear: bool,
+) -> list[tuple[Candidate, Fit]]:
+    """The second causes that promise most on top of a first, each pair fitted to few lines as measured."""
+    # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
+    x = None if base.hypothesis.linear and not linear else base.x
+    added: dict[str, tuple[Effect, ...]] = {}
+    for second in seconds:
+        name = second.candidate.name
+        names = frozenset((base.name, name))
+        both = base.hypothesis.linear and second.candidate.starts[0].linear
+        if len(names) == 1 or names in seen or both != linear:
+            continue
+        seen.add(names)
+        added[f"{base.name} + {name}"] = second.starts(by_simulation=not linear)
+    if not added:
+        return []
+    most, steps = (SECONDS, LATER_STEPS) if linear else (LAW_SECONDS, LAW_STEPS)
+    rough: dict[str, Fit] = {}
+    # What is small beside the widened noise shows as measured, once the first cause is right; laws are scanned from afar only.
+    for seen_on in (family, sharp) if linear else (some(family),):
+        scan = Scan(nominal, seen_on, base.hypothesis, x, motion, apart=not linear)
+        promising = ranked_by_gain(list(added), workers.map(scan.promise, added.values()))[:most]
+        new = [(name, s) for name, s in promising if name not in rough]
+        hypotheses = [s.hypothesis for s in workers.map(scan.refined, [s for _, s in new])]
+        fits = workers.map(partial(first_steps, nominal, family, warm=scan.warm, steps=steps), hypotheses)
+        rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
+    # As measured the steps of a law are as dear again: its two best are enough.
+    ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if linear else 2]
+    fits = workers.map(
+        partial(first_steps, nominal, sharp, steps=steps), [f.hypothesis for _, f in ahead], [f.x for _, f in ahead]
+    )
+    return [(Candidate(name, ()), f) for (name, _), f in zip(ahead, fits, strict=True) if f is not None]
+
+
+def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ranked]:
+    """Each cause of the best linear pair by itself, from its values there: its own fit may have been caught in a side minimum."""
+    linear = [r for r in pairs if r.fit.hypothesis.linear]
+    if not linear:
+        return []
+    best = max(linear, key=lambda r: r.fit.log_evidence)
+    out = []
+    for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
+        out.append(
+            Ranked(name, fit(nominal, records, Hypothesis((effect,)), best.fit.x[: best.fit.first_effect]), True)
+        )
+    return out
