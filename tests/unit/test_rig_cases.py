@@ -48,6 +48,13 @@ def test_a_seed_gives_one_case_and_another_seed_another(tmp_path: Path) -> None:
     assert first != other
 
 
+def test_the_digitiser_s_ranges_hold_the_hardest_blow_whatever_the_levels() -> None:
+    hardest = 1.4 * 100.0
+    for seed in range(12):
+        drawn = draw_case(seed, "none", conditions={"levels": (20.0, 100.0)}).conditions
+        assert min(drawn.force_range, drawn.response_range) > hardest
+
+
 @pytest.mark.parametrize("file_format", FORMATS)
 def test_the_package_reads_every_format(file_format: str, tmp_path: Path) -> None:
     channels = ("tool_x", "base_x")

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from cutvib_ss.blind.rig.structure import Head, Rail
+
+HEADROOM = 2.0
+"""Range of the digitiser over the hardest blow that is meant."""
 
 FORMATS = ("tdms", "csv", "mat", "uff", "csv_frf", "mat_frf")
 """Formats of the records; the last three hold frequency responses."""
@@ -163,14 +168,14 @@ def draw_conditions(rng: np.random.Generator) -> Conditions:
         force_noise=float(rng.uniform(0.002, 0.006)),
         wander=float(rng.uniform(0.0, 0.02)),
         bits=bits,
-        response_range=float(2.0 * top),
-        force_range=float(2.0 * top),
+        response_range=float(HEADROOM * top),
+        force_range=float(HEADROOM * top),
         hit_twice=0.03,
         overloads=int(rng.random() < 0.1),
     )
 
 
-def changed(conditions: Conditions, changes: dict[str, object]) -> Conditions:
+def changed(conditions: Conditions, changes: Mapping[str, Any]) -> Conditions:
     """
     Conditions with some of them given instead of drawn.
 
@@ -178,12 +183,19 @@ def changed(conditions: Conditions, changes: dict[str, object]) -> Conditions:
     ----------
     conditions : Conditions
         As drawn.
-    changes : dict of str to object
+    changes : mapping of str to object
         Fields and their values.
 
     Returns
     -------
     Conditions
         As changed.
+
+    Notes
+    -----
+    Ranges of the digitiser follow the levels, as whoever measures sets them: else it clips the hammer's force.
     """
-    return replace(conditions, **changes)  # type: ignore[arg-type]
+    if "levels" in changes:
+        reach = HEADROOM * max(changes["levels"])
+        changes = {"response_range": reach, "force_range": reach, **changes}
+    return replace(conditions, **changes)
