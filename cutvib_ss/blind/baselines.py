@@ -33,6 +33,7 @@ from cutvib_ss.gap.cause import search
 from cutvib_ss.gap.diagnosis import evidence_of
 from cutvib_ss.gap.findings import finite_or_none
 from cutvib_ss.gap.observations import observe
+from cutvib_ss.gap.ranking import COARSE_LINES
 from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.verdict import SET, SURE
 from cutvib_ss.gap.workers import Workers
@@ -309,7 +310,8 @@ def fitted_untuned(campaign: Path, out: Path) -> None:
         nominal = replace(given, tolerance=replace(given.tolerance, **nothing))
         observed = observe(measured, nominal)
         with threadpool_limits(1):
-            records = Records(observed.entries)
+            # Few lines, their noise as measured, tell single causes apart as all do, in a third of the time.
+            records = Records(observed.entries).coarse(COARSE_LINES, 0.0)
             ranked = search(nominal, records, observed, lambda r: r.reduced, Workers(), pairs=False)
     except CutvibError:
         write_json(out, {})

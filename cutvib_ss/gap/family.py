@@ -226,9 +226,13 @@ def with_level(freq: FloatArray, levels: FloatArray, value: ComplexArray, std: F
     str
         In words, with the laws that do so; empty where it does not change.
     """
-    if len(levels) < 2:
+    known = np.isfinite(value) & np.isfinite(std) & (std > 0) & np.isfinite(levels)[:, None]
+    weight = np.where(known, std, np.inf) ** -2.0
+    # A level at which the records say nothing of the function says nothing of its change either.
+    told = weight.sum(axis=1) > 0
+    levels, value, weight = levels[told], value[told], weight[told]
+    if levels.size < 2:
         return ""
-    weight = np.where(np.isfinite(value), std, np.inf) ** -2.0
     value, rate = np.nan_to_num(value), 2 * np.pi * freq
     stiffness = np.sum(weight * value.real, axis=1) / weight.sum(axis=1)
     damping = np.sum(weight * rate * value.imag, axis=1) / np.sum(weight * rate**2, axis=1)
@@ -242,7 +246,7 @@ def with_level(freq: FloatArray, levels: FloatArray, value: ComplexArray, std: F
     if levels.size == 2 and part[0] * part[1] < 0:
         return f"{name} that {'grows' if part[1] > part[0] else 'falls'} with the level"
     power, grows = _power(levels, part)
-    told = f"{name} that changes with the level to the power {power:.1f}"
+    text = f"{name} that changes with the level to the power {power:.1f}"
     # Motion grows faster or slower than the level, so that powers are rough: their sign tells most.
     laws = {
         "stiffness": (
@@ -252,7 +256,7 @@ def with_level(freq: FloatArray, levels: FloatArray, value: ComplexArray, std: F
         "damping": ((0.4, 3.0, "damping that grows with speed does so"), (-3.0, -0.4, "dry friction does so")),
     }
     law = next((law for low, high, law in laws[name] if low <= power <= high), "")
-    return f"{told}: {law}" if law else told
+    return f"{text}: {law}" if law else text
 
 
 def _power(levels: FloatArray, part: FloatArray) -> tuple[float, float]:

@@ -192,3 +192,16 @@ def test_growth_with_the_level_names_the_law(power, damps, told):
     said = with_level(FREQ, levels, value, np.full(value.shape, 5.0))
     assert told in said
     assert bool(said) == bool(told)
+
+
+@pytest.mark.parametrize("nothing", [np.nan, np.inf])
+def test_a_level_of_which_nothing_is_known_says_nothing_of_the_change(nothing):
+    levels = np.array([15.0, 50.0, 150.0])
+    value = np.outer((levels / 50) ** 2.0, 500.0 + 0 * S)
+    std = np.full(value.shape, 5.0)
+    std[1] = nothing
+    said = with_level(FREQ, levels, value, std)
+    assert "level" in said
+    assert with_level(FREQ, levels[:2], value[:2], std[:2]) == ""
+    value[1], std[1] = nothing, 5.0
+    assert with_level(FREQ, levels, value, std) == said
