@@ -86,6 +86,8 @@ class Effect(ABC):
     """Whether the frequency response alone carries it."""
     scale_free: ClassVar[bool] = True
     """Whether it does the same at every level of force; of laws those that tell only the sign of the motion."""
+    proportional: ClassVar[bool] = False
+    """Whether it is a law whose force is in proportion to its one parameter."""
 
     place: str
 

@@ -32,6 +32,7 @@ class BilinearStiffness(LawElement):
 
     effect: ClassVar[str] = "bilinear_stiffness"
     scale_free: ClassVar[bool] = True
+    proportional: ClassVar[bool] = True
 
     asymmetry: float = parameter("1", -0.95, 0.95, "linear", minimum=None)
 

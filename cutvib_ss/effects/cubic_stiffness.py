@@ -29,6 +29,7 @@ class CubicStiffness(LawElement):
     """
 
     effect: ClassVar[str] = "cubic_stiffness"
+    proportional: ClassVar[bool] = True
 
     stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "linear", minimum=None)
 

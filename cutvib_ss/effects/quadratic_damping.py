@@ -29,6 +29,7 @@ class QuadraticDamping(LawElement):
     """
 
     effect: ClassVar[str] = "quadratic_damping"
+    proportional: ClassVar[bool] = True
 
     coefficient: float = parameter("N m s^2/rad^2", 0.01, 100.0)
 

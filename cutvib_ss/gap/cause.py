@@ -135,8 +135,8 @@ def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], f
     if best.fit.log_evidence <= none.fit.log_evidence:
         return False
     # What a law leaves tells only beside what is not known of the force; a linear one leaves as much elsewhere.
-    left = best.reduced if best.fit.hypothesis.linear else leaves(best)
-    return sufficient(left, none.reduced)
+    linear = best.fit.hypothesis.linear
+    return sufficient(best.reduced if linear else leaves(best), none.reduced, linear)
 
 
 def _gained(ranked: Sequence[Ranked], none: Ranked) -> float:

@@ -18,6 +18,8 @@ from cutvib_ss.gap.ranking import (
     ENOUGH,
     LATER_STEPS,
     LAW_STEPS,
+    MOST_LAW_STEPS,
+    MOST_STEPS,
     Ranked,
     first_steps,
     on_all_lines,
@@ -148,8 +150,6 @@ def _with_second(
     linear: bool,
 ) -> list[tuple[Candidate, Fit]]:
     """The second causes that promise most on top of a first, each pair fitted to few lines as measured."""
-    # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
-    x = None if base.hypothesis.linear and not linear else base.x
     added: dict[str, tuple[Effect, ...]] = {}
     for second in seconds:
         name = second.candidate.name
@@ -163,13 +163,12 @@ def _with_second(
         return []
     most, steps = (SECONDS, LATER_STEPS) if linear else (LAW_SECONDS, LAW_STEPS)
     rough: dict[str, Fit] = {}
-    # What is small beside the widened noise shows as measured, once the first cause is right; laws are scanned from afar only.
-    for seen_on in (family, sharp) if linear else (some(family),):
+    for seen_on, x, fitted_on in _views(nominal, family, sharp, base, motion, linear):
         scan = Scan(nominal, seen_on, base.hypothesis, x, motion, apart=not linear)
         promising = ranked_by_gain(list(added), workers.map(scan.promise, added.values()))[:most]
         new = [(name, s) for name, s in promising if name not in rough]
         hypotheses = [s.hypothesis for s in workers.map(scan.refined, [s for _, s in new])]
-        fits = workers.map(partial(first_steps, nominal, family, warm=scan.warm, steps=steps), hypotheses)
+        fits = workers.map(partial(first_steps, nominal, fitted_on, warm=scan.warm, steps=steps), hypotheses)
         rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
     # As measured the steps of a law are as dear again: its two best are enough.
     ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if linear else 2]
@@ -179,15 +178,38 @@ def _with_second(
     return [(Candidate(name, ()), f) for (name, _), f in zip(ahead, fits, strict=True) if f is not None]
 
 
+def _views(
+    nominal: Model, family: Records, sharp: Records, base: _Base, motion: Mapping[str, float], linear: bool
+) -> list[tuple[Records, FloatArray | None, Records]]:
+    """
+    On which records second causes are scanned, with which tuning of the first, and on which they take their first steps.
+
+    What is small beside the widened noise shows as measured, once the first cause is right. Laws, whose every scan is a
+    simulation, are scanned once: as measured where the first cause leaves nothing in the widened noise, and else from afar.
+    """
+    if linear:
+        return [(family, base.x, family), (sharp, base.x, family)]
+    if not base.hypothesis.linear:
+        return [(some(family), base.x, family)]
+    scan = Scan(nominal, some(family), base.hypothesis, base.x, motion, apart=True)
+    if scan.leaves < ENOUGH * scan.left.size:
+        return [(some(sharp), base.x, sharp)]
+    # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
+    return [(some(family), None, family)]
+
+
 def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ranked]:
-    """Each cause of the best linear pair by itself, from its values there: its own fit may have been caught in a side minimum."""
-    linear = [r for r in pairs if r.fit.hypothesis.linear]
-    if not linear:
-        return []
-    best = max(linear, key=lambda r: r.fit.log_evidence)
+    """
+    Each cause of the best linear pair by itself, from its values there, and each of the best two laws: its own fit may have been
+    caught in a side minimum, or never begun.
+    """
     out = []
-    for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
-        out.append(
-            Ranked(name, fit(nominal, records, Hypothesis((effect,)), best.fit.x[: best.fit.first_effect]), True)
-        )
+    for linear, steps in ((True, MOST_STEPS), (False, MOST_LAW_STEPS)):
+        found = [r for r in pairs if all(e.linear is linear for e in r.fit.hypothesis.effects)]
+        if not found:
+            continue
+        best = max(found, key=lambda r: r.fit.log_evidence)
+        for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
+            alone = fit(nominal, records, Hypothesis((effect,)), best.fit.x[: best.fit.first_effect], steps)
+            out.append(Ranked(name, alone, True))
     return out

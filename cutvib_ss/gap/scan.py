@@ -10,12 +10,13 @@ while the squares of what is left fall evenly to where the truth is.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg, optimize
 
-from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.effects.base import Effect, Model, parameter_fields
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypothesis import Hypothesis
@@ -34,6 +35,8 @@ REFINED_FROM = 0.05
 """Size of the simplex, in parts of the ranges, from which the best of a law's values is refined …"""
 EVALUATIONS = 12
 """… in so many evaluations a parameter."""
+EXTRAPOLATED = 4.0
+"""Times its weakest start up to which a law in proportion to its parameter is scaled."""
 
 
 class Scanned(NamedTuple):
@@ -116,7 +119,10 @@ class Scan:
         """
         if starts[0].linear:
             return max((self._scaled(e) for e in starts), key=lambda s: s.gain)
-        return max((self.as_it_stands(e) for e in starts), key=lambda s: s.gain)
+        tried = [self.as_it_stands(e) for e in starts]
+        if starts[0].proportional:
+            tried.append(self._in_proportion(starts))
+        return max(tried, key=lambda s: s.gain)
 
     def refined(self, best: Scanned) -> Scanned:
         """
@@ -197,6 +203,22 @@ class Scan:
         both, problem, x = self._both(effect)
         return Scanned(self._gain_at(problem, x), both)
 
+    def _in_proportion(self, starts: Sequence[Effect]) -> Scanned:
+        """A law between and below its starts: what the weakest changes, scaled as it is best and turned round if need be."""
+        [parameter] = parameter_fields(type(starts[0]))
+        sizes = [abs(getattr(e, parameter.name)) for e in starts]
+        weakest = starts[int(np.argmin(sizes))]
+        both, problem, x = self._both(weakest)
+        along, size, _ = self._change(problem, x)
+        scale = along / size if size > 0.0 else 0.0
+        if not 0.0 < abs(scale) < EXTRAPOLATED:
+            return Scanned(-np.inf, both)
+        try:
+            return self.as_it_stands(replace(weakest, **{parameter.name: scale * getattr(weakest, parameter.name)}))
+        except CutvibError:
+            # Its parameter cannot be negative.
+            return Scanned(-np.inf, both)
+
     def _scaled(self, effect: Effect) -> Scanned:
         """By the change of the prediction at a start, scaled as it is best."""
         both, problem, x = self._both(effect)
@@ -213,16 +235,24 @@ class Scan:
 
     def _along(self, problem: Problem, x: FloatArray) -> tuple[float, float]:
         """χ² that a change of the prediction would take away, negative if turned round; and the change's own squares."""
+        along, size, moved_by = self._change(problem, x)
+        return along * abs(along) / size if size > 0.0 else along, moved_by
+
+    def _change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
+        """
+        Of a change of the prediction, freed of what the fit's unknowns could take up: its product with what is left, minus infinity
+        where the model cannot take it; its squares; and those before it was freed.
+        """
         try:
             change = self.left - _flat(problem.residuals(x)[1])
         except (CutvibError, np.linalg.LinAlgError):
-            return -np.inf, 0.0
+            return -np.inf, 0.0, 0.0
         if not np.isfinite(change).all():
-            return -np.inf, 0.0
+            return -np.inf, 0.0, 0.0
         pulled = linalg.cho_solve(self.factor, self.rows @ change)
         own = change - self.rows.T @ pulled
         along, size = float(own @ self.left + pulled @ self.strain), float(own @ change)
-        return along * abs(along) / size if size > 0.0 else 0.0, float(change @ change)
+        return (along, size, float(change @ change)) if size > 0.0 else (0.0, 0.0, float(change @ change))
 
 
 def _flat(residuals: Sequence[ComplexArray]) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from cutvib_ss.gap.calibration import probability_unknown, shipped
 from cutvib_ss.gap.result import Cause, Verdict
@@ -11,7 +12,11 @@ SURE = 0.9
 SET = 0.95
 
 
-def sufficient(reduced: float, tuned: float) -> bool:
+LINEAR_LEAVES = 4e-4
+"""Part of the re-tuned model's excess that a right linear cause may leave: it is not simulated, and nothing in it is guessed."""
+
+
+def sufficient(reduced: float, tuned: float, linear: bool) -> bool:
     """
     Whether what a cause leaves is no more than a right one would.
 
@@ -21,6 +26,8 @@ def sufficient(reduced: float, tuned: float) -> bool:
         Reduced χ² with the cause.
     tuned : float
         Reduced χ² of the re-tuned model.
+    linear : bool
+        Whether the cause is linear.
 
     Returns
     -------
@@ -28,6 +35,8 @@ def sufficient(reduced: float, tuned: float) -> bool:
         True up to the point at which "unknown" is as probable.
     """
     numbers = shipped()
+    if linear:
+        numbers = replace(numbers, of_the_gap=min(numbers.of_the_gap, LINEAR_LEAVES))
     return probability_unknown(reduced, tuned, numbers) < 0.5 * numbers.most_unknown
 
 

@@ -162,6 +162,19 @@ def test_a_clearance_is_found_from_values_far_from_it():
     assert found.hypothesis.effects[0].gap == pytest.approx(2.2e-5, rel=0.02)
 
 
+def test_a_law_is_promised_below_its_starts_and_with_the_other_sign():
+    seen = measured(records(20.0, 60.0), CubicStiffness("joint2", -4e8).apply(MACHINE))
+    scan = Scan(MACHINE, seen, Hypothesis(), None, {"joint2": 1e-4}, apart=True)
+    starts = [CubicStiffness("joint2", k) for k in (1.2e9, 6e9)]
+    assert all(scan.as_it_stands(e).gain < 0 for e in starts)
+    best = scan.promise(starts)
+    assert best.gain > 0.9 * (scan.leaves - scan.left.size)
+    assert best.hypothesis.effects[0].stiffness3 == pytest.approx(-4e8, rel=0.2)
+    # Damping that feeds energy is no law of the catalogue: turned round it promises nothing.
+    undamped = scan.promise([QuadraticDamping("joint2", 0.5)])
+    assert undamped.gain < best.gain
+
+
 @pytest.mark.parametrize("assumed", [True, False])
 def test_a_window_that_nobody_took_out_acts_on_what_is_simulated(assumed):
     windowed = WindowDamping("measurement", 8.0).apply(MACHINE)
