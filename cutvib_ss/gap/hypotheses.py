@@ -102,7 +102,7 @@ def candidates(model: Model, band: tuple[float, float], channels: Sequence[str])
 def _everywhere(model: Model, band: tuple[float, float]) -> list[Candidate]:
     scale = _port_scales(model)
     out = []
-    grid = np.geomspace(max(band[0], 1e-3) * 1.2, band[1], 15)[:-1]
+    grid = np.geomspace(max(band[0], 1e-3) * 1.2, band[1], 46)[:-1]
     for place in LocalResonator.places(model):
         masses = (scale[place][0] * 0.01, scale[place][0] * 0.06)
         starts = (LocalResonator(place, mass, float(f), 0.03) for f in grid for mass in masses)

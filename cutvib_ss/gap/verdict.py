@@ -12,7 +12,7 @@ SURE = 0.9
 SET = 0.95
 
 
-LINEAR_LEAVES = 4e-4
+LINEAR_LEAVES = 2e-4
 """Part of the re-tuned model's excess that a right linear cause may leave: it is not simulated, and nothing in it is guessed."""
 
 
