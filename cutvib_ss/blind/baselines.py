@@ -269,7 +269,7 @@ def _softmax(diagnosis: Mapping[str, Any] | None, score: Callable[[Mapping[str, 
 
 def untuned(campaigns: Sequence[Path], jobs: int) -> list[Mapping[str, Any]]:
     """
-    Fits of single causes to a model whose values may not move; they are kept, so that a second call is quick.
+    Fits of linear causes to a model whose values may not move; they are kept, so that a second call is quick.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ def untuned(campaigns: Sequence[Path], jobs: int) -> list[Mapping[str, Any]]:
 
 def fitted_untuned(campaign: Path, out: Path) -> None:
     """
-    Fit every single cause to one campaign with a model whose tolerances are next to nothing.
+    Fit every linear cause to one campaign with a model whose tolerances are next to nothing.
 
     Parameters
     ----------
@@ -312,7 +312,7 @@ def fitted_untuned(campaign: Path, out: Path) -> None:
         with threadpool_limits(1):
             # Few lines, their noise as measured, tell single causes apart as all do, in a third of the time.
             records = Records(observed.entries).coarse(COARSE_LINES, 0.0)
-            ranked = search(nominal, records, observed, lambda r: r.reduced, Workers(), pairs=False)
+            ranked = search(nominal, records, observed, lambda r: r.reduced, Workers(), pairs=False, laws=False)
     except CutvibError:
         write_json(out, {})
         return

@@ -61,6 +61,7 @@ def search(
     leaves: Callable[[Ranked], float],
     workers: Workers,
     pairs: bool = True,
+    laws: bool = True,
 ) -> tuple[Ranked, ...]:
     """
     Fit every cause, and pairs where no single one is enough.
@@ -79,6 +80,8 @@ def search(
         Who fits.
     pairs : bool
         Whether two causes are tried where no single one is enough.
+    laws : bool
+        Whether causes that depend on the level are tried.
 
     Returns
     -------
@@ -94,9 +97,9 @@ def search(
     ranked = on_all_lines(nominal, records, rough, REFINED, (scout.objective, none.fit.log_evidence), workers)
     none = _not_caught(nominal, records, none, ranked)
     by_level = level_stands_out(records)
-    laws: Sequence[Candidate] = ()
+    dependent: Sequence[Candidate] = ()
     motion: dict[str, float] = {}
-    outlook = records.for_laws(COARSE_LINES, COARSE_ERROR)
+    outlook = records.for_laws(COARSE_LINES, COARSE_ERROR) if laws else None
     compared = levels_compared(records)
     if (
         outlook is not None
@@ -105,14 +108,14 @@ def search(
     ):
         moved = motions(none.fit.model, outlook)
         motion = {place: m.high for place, m in moved.items()}
-        laws = nonlinear_candidates(nominal, moved)
+        dependent = nonlinear_candidates(nominal, moved)
         if compared and not by_level:
             # Levels that agree leave only what depends on the sign of the motion, not on its size.
-            laws = [c for c in laws if c.starts[0].scale_free]
-        rough = _rough_laws(nominal, outlook, laws, motion, workers)
+            dependent = [c for c in dependent if c.starts[0].scale_free]
+        rough = _rough_laws(nominal, outlook, dependent, motion, workers)
         ranked += on_all_lines(nominal, records, rough, 2, _rival(nominal, outlook, ranked), workers, MOST_LAWS)
     if pairs and none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
-        seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in laws)]
+        seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
         ranked += fit_pairs(nominal, records, few, outlook, ranked, seconds, motion, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):

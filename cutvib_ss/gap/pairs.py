@@ -51,13 +51,34 @@ class _Base(NamedTuple):
 
 
 class Second(NamedTuple):
-    """A cause that may be added, and its values where it was fitted to few lines by itself."""
+    """
+    A cause that may be added.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        The cause.
+    alone : Effect or None
+        Its values where it was fitted to few lines by itself.
+    """
 
     candidate: Candidate
     alone: Effect | None
 
     def starts(self, by_simulation: bool) -> tuple[Effect, ...]:
-        """Its starts: where each is a simulation, of a linear cause only the first and where it did best by itself."""
+        """
+        Its starts.
+
+        Parameters
+        ----------
+        by_simulation : bool
+            Whether each is a simulation: of a linear cause then only the first, and where it did best by itself.
+
+        Returns
+        -------
+        tuple of Effect
+            The starts.
+        """
         starts = self.candidate.starts
         return starts if self.alone is None or not by_simulation else (starts[0], self.alone)
 
@@ -73,15 +94,18 @@ def fit_pairs(
     workers: Workers,
 ) -> list[Ranked]:
     """
-    A second cause on top of the best single ones, and of the one that was the best second: a cause that stood in for two may then
-    give way.
+    A second cause on top of the best single ones.
+
+    It is tried on top of the one that was the best second, too: a cause that stood in for two may then give way.
 
     Parameters
     ----------
     nominal : Machine or Structure
         The nominal model.
-    records, few : Records
-        All lines, and few of them with a widened noise.
+    records : Records
+        All lines.
+    few : Records
+        Few of them, with a widened noise.
     outlook : Records, optional
         Few lines of the records on which laws are simulated.
     ranked : sequence of Ranked

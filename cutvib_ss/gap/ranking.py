@@ -88,13 +88,15 @@ def on_all_lines(
         All lines.
     rough : sequence of (Candidate, Fit)
         Causes fitted on few lines, best first.
-    least, most : int
-        So many are fitted at least, unless they are far behind, and at most.
+    least : int
+        So many are fitted at least, unless they are far behind.
     rival : tuple of float
         Objective of another cause, or none, on the same few lines, and its evidence on all: what stays far behind it there is not
         worth the dearer fit.
     workers : Workers
         Who fits.
+    most : int
+        So many are fitted at most.
     close : float
         What lies within this of the best on few lines is fitted.
 
@@ -128,19 +130,65 @@ def on_all_lines(
 
 
 def some(outlook: Records) -> Records:
-    """Every other of many records: of three positions at three levels the corners and the middle."""
+    """
+    Every other of many records: of three positions at three levels the corners and the middle.
+
+    Parameters
+    ----------
+    outlook : Records
+        The records on which laws start.
+
+    Returns
+    -------
+    Records
+        Those that are scanned.
+    """
     return Records(outlook.entries[:: 2 if len(outlook.entries) > SCANNED else 1], outlook.rough)
 
 
 def ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:
-    """Names with what was scanned of them, the most promising first."""
+    """
+    Names with what was scanned of them.
+
+    Parameters
+    ----------
+    names : sequence
+        What is ranked.
+    scanned : sequence of Scanned
+        What each promises.
+
+    Returns
+    -------
+    list of tuple
+        Both together, the most promising first.
+    """
     return sorted(zip(names, scanned, strict=True), key=lambda row: -row[1].gain)
 
 
 def first_steps(
     nominal: Model, records: Records, hypothesis: Hypothesis, warm: FloatArray | None, steps: int
 ) -> Fit | None:
-    """A few steps; None where the model cannot take the effect, or runs away with it."""
+    """
+    A few steps on few lines.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    records : Records
+        Few lines.
+    hypothesis : Hypothesis
+        What is fitted.
+    warm : ndarray, optional
+        Unknowns to start from.
+    steps : int
+        Most steps taken.
+
+    Returns
+    -------
+    Fit or None
+        The fit; None where the model cannot take the effect, or runs away with it.
+    """
     try:
         return fit(nominal, records, hypothesis, warm, steps, ROUGH)
     except CutvibError:
