@@ -187,7 +187,8 @@ def test_the_untuned_model_has_next_to_no_tolerances_and_its_fits_are_kept(
     asked = []
 
     def searched(nominal: Any, records: Any, *_: Any, pairs: bool, laws: bool) -> Any:
-        assert not (pairs or laws)
+        assert not pairs
+        assert not laws
         asked.append(nominal)
         found = fit(nominal, records.coarse(40, 0.03), Hypothesis(), max_iterations=1)
         return (Ranked("none", found, True), Ranked("guide_compliance", found, False))
