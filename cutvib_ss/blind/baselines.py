@@ -117,7 +117,8 @@ def answered(cases: Sequence[Case], odds: Sequence[Odds]) -> tuple[Case, ...]:
     tuple of Case
         The same truths.
     """
-    return tuple(replace(c, answer=answer(o), run={}) for c, o in zip(cases, odds, strict=True))
+    # They correct no model: nothing is closed.
+    return tuple(replace(c, answer=answer(o), run={}, achieved=np.nan) for c, o in zip(cases, odds, strict=True))
 
 
 def answer(odds: Odds) -> Answer:

@@ -173,6 +173,9 @@ def test_baselines_stand_beside_the_score(tmp_path: Path, monkeypatch: pytest.Mo
     assert list(found.baselines) == ["nearest signature", "classifier", "untuned χ²", "BIC"]
     right = {name: next(r for r in own if r.key == "right_all").estimate.value for name, own in found.baselines.items()}
     assert right == {"nearest signature": 1.0, "classifier": 1.0, "untuned χ²": 0.5, "BIC": 0.5}
+    # They name causes and correct no model.
+    closed = {r.estimate.cases for own in found.baselines.values() for r in own if r.key == "achieved"}
+    assert closed == {0}
     assert set(json.loads(json.dumps(found.to_dict(), allow_nan=False))["baselines"]) == set(right)
     for bad in (asked, tmp_path):
         with pytest.raises(ParameterError, match=r"the trial to be scored|is not open"):
