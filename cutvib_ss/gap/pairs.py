@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.hypotheses import Candidate
 from cutvib_ss.gap.hypothesis import Hypothesis
@@ -234,6 +235,12 @@ def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ra
             continue
         best = max(found, key=lambda r: r.fit.log_evidence)
         for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
-            alone = fit(nominal, records, Hypothesis((effect,)), best.fit.x[: best.fit.first_effect], steps)
+            # A law's range goes by the motion that the pair's hypothesis holds.
+            hypothesis = replace(best.fit.hypothesis, effects=(effect,))
+            try:
+                alone = fit(nominal, records, hypothesis, best.fit.x[: best.fit.first_effect], steps)
+            except CutvibError:
+                # Without the other it runs away.
+                continue
             out.append(Ranked(name, alone, True))
     return out
