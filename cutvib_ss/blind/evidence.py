@@ -12,6 +12,7 @@ import numpy as np
 from cutvib_ss.blind.cases import NONE, UNKNOWN, Causes, causes_of, truth_of
 from cutvib_ss.blind.files import read_json
 from cutvib_ss.blind.seal import Trial
+from cutvib_ss.effects.parameter_shift import stands_in
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.gap.calibration import Calibration, Evidence, posterior
 
@@ -157,6 +158,9 @@ def case_evidence(name: str, label: Mapping[str, Any], diagnosis: Mapping[str, A
             for r in rows
             if r.get("judged", r["held_reduced_chi2"] is not None)
         },
+        unspecific=frozenset(
+            r["name"] for r in rows if stands_in(r["effect"], (r.get("parameters") or {}).get("parameter"))
+        ),
     )
     return CaseEvidence(name, truth_of(label).causes, named, evidence)
 

@@ -114,6 +114,10 @@ def blind_calibrate_command(
         list[Path] | None,
         typer.Option("--judge", metavar="DIR", help="Opened trial, of other seeds, to judge on; may be repeated."),
     ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="NAME", help="Number that is fitted, the others stay; may be repeated."),
+    ] = None,
 ) -> None:
     """Fit the numbers behind the stated probabilities to opened trials, and judge them on others."""
     from cutvib_ss.blind.calibration import calibrate
@@ -121,7 +125,7 @@ def blind_calibrate_command(
 
     check_outputs(out)
     with working("fitting"):
-        found = calibrate([read_evidence(t) for t in trials], [read_evidence(t) for t in judge or []])
+        found = calibrate([read_evidence(t) for t in trials], [read_evidence(t) for t in judge or []], only=only or ())
     give_json(found.to_dict(), str(out))
     console = results()
     rows = [[name, f"{before:.4g}", f"{after:.4g}"] for name, before, after in found.changes()]

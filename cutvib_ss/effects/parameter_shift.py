@@ -24,6 +24,31 @@ MACHINE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 STRUCTURE_PARAMETERS = ("mass", "damping", "stiffness")
 """Matrices of any other structure; their place is ``"structure"``."""
 
+STAND_INS = frozenset({"l1", "l2", "c1", "c2", "damping"})
+"""
+Parameters as which causes that nobody catalogued appear: a spring beside the tool acts as a shorter lever, another law of friction
+as another coefficient of damping.
+"""
+
+
+def stands_in(effect: str, parameter: object) -> bool:
+    """
+    Whether a cause is a shift of a value as which others appear.
+
+    Parameters
+    ----------
+    effect : str
+        Id of the effect.
+    parameter : object
+        Name of the shifted parameter, if it has one.
+
+    Returns
+    -------
+    bool
+        True for lengths and damping coefficients that stand alone.
+    """
+    return effect == ParameterShift.effect and parameter in STAND_INS
+
 
 @dataclass(frozen=True)
 class ParameterShift(Effect):

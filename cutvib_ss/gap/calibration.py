@@ -1,9 +1,10 @@
 """
-From evidence to probabilities that come true: eight numbers, fitted to sealed campaigns and kept with the package.
+From evidence to probabilities that come true: nine numbers, fitted to sealed campaigns and kept with the package.
 
 Evidence is tempered: where even the best cause leaves more than noise, differences of χ² are divided by what it leaves, for a
 likelihood that is wrong everywhere is no measure of confidence. Half of the prior lies on no cause at all. "Unknown" is judged on
 held-out records: it takes its share by how much the best cause leaves there, and never all, for a search may have missed the cause.
+A shifted length or damping coefficient leaves it a share however well it fits: what nobody has catalogued often acts as one.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cutvib_ss.results import FloatArray
 
@@ -52,6 +53,9 @@ class Calibration:
         Largest share of "unknown" before doubt.
     doubt : float
         Part of all probability that goes by a judgement `HOTTER` times as hesitant: what comes close behind is never ruled out.
+    unspecific : float
+        Part of the probability of an unspecific cause that goes to "unknown": a spring beside the tool acts as another length
+        of the tool would, a damper of another law as another damping.
     """
 
     temperature: float = 2.0
@@ -62,6 +66,7 @@ class Calibration:
     of_the_gap: float = 1e-4
     most_unknown: float = 0.9
     doubt: float = 0.02
+    unspecific: float = 0.3
 
 
 @cache
@@ -95,12 +100,15 @@ class Evidence:
         Reduced χ² of the best of them, on the data that they were fitted to.
     held : mapping of str to float
         Reduced χ² on held-out records, of ``"none"`` and of the candidates that were judged there.
+    unspecific : frozenset of str
+        Candidates as which causes outside the catalogue appear.
     """
 
     log_evidence: Mapping[str, float]
     causes: Mapping[str, int]
     reduced: float
     held: Mapping[str, float] = field(default_factory=dict)
+    unspecific: frozenset[str] = frozenset()
 
 
 def posterior(evidence: Evidence, numbers: Calibration) -> dict[str, float]:
@@ -120,9 +128,10 @@ def posterior(evidence: Evidence, numbers: Calibration) -> dict[str, float]:
         By candidate, and ``"unknown"``; they sum to one.
     """
     log_evidence, acting = _arrays(evidence)
+    unspecific = np.array([name in evidence.unspecific for name in evidence.log_evidence])
     judged = {name: left if np.isfinite(left) else np.inf for name, left in evidence.held.items()}
     held = np.array([judged.get(name, np.nan) for name in evidence.log_evidence])
-    shares = posteriors(log_evidence, acting, held, np.float64(evidence.reduced), judged["none"], numbers)
+    shares = posteriors(log_evidence, acting, unspecific, held, np.float64(evidence.reduced), judged["none"], numbers)
     return dict(zip([*evidence.log_evidence, "unknown"], shares.tolist(), strict=True))
 
 
@@ -149,6 +158,7 @@ def tempered(evidence: Evidence, numbers: Calibration) -> dict[str, float]:
 def posteriors(
     log_evidence: FloatArray,
     acting: FloatArray,
+    unspecific: NDArray[np.bool_],
     held: FloatArray,
     reduced: ArrayLike,
     tuned: ArrayLike,
@@ -163,6 +173,8 @@ def posteriors(
         Minus infinity where a campaign has fewer candidates than others.
     acting : ndarray, shape (..., candidate)
         How many causes act together in each: 0, 1 or 2.
+    unspecific : ndarray of bool, shape (..., candidate)
+        As which of them causes outside the catalogue appear.
     held : ndarray, shape (..., candidate)
         Reduced χ² on held-out records; NaN where not judged.
     reduced, tuned : array_like, shape (...)
@@ -182,7 +194,9 @@ def posteriors(
     def shares(odds: FloatArray, sharpness: float) -> FloatArray:
         at = replace(numbers, sharpness=sharpness)
         unknown = _unknown(left, np.asarray(tuned, dtype=np.float64), at)[..., None]
-        return np.concatenate([(1.0 - unknown) * odds, unknown], axis=-1)
+        imitated = (1.0 - unknown) * odds * unspecific * numbers.unspecific
+        known = (1.0 - unknown) * odds - imitated
+        return np.concatenate([known, unknown + imitated.sum(axis=-1, keepdims=True)], axis=-1)
 
     hot = replace(numbers, temperature=HOTTER * numbers.temperature)
     hesitant = shares(_odds(log_evidence, acting, reduced, hot), HOTTER * numbers.sharpness)

@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cutvib_ss.effects.base import Model, parameter_fields
+from cutvib_ss.effects.parameter_shift import stands_in
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.gap import shrinkage, where
 from cutvib_ss.gap.calibration import Evidence, posterior, shipped, tempered
@@ -122,6 +123,9 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         log_evidence={r.name: r.fit.log_evidence for r in ranked},
         causes={r.name: len(r.fit.hypothesis.effects) for r in ranked},
         reduced=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
+        unspecific=frozenset(
+            r.name for r in ranked if stands_in(r.fit.hypothesis.effect, _discrete(r.fit).get("parameter"))
+        ),
     )
     odds = tempered(evidence, shipped())
     shown = sorted(causes, key=lambda r: -odds[r.name])

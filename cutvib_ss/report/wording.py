@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from cutvib_ss.effects.parameter_shift import stands_in
 from cutvib_ss.gap.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
 
 EFFECTS = {
@@ -146,13 +147,23 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "ambiguous":
         few = [diagnosis.causes[i] for i in diagnosis.ambiguity_set]
         listed = "; or ".join(cause_name(c.effect, c.place, c.parameters) for c in few)
-        return f"There is a gap, and this campaign cannot tell these causes apart: {listed}."
+        told = f"There is a gap, and this campaign cannot tell these causes apart: {listed}."
+        shifted = next((v for c in few if (v := _stand_in(c)) is not None), None)
+        if shifted is None or all(c.effect != "unknown" for c in few):
+            return told
+        return f"{told} Measure {shifted} by itself, since other causes at its place show as such a value."
     known = next((c for c in diagnosis.causes if c.effect not in ("none", "unknown")), best)
     return (
         f"There is a gap, most probably at {place_name(diagnosis.where.place)}, that no cause of the catalogue "
         f"explains: the best of them ({cause_name(known.effect, known.place, known.parameters)}) leaves "
         f"{figure(known.after)} {gap.unit}, noise alone {figure(gap.noise_floor)}."
     )
+
+
+def _stand_in(cause: Cause) -> str | None:
+    """Name of the shifted value as which other causes appear, if that is the cause."""
+    value = cause.parameters["parameter"].value if "parameter" in cause.parameters else None
+    return str(value) if stands_in(cause.effect, value) else None
 
 
 def next_test_sentence(test: NextTest) -> str:

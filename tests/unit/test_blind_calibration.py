@@ -11,6 +11,7 @@ import pytest
 from cutvib_ss.blind.calibration import BOUNDS, calibrate, figures, fit_numbers
 from cutvib_ss.blind.cases import NONE, UNKNOWN
 from cutvib_ss.blind.evidence import CaseEvidence, case_evidence, read_evidence, stated
+from cutvib_ss.effects.parameter_shift import stands_in
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.gap import calibration
 from cutvib_ss.gap.calibration import Calibration, Evidence, posterior, shipped
@@ -94,6 +95,33 @@ def test_a_search_may_have_missed_the_cause() -> None:
     assert found["a x"] == pytest.approx(0.2)
 
 
+def test_a_value_as_which_others_appear_leaves_unknown_its_share() -> None:
+    said = evidence({"none": 0.0, "a x": 1e3, "b x": 985.0}, {"none": 9.0, "a x": 1.0})
+    numbers = replace(NUMBERS, unspecific=0.4)
+    sure, open_to_doubt = (posterior(replace(said, unspecific=frozenset(which)), numbers) for which in ((), ("a x",)))
+    assert open_to_doubt["a x"] == pytest.approx(0.6 * sure["a x"])
+    assert open_to_doubt["unknown"] == pytest.approx(sure["unknown"] + 0.4 * sure["a x"])
+    assert open_to_doubt["b x"] == pytest.approx(sure["b x"])
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "expected"),
+    [("parameter_shift", "l2", True), ("parameter_shift", "c1", True), ("parameter_shift", "k2", False),
+     ("parameter_shift", "first_frequency", False), ("added_mass", None, False),
+     ("parameter_shift+added_mass", "l2", False)],
+)  # fmt: skip
+def test_lengths_and_damping_are_what_others_appear_as(effect: str, parameter: str | None, expected: bool) -> None:
+    assert stands_in(effect, parameter) is expected
+
+
+def test_only_some_numbers_are_fitted() -> None:
+    found = fit_numbers(drawn(120, 4, heat=6.0), NUMBERS, only=["temperature"])
+    assert found.temperature > 2.0
+    assert replace(found, temperature=NUMBERS.temperature) == NUMBERS
+    with pytest.raises(ParameterError, match="no such number: heat; there are temperature"):
+        fit_numbers(drawn(5, 4, heat=6.0), NUMBERS, only=["heat"])
+
+
 def test_numbers_that_ship(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shipped.cache_clear()
     monkeypatch.setattr(calibration, "FILE", tmp_path / "absent.json")
@@ -162,6 +190,20 @@ def trial(folder: Path, seed: int, count: int = 12) -> Path:
     ]
     cases.append((label("outside:hum", "rail"), said(("cubic_stiffness", "joint2"), 70.0, 3.0)))
     return opened_trial(folder, cases, seed)
+
+
+def test_evidence_knows_which_values_others_appear_as() -> None:
+    said = diagnosis([("parameter_shift", "tool", 0.9), ("none", "none", 0.1)])
+    rows = [
+        {"name": "none", "effect": "none", "place": "none", "log_evidence": 0.0, "held_reduced_chi2": 5.0},
+        *(
+            {"name": n, "effect": "parameter_shift", "place": "tool", "parameters": {"parameter": n},
+             "log_evidence": 9.0, "held_reduced_chi2": 1.0}
+            for n in ("l2", "k2")
+        ),
+    ]  # fmt: skip
+    said["evidence"] = {"candidates": rows, "reduced_chi2": 1.0}
+    assert case_evidence("c", label("parameter_shift", "tool"), said).evidence.unspecific == {"l2"}
 
 
 def test_evidence_is_read_from_diagnoses() -> None:

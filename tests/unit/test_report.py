@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutvib_ss.gap.result import Comparison, Diagnosis, FittedParameter, NextTest
+from cutvib_ss.gap.result import Cause, Comparison, Diagnosis, FittedParameter, NextTest
 from cutvib_ss.report import report_html, write_report
 from cutvib_ss.report.wording import (
     EFFECTS,
@@ -105,6 +105,17 @@ def test_an_ambiguous_diagnosis_marks_its_set_and_says_what_to_measure() -> None
     assert "cannot tell these causes apart: the supports under the rail's ends give; or the guide between" in text
     assert "Put the head at y/L = 0.02, give blows of about 60 N and look at base_x: tells" in text
     assert page.count('<tr class="likely">') == 2
+
+
+def test_a_value_as_which_others_appear_is_to_be_measured_by_itself() -> None:
+    base = example_diagnosis("ambiguous", lines=20, records=1)
+    values = {"factor": FittedParameter(0.95, 0.01, "1"), "parameter": FittedParameter("l2", 0.0, "")}
+    shifted = Cause("parameter_shift", "tool", 0.55, values)
+    unknown = Cause("unknown", "tool", 0.44)
+    said = verdict_sentence(replace(base, causes=(shifted, unknown), ambiguity_set=(0, 1)))
+    assert said.endswith("Measure l2 by itself, since other causes at its place show as such a value.")
+    others = verdict_sentence(replace(base, causes=(shifted, base.causes[0]), ambiguity_set=(0, 1)))
+    assert "Measure" not in others
 
 
 def test_no_gap_and_unknown_are_said_plainly() -> None:
