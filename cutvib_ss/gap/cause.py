@@ -20,6 +20,7 @@ from cutvib_ss.gap.levels import level_stands_out, levels_compared, motions
 from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.pairs import Second, fit_pairs
 from cutvib_ss.gap.ranking import (
+    COARSE_ERROR,
     COARSE_LINES,
     ENOUGH,
     LATER_STEPS,
@@ -36,8 +37,6 @@ from cutvib_ss.gap.scan import Scan
 from cutvib_ss.gap.verdict import sufficient
 from cutvib_ss.gap.workers import Workers
 
-COARSE_ERROR = 0.03
-"""Relative error by which the noise is widened on few lines."""
 REFINED = 3
 """Linear causes that are fitted again on all lines, at least."""
 MOST_LAWS = 3
@@ -116,7 +115,7 @@ def search(
         ranked += on_all_lines(nominal, records, rough, 2, _rival(nominal, outlook, ranked), workers, MOST_LAWS)
     if pairs and none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
         seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
-        ranked += fit_pairs(nominal, records, few, outlook, ranked, seconds, motion, workers)
+        ranked += fit_pairs(nominal, records, ranked, seconds, motion, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
         best.setdefault(r.name, r)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.hypotheses import Candidate
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.ranking import (
+    COARSE_ERROR,
     COARSE_LINES,
     ENOUGH,
     LATER_STEPS,
@@ -84,11 +85,98 @@ class Second(NamedTuple):
         return starts if self.alone is None or not by_simulation else (starts[0], self.alone)
 
 
+@dataclass(frozen=True)
+class _Family:
+    """
+    Pairs of linear causes, or those of which one at least is simulated.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    wide, sharp : Records
+        The same few lines with a widened noise, which pulls from afar, and as measured, where they tell what is alike under it.
+    linear : bool
+        Which family it is.
+    motion : mapping of str to float
+        Largest motion at each place, from which laws get their size.
+    workers : Workers
+        Who fits.
+    seen : set of frozenset of str
+        Pairs that were tried; they are not tried the other way round.
+    """
+
+    nominal: Model
+    wide: Records
+    sharp: Records
+    linear: bool
+    motion: Mapping[str, float]
+    workers: Workers
+    seen: set[frozenset[str]] = field(default_factory=set)
+
+    def around(self, bases: Sequence[_Base], seconds: Sequence[Second]) -> list[tuple[Candidate, Fit]]:
+        """Pairs on top of each base, and of the best second cause that was found; best first, fitted to few lines as measured."""
+        tried: list[tuple[Candidate, Fit]] = []
+        for turn in range(len(bases) + 1):
+            if turn == len(bases) and not self.linear and tried[0][1].chi2 > ASTRAY * tried[0][1].count:
+                break
+            base = bases[turn] if turn < len(bases) else _second_of(*tried[0])
+            tried += self._with_second(base, seconds)
+            tried.sort(key=lambda pair: pair[1].objective)
+            if not tried or (not self.linear and _enough_on_few(tried)):
+                break
+        return tried
+
+    def _with_second(self, base: _Base, seconds: Sequence[Second]) -> list[tuple[Candidate, Fit]]:
+        """The second causes that promise most on top of a first."""
+        added: dict[str, tuple[Effect, ...]] = {}
+        for second in seconds:
+            name = second.candidate.name
+            names = frozenset((base.name, name))
+            both = base.hypothesis.linear and second.candidate.starts[0].linear
+            if len(names) == 1 or names in self.seen or both != self.linear:
+                continue
+            self.seen.add(names)
+            added[f"{base.name} + {name}"] = second.starts(by_simulation=not self.linear)
+        if not added:
+            return []
+        most, steps = (SECONDS, LATER_STEPS) if self.linear else (LAW_SECONDS, LAW_STEPS)
+        rough: dict[str, Fit] = {}
+        for scanned, x, fitted_on in self._views(base):
+            scan = Scan(self.nominal, scanned, base.hypothesis, x, self.motion, apart=not self.linear)
+            promising = ranked_by_gain(list(added), self.workers.map(scan.promise, added.values()))[:most]
+            new = [(name, s) for name, s in promising if name not in rough]
+            hypotheses = [s.hypothesis for s in self.workers.map(scan.refined, [s for _, s in new])]
+            step = partial(first_steps, self.nominal, fitted_on, warm=scan.warm, steps=steps)
+            fits = self.workers.map(step, hypotheses)
+            rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
+        # As measured the steps of a law are as dear again: its two best are enough.
+        ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if self.linear else 2]
+        step = partial(first_steps, self.nominal, self.sharp, steps=steps)
+        fits = self.workers.map(step, [f.hypothesis for _, f in ahead], [f.x for _, f in ahead])
+        return [(Candidate(name, ()), f) for (name, _), f in zip(ahead, fits, strict=True) if f is not None]
+
+    def _views(self, base: _Base) -> list[tuple[Records, FloatArray | None, Records]]:
+        """
+        On which records second causes are scanned, with which tuning of the first, and on which they take their first steps.
+
+        What is small beside the widened noise shows as measured, once the first cause is right. Laws, whose every scan is a
+        simulation, are scanned once: as measured where the first cause leaves nothing in the widened noise, and else from afar.
+        """
+        if self.linear:
+            return [(self.wide, base.x, self.wide), (self.sharp, base.x, self.sharp)]
+        if not base.hypothesis.linear:
+            return [(some(self.wide), base.x, self.wide)]
+        scan = Scan(self.nominal, some(self.wide), base.hypothesis, base.x, self.motion, apart=True)
+        if scan.leaves < ENOUGH * scan.left.size:
+            return [(some(self.sharp), base.x, self.sharp)]
+        # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
+        return [(some(self.wide), None, self.wide)]
+
+
 def fit_pairs(
     nominal: Model,
     records: Records,
-    few: Records,
-    outlook: Records | None,
     ranked: Sequence[Ranked],
     seconds: Sequence[Second],
     motion: Mapping[str, float],
@@ -105,16 +193,12 @@ def fit_pairs(
         The nominal model.
     records : Records
         All lines.
-    few : Records
-        Few of them, with a widened noise.
-    outlook : Records, optional
-        Few lines of the records on which laws are simulated.
     ranked : sequence of Ranked
         Single causes.
     seconds : sequence of Second
         What may be added.
     motion : mapping of str to float
-        Largest motion at each place, from which laws get their size.
+        Largest motion at each place, from which laws get their size; empty where none is tried.
     workers : Workers
         Who fits.
 
@@ -127,100 +211,34 @@ def fit_pairs(
     for r in sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence):
         key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
         best.setdefault(key, _Base(r.name, r.fit.hypothesis, r.fit.x))
+    bases = list(best.values())[:PAIRED]
     seen: set[frozenset[str]] = set()
     out: list[Ranked] = []
-    for family in (few,) if outlook is None else (few, outlook):
-        # The widened noise pulls from afar; as measured, the same lines tell what is alike under it.
-        sharp = records.coarse(COARSE_LINES, 0.0) if family is few else records.for_laws(COARSE_LINES, 0.0)
-        assert sharp is not None
-        bases = list(best.values())[:PAIRED]
-        tried: list[tuple[Candidate, Fit]] = []
-        for turn in range(len(bases) + 1):
-            if turn == len(bases) and family is outlook and tried[0][1].chi2 > ASTRAY * tried[0][1].count:
-                break
-            base = bases[turn] if turn < len(bases) else _second_of(*tried[0])
-            tried += _with_second(nominal, family, sharp, base, seconds, motion, seen, workers, family is few)
-            tried.sort(key=lambda pair: pair[1].objective)
-            if not tried or (family is outlook and _enough_on_few(tried[0][1])):
-                break
+    for linear, of_lines in ((True, records.coarse), (False, records.for_laws)):
+        wide, sharp = of_lines(COARSE_LINES, COARSE_ERROR), of_lines(COARSE_LINES, 0.0)
+        if wide is None or sharp is None:
+            break
+        tried = _Family(nominal, wide, sharp, linear, motion, workers, seen).around(bases, seconds)
         # No single cause is a rival here: none is enough.
         nobody = (np.inf, -np.inf)
         out += [
             r for r in on_all_lines(nominal, records, tried[:2], 1, nobody, workers, close=PAIRS_CLOSE) if r.refined
         ]
-        if tried and _enough_on_few(tried[0][1]):
+        if tried and _enough_on_few(tried):
             break
     return [*out, *_alone(nominal, records, out)]
 
 
-def _enough_on_few(fitted: Fit) -> bool:
-    return fitted.chi2 < ENOUGH * fitted.count
+def _enough_on_few(tried: Sequence[tuple[Candidate, Fit]]) -> bool:
+    """Whether the best of some fits leaves no more than noise."""
+    best = tried[0][1]
+    return best.chi2 < ENOUGH * best.count
 
 
 def _second_of(pair: Candidate, fitted: Fit) -> _Base:
     """The second cause of a pair, as a first one."""
     alone = replace(fitted.hypothesis, effects=fitted.hypothesis.effects[-1:])
     return _Base(pair.name.split(" + ")[-1], alone, fitted.x[: fitted.first_effect])
-
-
-def _with_second(
-    nominal: Model,
-    family: Records,
-    sharp: Records,
-    base: _Base,
-    seconds: Sequence[Second],
-    motion: Mapping[str, float],
-    seen: set[frozenset[str]],
-    workers: Workers,
-    linear: bool,
-) -> list[tuple[Candidate, Fit]]:
-    """The second causes that promise most on top of a first, each pair fitted to few lines as measured."""
-    added: dict[str, tuple[Effect, ...]] = {}
-    for second in seconds:
-        name = second.candidate.name
-        names = frozenset((base.name, name))
-        both = base.hypothesis.linear and second.candidate.starts[0].linear
-        if len(names) == 1 or names in seen or both != linear:
-            continue
-        seen.add(names)
-        added[f"{base.name} + {name}"] = second.starts(by_simulation=not linear)
-    if not added:
-        return []
-    most, steps = (SECONDS, LATER_STEPS) if linear else (LAW_SECONDS, LAW_STEPS)
-    rough: dict[str, Fit] = {}
-    for seen_on, x, fitted_on in _views(nominal, family, sharp, base, motion, linear):
-        scan = Scan(nominal, seen_on, base.hypothesis, x, motion, apart=not linear)
-        promising = ranked_by_gain(list(added), workers.map(scan.promise, added.values()))[:most]
-        new = [(name, s) for name, s in promising if name not in rough]
-        hypotheses = [s.hypothesis for s in workers.map(scan.refined, [s for _, s in new])]
-        fits = workers.map(partial(first_steps, nominal, fitted_on, warm=scan.warm, steps=steps), hypotheses)
-        rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
-    # As measured the steps of a law are as dear again: its two best are enough.
-    ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if linear else 2]
-    fits = workers.map(
-        partial(first_steps, nominal, sharp, steps=steps), [f.hypothesis for _, f in ahead], [f.x for _, f in ahead]
-    )
-    return [(Candidate(name, ()), f) for (name, _), f in zip(ahead, fits, strict=True) if f is not None]
-
-
-def _views(
-    nominal: Model, family: Records, sharp: Records, base: _Base, motion: Mapping[str, float], linear: bool
-) -> list[tuple[Records, FloatArray | None, Records]]:
-    """
-    On which records second causes are scanned, with which tuning of the first, and on which they take their first steps.
-
-    What is small beside the widened noise shows as measured, once the first cause is right. Laws, whose every scan is a
-    simulation, are scanned once: as measured where the first cause leaves nothing in the widened noise, and else from afar.
-    """
-    if linear:
-        return [(family, base.x, family), (sharp, base.x, family)]
-    if not base.hypothesis.linear:
-        return [(some(family), base.x, family)]
-    scan = Scan(nominal, some(family), base.hypothesis, base.x, motion, apart=True)
-    if scan.leaves < ENOUGH * scan.left.size:
-        return [(some(sharp), base.x, sharp)]
-    # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
-    return [(some(family), None, family)]
 
 
 def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ranked]:

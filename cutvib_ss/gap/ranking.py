@@ -19,6 +19,8 @@ from cutvib_ss.results import FloatArray
 
 COARSE_LINES = 120
 """Lines of a group on which starts are fitted."""
+COARSE_ERROR = 0.03
+"""Relative error by which the noise is widened on few lines."""
 CLOSE = 60.0
 """Causes whose objective on few lines lies within this of the best are fitted again on all lines …"""
 MOST = 5

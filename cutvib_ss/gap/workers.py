@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import copyreg
+import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from threading import Thread
 from types import MappingProxyType, TracebackType
 from typing import Any, TypeVar
 
@@ -25,6 +27,19 @@ def _reduced(table: MappingProxyType[Any, Any]) -> tuple[Callable[..., Any], tup
 
 # Models keep their tables read-only, which pickle does not know by itself.
 copyreg.pickle(MappingProxyType, _reduced)
+
+
+def _start() -> None:
+    threadpool_limits(1)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    # A parent that is killed tells nobody, and its workers would wait for more to do for ever.
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 class Workers:
@@ -76,8 +91,6 @@ class Workers:
         if self.jobs == 1 or len(rows) < 2:
             return [work(*row) for row in rows]
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(
-                self.jobs, mp_context=get_context("spawn"), initializer=threadpool_limits, initargs=(1,)
-            )
+            self._pool = ProcessPoolExecutor(self.jobs, mp_context=get_context("spawn"), initializer=_start)
         # What the work shares goes along with every chunk: few chunks, yet some to even out.
         return list(self._pool.map(work, *zip(*rows, strict=True), chunksize=max(1, len(rows) // (3 * self.jobs))))
