@@ -313,6 +313,38 @@ class Problem:
                 gradient[index] += flat @ np.concatenate([r[:, c].real.ravel(), r[:, c].imag.ravel()])
         return matrix, gradient
 
+    def spread(self, x: FloatArray, p: Predicted, covariance: FloatArray) -> FloatArray:
+        """
+        How uncertain a prediction is, of records that were fitted or of others.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+        p : Predicted
+            The model there, seen through the estimator of a group.
+        covariance : ndarray, shape (unknown, unknown)
+            Of the unknowns.
+
+        Returns
+        -------
+        ndarray, shape (position, channel, frequency)
+            E|Δ|², to first order.
+        """
+        g = p.group
+        shapes = self._shapes_at(g.freq)
+        root = np.sqrt(2.0 / g.variance)
+        shared, own = self._jacobian(x, p, self.calibration_of(g.channels, g.freq, x) * root, shapes)
+        out = np.empty(g.data.shape)
+        for c, name in enumerate(g.channels):
+            index, rows = self._shared, shared[:, :, c]
+            if name in self.channels:
+                index = np.concatenate([index, self._own(name, shapes.shape[0])])
+                rows = np.concatenate([rows, own[c].reshape(-1, *rows.shape[1:])])
+            moved = np.tensordot(covariance[np.ix_(index, index)], rows, 1)
+            out[:, c] = np.sum((rows.conj() * moved).real, axis=0) / root[:, c] ** 2
+        return out
+
     def rows(self, x: FloatArray, predictions: Sequence[Predicted]) -> FloatArray:
         """
         The whole weighted Jacobian, for few data.

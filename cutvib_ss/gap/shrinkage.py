@@ -18,10 +18,10 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.fit import Fit, fit
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.observations import Observations
-from cutvib_ss.gap.prediction import Prediction
+from cutvib_ss.gap.prediction import Predicted, Prediction
 from cutvib_ss.gap.problem import WITHIN, Problem
 from cutvib_ss.gap.records import Entry, Group, Records, merged
-from cutvib_ss.gap.simulation import LOUDNESS, LOUDNESS_STEP, problem_for, simulated
+from cutvib_ss.gap.simulation import LOUDNESS, LOUDNESS_STEP, Simulated, SimulatedProblem, problem_for, simulated
 from cutvib_ss.gap.workers import Workers
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -154,7 +154,7 @@ def _one_turn(nominal: Model, start: Fit, turn: Fold) -> list[Judged]:
     again = fit(nominal, records, start.hypothesis, start.x, AGAIN if start.hypothesis.linear else AGAIN_LAWS)
     problem = problem_for(nominal, records, again.hypothesis)
     blow_at = problem.blow_at(again.x)
-    shown = [predicted(e, again.model, blow_at, problem, again.x) for e in turn.judged]
+    shown = [predicted(e, again.model, blow_at, problem, again.x, again.covariance) for e in turn.judged]
     return [judged(e, s.data, s.variance) for e, s in zip(turn.judged, shown, strict=True)]
 
 
@@ -191,7 +191,8 @@ class Shown(NamedTuple):
     data : ndarray, shape (channel, frequency)
         The prediction.
     variance : ndarray, shape (channel, frequency)
-        Its own E|Δ|², where the record does not tell the force on which it depends; else zero.
+        Its own E|Δ|²: from the unknowns' covariance, where that is given, or of a law whose record does not tell the force on
+        which it depends; else zero.
     """
 
     data: ComplexArray
@@ -199,7 +200,12 @@ class Shown(NamedTuple):
 
 
 def predicted(
-    e: Entry, model: Model, blow_at: float, problem: Problem | None = None, x: FloatArray | None = None
+    e: Entry,
+    model: Model,
+    blow_at: float,
+    problem: Problem | None = None,
+    x: FloatArray | None = None,
+    covariance: FloatArray | None = None,
 ) -> Shown:
     """
     What a model predicts of a record.
@@ -216,6 +222,8 @@ def predicted(
         With ``x``: whose calibration errors to apply.
     x : ndarray, optional
         Unknowns of a fit.
+    covariance : ndarray, optional
+        Of these unknowns: what few records do not tell leaves the prediction of others uncertain.
 
     Returns
     -------
@@ -229,10 +237,7 @@ def predicted(
     error: ComplexArray = np.ones(e.data.shape, dtype=np.complex128)
     if problem is not None and x is not None:
         error = problem.calibration_of(e.channels, e.freq, x)
-    sure = np.zeros(e.data.shape)
-    if not simulate:
-        return Shown(np.asarray(Prediction(model, group, blow_at).data[0] * error), sure)
-    if e.replay is not None and e.replay.assumed and bool(model.nonlinear):
+    if simulate and e.replay is not None and e.replay.assumed and bool(model.nonlinear):
         # The forces' unknowns stand before the effects'.
         fitted = (
             np.zeros(1)
@@ -240,7 +245,16 @@ def predicted(
             else x[problem.first_effect - len(problem.loud) : problem.first_effect]
         )
         return _by_its_force(model, group, error, float(np.mean(fitted)) if fitted.size else 0.0)
-    return Shown(np.asarray(simulated(model, group).data[0] * error), sure)
+    seen: Predicted = simulated(model, group) if simulate else Prediction(model, group, blow_at)
+    variance = np.zeros(e.data.shape)
+    if (
+        problem is not None
+        and x is not None
+        and covariance is not None
+        and isinstance(seen, Simulated) == isinstance(problem, SimulatedProblem)
+    ):
+        variance = problem.spread(x, seen, covariance)[0]
+    return Shown(np.asarray(seen.data[0] * error), variance)
 
 
 def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) -> Shown:

@@ -268,12 +268,13 @@ class SimulatedProblem(Problem):
         return out
 
     def _slopes(self, x: FloatArray, p: Simulated) -> list[ComplexArray]:
-        index = next(i for i, g in enumerate(self.groups) if g is p.group)
-        sites, row = self._sites[index]
+        index = self._fitted(p)
+        sites, row = _sites(p.group) if index is None else self._sites[index]
         effects = self.effects(x)
         stages = stages_of(self.tuned(x), effects)
-        linear = Prediction(p.model, sites, 0.0, self._site_circles[index])
-        self._site_circles[index] = linear.circles
+        linear = Prediction(p.model, sites, 0.0, None if index is None else self._site_circles[index])
+        if index is not None:
+            self._site_circles[index] = linear.circles
         here = _taken(p.model, sites, row, p.stiffness)
         moves = [(i, scale, carried) for i, (scale, carried) in enumerate(self._tuning_moves(effects, stages))]
         by_law: dict[int, ComplexArray] = {}
@@ -301,13 +302,21 @@ class SimulatedProblem(Problem):
     def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
         moved = x.copy()
         moved[i] += LAW_STEP if x[i] + LAW_STEP <= 1.0 else -LAW_STEP
-        index = next(k for k, g in enumerate(self.groups) if g is p.group)
-        there = simulated(self.applied(moved), p.group, None, self.steps, self._loudness(x)[index])
+        index = self._fitted(p)
+        louder = None if index is None else self._loudness(x)[index]
+        there = simulated(self.applied(moved), p.group, None, self.steps, louder)
         change: ComplexArray = (there.data - p.data) / (moved[i] - x[i])
         return change
 
-    def _by_loudness(self, x: FloatArray, index: int, p: Simulated) -> dict[int, ComplexArray]:
+    def _fitted(self, p: Simulated) -> int | None:
+        """Which of the groups a prediction is of; None if it is of records that are not fitted."""
+        return next((i for i, g in enumerate(self.groups) if g is p.group), None)
+
+    def _by_loudness(self, x: FloatArray, index: int | None, p: Simulated) -> dict[int, ComplexArray]:
         """All records' forces moved at once: each moves its own record alone."""
+        if index is None:
+            nothing = np.zeros(p.data.shape, dtype=np.complex128)
+            return dict.fromkeys(range(self._shared_by_all, self.first_effect), nothing)
         if not self.loud:
             return {}
         moved = x.copy()
