@@ -228,6 +228,9 @@ def test_calibration_records_how_it_came_about(tmp_path: Path) -> None:
         "fitted on, before", "fitted on, after", "judged on, before", "judged on, after",
     ]  # fmt: skip
     assert data["figures"][3]["cases"] == 13
+    one = calibrate([a], [b], NUMBERS, ["temperature"])
+    assert one.to_dict()["command"].endswith("a --judge b --only temperature --out calibration.json")
+    assert replace(one.numbers, temperature=NUMBERS.temperature) == NUMBERS
 
 
 def test_the_judge_must_be_another(tmp_path: Path) -> None:
