@@ -54,7 +54,9 @@ class LocalResonator(Effect):
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
         given = super().ranges(model, place, motion)
         if isinstance(model, Machine):
-            return given
+            # Up to what it sits on: a panel of a fifth of the head's mass is no rarity.
+            own = model.head.m2 if place == "tool" else model.head.m1
+            return {**given, "mass": replace(given["mass"], high=max(given["mass"].high, own))}
         scale = port_scale(model, place)
         return {
             "mass": replace(given["mass"], low=1e-3 * scale.mass, high=scale.mass),

@@ -68,7 +68,7 @@ class ParameterShift(Effect):
     effect: ClassVar[str] = "parameter_shift"
 
     parameter: str
-    factor: float = fitted("1", 0.2, 5.0)
+    factor: float = fitted("1", 0.05, 20.0)
 
     @classmethod
     def choices(cls, model: Model) -> tuple[tuple[str, str], ...]:

@@ -32,7 +32,7 @@ class RailAddedMass(Effect):
     effect: ClassVar[str] = "rail_added_mass"
 
     position: float = parameter("1", 0.02, 0.98, "linear")
-    mass: float = parameter("kg", 0.1, 20.0)
+    mass: float = parameter("kg", 0.1, 60.0)
     damping: float = parameter("N s/m", 0.0, 500.0, "linear", default=0.0)
 
     @classmethod

@@ -24,7 +24,7 @@ class WindowDamping(Effect):
 
     effect: ClassVar[str] = "window_damping"
 
-    decay_rate: float = parameter("1/s", 0.0, 40.0, "linear")
+    decay_rate: float = parameter("1/s", 0.0, 100.0, "linear")
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

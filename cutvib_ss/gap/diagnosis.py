@@ -38,6 +38,7 @@ BAND_WIDTH = 5.0
 """Width over which the error is averaged to find the bands that stand out [Hz]."""
 
 HUMS = "all that the re-tuned model leaves lies on multiples of {:g} Hz: the mains hum in the measurement"
+ENDS = "{} = {} lies at the end of what is believed of it: the true value may lie beyond, or the cause be another"
 
 
 @dataclass(frozen=True)
@@ -182,7 +183,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         ambiguity_set=ambiguity_set(rows),
         next_test=test,
         title=campaign.title,
-        warnings=(*campaign.warnings, *([] if hum is None else [HUMS.format(hum)])),
+        warnings=(*campaign.warnings, *([] if hum is None else [HUMS.format(hum)]), *at_their_ends(chosen)),
         nominal=nominal,
         corrected_machine=chosen.model,
         comparisons=_comparisons(nominal, none.fit, chosen, fitted),
@@ -286,6 +287,30 @@ def _parameters(fit: Fit) -> dict[str, FittedParameter]:
         for f in fields(e):
             if f.name not in continuous | {"place"}:
                 out[f.name] = FittedParameter(getattr(e, f.name), 0.0, "")
+    return out
+
+
+def at_their_ends(fitted: Fit) -> list[str]:
+    """
+    Warnings of a fitted cause's values that lie at an end of their range.
+
+    Parameters
+    ----------
+    fitted : Fit
+        The cause.
+
+    Returns
+    -------
+    list of str
+        One a value.
+    """
+    out = []
+    for name in fitted.at_end:
+        which, parameter = name.split(".")
+        effect = fitted.hypothesis.effects[int(which)]
+        [unit] = [f.metadata["range"].unit for f in parameter_fields(type(effect)) if f.name == parameter]
+        value = f"{getattr(effect, parameter):.4g}" + ("" if unit == "1" else f" {unit}")
+        out.append(ENDS.format(f"{parameter} of {effect.effect} at {effect.place}", value))
     return out
 
 

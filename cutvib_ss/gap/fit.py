@@ -61,8 +61,8 @@ class Fit:
         Logarithm of the Laplace evidence, up to a constant shared by all hypotheses on the same data.
     stds : mapping of str to float
         Standard deviation of each effect's parameter, in order ``<index>.<name>``.
-    at_bound : bool
-        Whether a parameter of the effect lies on the end of its range.
+    at_end : tuple of str
+        Parameters of the effects that lie at an end of their range beyond which there would be others, ``<index>.<name>``.
     """
 
     hypothesis: Hypothesis
@@ -77,7 +77,7 @@ class Fit:
     objective: float
     log_evidence: float
     stds: Mapping[str, float]
-    at_bound: bool
+    at_end: tuple[str, ...]
 
 
 def fit(
@@ -225,7 +225,11 @@ def _finished(problem: Problem, search: _Search, matrix: FloatArray, aside: floa
     for i, (k, name, r) in enumerate(problem.parameters):
         j = problem.first_effect + i
         stds[f"{k}.{name}"] = abs(from_unknown(float(x[j]), r)[1]) * float(np.sqrt(covariance[j, j]))
-    edges = x[index]
+    at_end = tuple(
+        f"{k}.{name}"
+        for (k, name, r), value in zip(problem.parameters, x[index], strict=True)
+        if value >= 1.0 or (value <= 0.0 and r.low != r.minimum)
+    )
     return Fit(
         hypothesis=replace(problem.hypothesis, effects=problem.effects(x)),
         model=problem.applied(x),
@@ -239,5 +243,5 @@ def _finished(problem: Problem, search: _Search, matrix: FloatArray, aside: floa
         objective=search.objective - aside,
         log_evidence=log_evidence,
         stds=stds,
-        at_bound=bool(np.any((edges <= 0.0) | (edges >= 1.0))),
+        at_end=at_end,
     )

@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.gap import shrinkage
+from cutvib_ss.gap.diagnosis import at_their_ends
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.observations import Observations
@@ -92,3 +95,24 @@ def test_a_law_is_as_uncertain_where_it_was_not_fitted():
     moved = x + np.eye(x.size)[-1] * 1e-3
     change = simulated(problem.applied(moved), group).data - simulated(problem.applied(x), group).data
     assert found.sum() == pytest.approx(np.sum(np.abs(change) ** 2), rel=0.05)
+
+
+def test_a_value_at_the_end_of_its_range_is_told():
+    def found(gain):
+        wrong = CalibrationError("measurement", "tool_x", gain).apply(MACHINE)
+        entries = measured(wrong, (0.1, 0.6), np.random.default_rng(1))
+        return fit(MACHINE, Records(entries), Hypothesis((CalibrationError("measurement", "tool_x", 1.1),)))
+
+    inside, beyond = found(1.4), found(7.0)
+    assert inside.at_end == ()
+    assert at_their_ends(inside) == []
+    assert beyond.at_end == ("0.gain",)
+    assert at_their_ends(beyond) == [
+        "gain of calibration_error at measurement = 5 lies at the end of what is believed of it: the true value may lie "
+        "beyond, or the cause be another"
+    ]
+
+
+def test_a_resonator_on_the_head_may_be_as_heavy_as_the_head():
+    assert LocalResonator.ranges(MACHINE, "head")["mass"].high == MACHINE.head.m1
+    assert LocalResonator.ranges(MACHINE, "tool")["mass"].high == 5.0
