@@ -158,11 +158,14 @@ def case_evidence(name: str, label: Mapping[str, Any], diagnosis: Mapping[str, A
             for r in rows
             if r.get("judged", r["held_reduced_chi2"] is not None)
         },
-        unspecific=frozenset(
-            r["name"] for r in rows if stands_in(r["effect"], (r.get("parameters") or {}).get("parameter"))
-        ),
+        unspecific=frozenset(r["name"] for r in rows if r.get("unspecific", _stands_in(r))),
     )
     return CaseEvidence(name, truth_of(label).causes, named, evidence)
+
+
+def _stands_in(row: Mapping[str, Any]) -> bool:
+    # Diagnoses of before that was told.
+    return stands_in(row["effect"], (row.get("parameters") or {}).get("parameter"))
 
 
 def stated(case: CaseEvidence, numbers: Calibration) -> dict[Causes, float]:

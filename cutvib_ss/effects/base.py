@@ -35,6 +35,8 @@ class Range:
         Whether the prior is even in the logarithm or in the value.
     minimum : float, optional
         Smallest value that makes sense at all.
+    limits : bool
+        Whether the ends stand for limits, as free and clamped do, beyond which nothing changes.
     """
 
     unit: str
@@ -42,6 +44,7 @@ class Range:
     high: float
     scale: Literal["log", "linear"] = "log"
     minimum: float | None = 0.0
+    limits: bool = False
 
 
 def parameter(unit: str, low: float, high: float, scale: Literal["log", "linear"] = "log", **more: Any) -> Any:

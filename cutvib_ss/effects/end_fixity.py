@@ -31,8 +31,8 @@ class EndFixity(Effect):
 
     effect: ClassVar[str] = "end_fixity"
 
-    k_left: float = parameter("N m/rad", 1e3, 1e7)
-    k_right: float = parameter("N m/rad", 1e3, 1e7)
+    k_left: float = parameter("N m/rad", 1e3, 1e7, limits=True)
+    k_right: float = parameter("N m/rad", 1e3, 1e7, limits=True)
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -28,8 +28,8 @@ class GuideCompliance(Effect):
 
     effect: ClassVar[str] = "guide_compliance"
 
-    stiffness: float = parameter("N/m", 1e6, 1e9)
-    damping: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0)
+    stiffness: float = parameter("N/m", 1e6, 1e9, limits=True)
+    damping: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -35,10 +35,10 @@ class SupportCompliance(Effect):
 
     effect: ClassVar[str] = "support_compliance"
 
-    k_left: float = parameter("N/m", 1e6, 1e9)
-    k_right: float = parameter("N/m", 1e6, 1e9)
-    c_left: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0)
-    c_right: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0)
+    k_left: float = parameter("N/m", 1e6, 1e9, limits=True)
+    k_right: float = parameter("N/m", 1e6, 1e9, limits=True)
+    c_left: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)
+    c_right: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)
     rigid_damping: float = 0.0
 
     @classmethod

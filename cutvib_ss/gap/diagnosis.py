@@ -124,9 +124,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         log_evidence={r.name: r.fit.log_evidence for r in ranked},
         causes={r.name: len(r.fit.hypothesis.effects) for r in ranked},
         reduced=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
-        unspecific=frozenset(
-            r.name for r in ranked if stands_in(r.fit.hypothesis.effect, _discrete(r.fit).get("parameter"))
-        ),
+        unspecific=frozenset(r.name for r in ranked if unspecific(r)),
     )
     odds = tempered(evidence, shipped())
     shown = sorted(causes, key=lambda r: -odds[r.name])
@@ -224,7 +222,28 @@ def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool
         unknowns=r.fit.x.size - r.fit.first_effect,
         judged=judged,
         held_reduced_chi2=held_reduced_chi2,
+        unspecific=unspecific(r),
     )
+
+
+def unspecific(r: Ranked) -> bool:
+    """
+    Whether causes outside the catalogue appear as a fitted one.
+
+    Parameters
+    ----------
+    r : Ranked
+        The hypothesis.
+
+    Returns
+    -------
+    bool
+        True for a shifted length or damping coefficient, and where a linear cause has been driven to the end of a range: a
+        resonator with next to no damping above the band is a spring, one with much of it another damper. Ranges of laws go by
+        the motion of the records, which is known roughly; their ends say nothing.
+    """
+    hypothesis = r.fit.hypothesis
+    return stands_in(hypothesis.effect, _discrete(r.fit).get("parameter")) or (hypothesis.linear and bool(r.fit.at_end))
 
 
 def _same_cause(one: Ranked, two: Ranked) -> bool:

@@ -62,7 +62,7 @@ class Fit:
     stds : mapping of str to float
         Standard deviation of each effect's parameter, in order ``<index>.<name>``.
     at_end : tuple of str
-        Parameters of the effects that lie at an end of their range beyond which there would be others, ``<index>.<name>``.
+        Parameters of the effects that lie at an end of their range, ``<index>.<name>``, where other values lie beyond.
     """
 
     hypothesis: Hypothesis
@@ -228,7 +228,7 @@ def _finished(problem: Problem, search: _Search, matrix: FloatArray, aside: floa
     at_end = tuple(
         f"{k}.{name}"
         for (k, name, r), value in zip(problem.parameters, x[index], strict=True)
-        if value >= 1.0 or (value <= 0.0 and r.low != r.minimum)
+        if not r.limits and (value >= 1.0 or (value <= 0.0 and r.low != r.minimum))
     )
     return Fit(
         hypothesis=replace(problem.hypothesis, effects=problem.effects(x)),

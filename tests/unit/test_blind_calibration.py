@@ -202,8 +202,9 @@ def test_evidence_knows_which_values_others_appear_as() -> None:
             for n in ("l2", "k2")
         ),
     ]  # fmt: skip
+    rows.append({**rows[-1], "name": "told", "parameters": {}, "effect": "added_mass", "unspecific": True})
     said["evidence"] = {"candidates": rows, "reduced_chi2": 1.0}
-    assert case_evidence("c", label("parameter_shift", "tool"), said).evidence.unspecific == {"l2"}
+    assert case_evidence("c", label("parameter_shift", "tool"), said).evidence.unspecific == {"l2", "told"}
 
 
 def test_evidence_is_read_from_diagnoses() -> None:
