@@ -194,9 +194,9 @@ def posteriors(
     def shares(odds: FloatArray, sharpness: float) -> FloatArray:
         at = replace(numbers, sharpness=sharpness)
         unknown = _unknown(left, np.asarray(tuned, dtype=np.float64), at)[..., None]
-        imitated = (1.0 - unknown) * odds * unspecific * numbers.unspecific
-        known = (1.0 - unknown) * odds - imitated
-        return np.concatenate([known, unknown + imitated.sum(axis=-1, keepdims=True)], axis=-1)
+        # What may have been missed is no more probable for that.
+        share = np.maximum(unknown, numbers.unspecific * unspecific)
+        return np.concatenate([(1.0 - share) * odds, np.sum(share * odds, axis=-1, keepdims=True)], axis=-1)
 
     hot = replace(numbers, temperature=HOTTER * numbers.temperature)
     hesitant = shares(_odds(log_evidence, acting, reduced, hot), HOTTER * numbers.sharpness)
