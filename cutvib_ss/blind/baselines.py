@@ -29,8 +29,8 @@ from cutvib_ss.blind.rows import rows
 from cutvib_ss.blind.score import Score
 from cutvib_ss.blind.seal import Trial
 from cutvib_ss.errors import CutvibError, ParameterError
+from cutvib_ss.gap.candidate_evidence import evidence_of
 from cutvib_ss.gap.cause import search
-from cutvib_ss.gap.diagnosis import evidence_of
 from cutvib_ss.gap.findings import finite_or_none
 from cutvib_ss.gap.observations import observe
 from cutvib_ss.gap.ranking import COARSE_LINES

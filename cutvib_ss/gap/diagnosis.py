@@ -9,10 +9,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cutvib_ss.effects.base import Model, parameter_fields
-from cutvib_ss.effects.parameter_shift import stands_in
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.gap import shrinkage, where
 from cutvib_ss.gap.calibration import Evidence, posterior, shipped, tempered
+from cutvib_ss.gap.candidate_evidence import at_their_ends, evidence_of, unspecific
 from cutvib_ss.gap.cause import search
 from cutvib_ss.gap.detail import found
 from cutvib_ss.gap.fit import Fit
@@ -26,7 +26,7 @@ from cutvib_ss.gap.place import Located, locate
 from cutvib_ss.gap.problem import Problem
 from cutvib_ss.gap.ranking import ENOUGH, Ranked
 from cutvib_ss.gap.records import Entry, Records, merged
-from cutvib_ss.gap.result import CandidateEvidence, Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
+from cutvib_ss.gap.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.gap.verdict import ambiguity_set, verdict
 from cutvib_ss.gap.workers import Workers
 from cutvib_ss.measurement.records import Campaign
@@ -38,7 +38,6 @@ BAND_WIDTH = 5.0
 """Width over which the error is averaged to find the bands that stand out [Hz]."""
 
 HUMS = "all that the re-tuned model leaves lies on multiples of {:g} Hz: the mains hum in the measurement"
-ENDS = "{} = {} lies at the end of what is believed of it: the true value may lie beyond, or the cause be another"
 
 
 @dataclass(frozen=True)
@@ -194,58 +193,6 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     )
 
 
-def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool = False) -> CandidateEvidence:
-    """
-    What a fitted hypothesis has to say for itself.
-
-    Parameters
-    ----------
-    r : Ranked
-        The hypothesis.
-    held_reduced_chi2 : float
-        What it leaves on held-out records.
-    judged : bool
-        Whether it was judged on them.
-
-    Returns
-    -------
-    CandidateEvidence
-        The same as plain values.
-    """
-    return CandidateEvidence(
-        name=r.name,
-        effect=r.fit.hypothesis.effect,
-        place=r.fit.hypothesis.place,
-        parameters=_discrete(r.fit),
-        log_evidence=r.fit.log_evidence,
-        chi2=r.fit.chi2 - r.fit.aside if r.refined else float("nan"),
-        unknowns=r.fit.x.size - r.fit.first_effect,
-        judged=judged,
-        held_reduced_chi2=held_reduced_chi2,
-        unspecific=unspecific(r),
-    )
-
-
-def unspecific(r: Ranked) -> bool:
-    """
-    Whether causes outside the catalogue appear as a fitted one.
-
-    Parameters
-    ----------
-    r : Ranked
-        The hypothesis.
-
-    Returns
-    -------
-    bool
-        True for a shifted length or damping coefficient, and where a linear cause has been driven to the end of a range: a
-        resonator with next to no damping above the band is a spring, one with much of it another damper. Ranges of laws go by
-        the motion of the records, which is known roughly; their ends say nothing.
-    """
-    hypothesis = r.fit.hypothesis
-    return stands_in(hypothesis.effect, _discrete(r.fit).get("parameter")) or (hypothesis.linear and bool(r.fit.at_end))
-
-
 def _same_cause(one: Ranked, two: Ranked) -> bool:
     """Whether two candidates are variants of one cause."""
     a, b = one.fit.hypothesis, two.fit.hypothesis
@@ -285,15 +232,6 @@ def _causes(
     return tuple(sorted(out, key=lambda c: -c.probability))
 
 
-def _discrete(fit: Fit) -> dict[str, str]:
-    """What is discrete about a fitted cause: the parameter that is shifted, the channel that is late."""
-    out = {}
-    for e in fit.hypothesis.effects:
-        continuous = {f.name for f in parameter_fields(type(e))}
-        out.update({f.name: str(getattr(e, f.name)) for f in fields(e) if f.name not in continuous | {"place"}})
-    return out
-
-
 def _parameters(fit: Fit) -> dict[str, FittedParameter]:
     out: dict[str, FittedParameter] = {}
     for k, e in enumerate(fit.hypothesis.effects):
@@ -306,30 +244,6 @@ def _parameters(fit: Fit) -> dict[str, FittedParameter]:
         for f in fields(e):
             if f.name not in continuous | {"place"}:
                 out[f.name] = FittedParameter(getattr(e, f.name), 0.0, "")
-    return out
-
-
-def at_their_ends(fitted: Fit) -> list[str]:
-    """
-    Warnings of a fitted cause's values that lie at an end of their range.
-
-    Parameters
-    ----------
-    fitted : Fit
-        The cause.
-
-    Returns
-    -------
-    list of str
-        One a value.
-    """
-    out = []
-    for name in fitted.at_end:
-        which, parameter = name.split(".")
-        effect = fitted.hypothesis.effects[int(which)]
-        [unit] = [f.metadata["range"].unit for f in parameter_fields(type(effect)) if f.name == parameter]
-        value = f"{getattr(effect, parameter):.4g}" + ("" if unit == "1" else f" {unit}")
-        out.append(ENDS.format(f"{parameter} of {effect.effect} at {effect.place}", value))
     return out
 
 

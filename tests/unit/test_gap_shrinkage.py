@@ -8,7 +8,7 @@ from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.gap import shrinkage
-from cutvib_ss.gap.diagnosis import at_their_ends, unspecific
+from cutvib_ss.gap.candidate_evidence import at_their_ends, unspecific
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.observations import Observations

@@ -1,0 +1,98 @@
+"""What a fitted hypothesis says for itself: its evidence as plain values, and whether it may be another in disguise."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+from cutvib_ss.effects.base import parameter_fields
+from cutvib_ss.effects.parameter_shift import stands_in
+from cutvib_ss.gap.fit import Fit
+from cutvib_ss.gap.ranking import Ranked
+from cutvib_ss.gap.result import CandidateEvidence
+
+ENDS = "{} = {} lies at the end of what is believed of it: the true value may lie beyond, or the cause be another"
+
+
+def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool = False) -> CandidateEvidence:
+    """
+    What a fitted hypothesis has to say for itself.
+
+    Parameters
+    ----------
+    r : Ranked
+        The hypothesis.
+    held_reduced_chi2 : float
+        What it leaves on held-out records.
+    judged : bool
+        Whether it was judged on them.
+
+    Returns
+    -------
+    CandidateEvidence
+        The same as plain values.
+    """
+    return CandidateEvidence(
+        name=r.name,
+        effect=r.fit.hypothesis.effect,
+        place=r.fit.hypothesis.place,
+        parameters=_discrete(r.fit),
+        log_evidence=r.fit.log_evidence,
+        chi2=r.fit.chi2 - r.fit.aside if r.refined else float("nan"),
+        unknowns=r.fit.x.size - r.fit.first_effect,
+        judged=judged,
+        held_reduced_chi2=held_reduced_chi2,
+        unspecific=unspecific(r),
+    )
+
+
+def unspecific(r: Ranked) -> bool:
+    """
+    Whether causes outside the catalogue appear as a fitted one.
+
+    Parameters
+    ----------
+    r : Ranked
+        The hypothesis.
+
+    Returns
+    -------
+    bool
+        True for a shifted length or damping coefficient, and where a linear cause has been driven to the end of a range: a
+        resonator with next to no damping above the band is a spring, one with much of it another damper. Ranges of laws go by
+        the motion of the records, which is known roughly; their ends say nothing.
+    """
+    hypothesis = r.fit.hypothesis
+    return stands_in(hypothesis.effect, _discrete(r.fit).get("parameter")) or (hypothesis.linear and bool(r.fit.at_end))
+
+
+def _discrete(fit: Fit) -> dict[str, str]:
+    """What is discrete about a fitted cause: the parameter that is shifted, the channel that is late."""
+    out = {}
+    for e in fit.hypothesis.effects:
+        continuous = {f.name for f in parameter_fields(type(e))}
+        out.update({f.name: str(getattr(e, f.name)) for f in fields(e) if f.name not in continuous | {"place"}})
+    return out
+
+
+def at_their_ends(fitted: Fit) -> list[str]:
+    """
+    Warnings of a fitted cause's values that lie at an end of their range.
+
+    Parameters
+    ----------
+    fitted : Fit
+        The cause.
+
+    Returns
+    -------
+    list of str
+        One a value.
+    """
+    out = []
+    for name in fitted.at_end:
+        which, parameter = name.split(".")
+        effect = fitted.hypothesis.effects[int(which)]
+        [unit] = [f.metadata["range"].unit for f in parameter_fields(type(effect)) if f.name == parameter]
+        value = f"{getattr(effect, parameter):.4g}" + ("" if unit == "1" else f" {unit}")
+        out.append(ENDS.format(f"{parameter} of {effect.effect} at {effect.place}", value))
+    return out
