@@ -171,6 +171,14 @@ class RailParameters:
         return self.mass * (2 * pi * self.first_frequency) ** 2 * self.length**3 / pi**4
 
 
+def _check_tolerances(table: Tolerances | StructureTolerances) -> None:
+    """Every tolerance that is stated is a fraction."""
+    for f in fields(table):
+        value = getattr(table, f.name)
+        if value is not None and check_number(f"tolerance.{f.name}", value, 0.0) >= 1.0:
+            raise ParameterError(f"tolerance.{f.name} = {value} is a fraction: it must be below 1")
+
+
 @dataclass(frozen=True)
 class Tolerances:
     """
@@ -184,6 +192,9 @@ class Tolerances:
         Of the rail's parameters.
     calibration : float
         Of each response channel's sensitivity, smooth over frequency.
+    drift : float, optional
+        How far stiffnesses and gains move between sessions, as a fraction; dampings move by as many tolerances. Left out: by the
+        evidence of the records.
     """
 
     m1: float = 0.005
@@ -198,11 +209,10 @@ class Tolerances:
     first_frequency: float = 0.005
     damping_ratio: float = 0.15
     calibration: float = 0.01
+    drift: float | None = None
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            if check_number(f"tolerance.{f.name}", getattr(self, f.name), 0.0) >= 1.0:
-                raise ParameterError(f"tolerance.{f.name} = {getattr(self, f.name)} is a fraction: it must be below 1")
+        _check_tolerances(self)
 
 
 @dataclass(frozen=True)
@@ -216,17 +226,18 @@ class StructureTolerances:
         One standard deviation of the factor on each matrix.
     calibration : float
         Of each response channel's sensitivity, smooth over frequency.
+    drift : float, optional
+        How far stiffnesses and gains move between sessions, as a fraction. Left out: by the evidence of the records.
     """
 
     mass: float = 0.02
     damping: float = 0.2
     stiffness: float = 0.02
     calibration: float = 0.01
+    drift: float | None = None
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            if check_number(f"tolerance.{f.name}", getattr(self, f.name), 0.0) >= 1.0:
-                raise ParameterError(f"tolerance.{f.name} = {getattr(self, f.name)} is a fraction: it must be below 1")
+        _check_tolerances(self)
 
 
 @dataclass(frozen=True)

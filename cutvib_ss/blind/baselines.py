@@ -307,7 +307,7 @@ def fitted_untuned(campaign: Path, out: Path) -> None:
     try:
         measured = read_campaign(campaign)
         given: Any = measured.machine  # of either kind: both have tolerances
-        nothing = {f.name: UNTUNED for f in fields(given.tolerance)}
+        nothing = {f.name: UNTUNED for f in fields(given.tolerance) if f.name != "drift"}
         nominal = replace(given, tolerance=replace(given.tolerance, **nothing))
         observed = observe(measured, nominal)
         with threadpool_limits(1):

@@ -32,7 +32,7 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
     found: list[tuple[Path, float]] = []
     for f in fields(model.tolerance):
         tolerance = getattr(model.tolerance, f.name)
-        if f.name == "calibration" or tolerance == 0.0:
+        if f.name in ("calibration", "drift") or tolerance == 0.0:
             continue
         path: Path
         if isinstance(model.tolerance, Tolerances):

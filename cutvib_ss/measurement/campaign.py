@@ -173,6 +173,8 @@ def _read_record(
         blow_at=table.blow_at,
         exponential_decay=table.exponential_decay,
         input_quantity=machine.input_quantity,
+        session=table.session,
+        band_hz=table.band_hz,
     )
     checked, found = check_record(record, machine, str(paths[0]))
     return checked, (*warnings, *found)
@@ -266,10 +268,12 @@ def _record_lines(record: Record) -> list[str]:
         "block": record.block,
         "blow_at": record.blow_at,
         "exponential_decay": record.exponential_decay or None,
+        "session": record.session,
+        "band_hz": record.band_hz,
     }
     return [f"{key} = {_toml(value)}" for key, value in values.items() if value is not None]
 
 
-def _toml(value: str | float) -> str:
+def _toml(value: str | float | tuple[float, ...]) -> str:
     """A TOML value: JSON's strings and numbers are TOML's as well, but for DEL."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

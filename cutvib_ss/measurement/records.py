@@ -130,6 +130,10 @@ class Record:
         Decay rate [1/s] of an exponential window on the response alone.
     input_quantity : {"force", "acceleration"}
         What the ``force`` column holds.
+    session : str or None
+        Name of the session, where stated: records of one session share their drift.
+    band_hz : tuple of float or None
+        Lines to use [Hz], where stated.
     """
 
     name: str
@@ -147,6 +151,8 @@ class Record:
     blow_at: float | None = None
     exponential_decay: float = 0.0
     input_quantity: InputQuantity = "force"
+    session: str | None = None
+    band_hz: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for name in ("channels", "quantities", "histories"):

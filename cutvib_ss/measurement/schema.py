@@ -60,6 +60,10 @@ class RecordTable(_Table):
         Instant of the blow within the block [s].
     exponential_decay : float
         Decay rate [1/s] of an exponential window on the response alone.
+    session : str, optional
+        Records of one session share their drift; left out: all records at one position (without positions: each record).
+    band_hz : (float, float), optional
+        Lines to use [Hz].
     """
 
     file: str | list[str]
@@ -72,6 +76,8 @@ class RecordTable(_Table):
     block: _Positive | None = None
     blow_at: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
     exponential_decay: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
+    session: str | None = None
+    band_hz: tuple[_Positive, _Positive] | None = Field(default=None, strict=False)
 
     @field_validator("file")
     @classmethod
@@ -80,6 +86,13 @@ class RecordTable(_Table):
             raise ValueError("name at least one file")
         if isinstance(value, list) and len(set(value)) < len(value):
             raise ValueError("a file is named twice; name each blow once")
+        return value
+
+    @field_validator("band_hz")
+    @classmethod
+    def _ascending(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is not None and not value[0] < value[1]:
+            raise ValueError("give the lower end first")
         return value
 
     @property

@@ -71,6 +71,7 @@ class _ToleranceTable(_Table):
     first_frequency: float = 0.0
     damping_ratio: float = 0.0
     calibration: float = 0.0
+    drift: float | None = None
 
 
 class _StructureToleranceTable(_Table):
@@ -78,6 +79,7 @@ class _StructureToleranceTable(_Table):
     damping: float = 0.0
     stiffness: float = 0.0
     calibration: float = 0.0
+    drift: float | None = None
 
 
 class _MachineKind(_Table):

@@ -75,7 +75,8 @@ def _lines(model: Model) -> Iterator[str]:
     else:
         yield from _structure_lines(bare)
     yield from ["", "[tolerance]"]
-    yield from (_entry(f.name, getattr(bare.tolerance, f.name)) for f in fields(bare.tolerance))
+    stated = {f.name: getattr(bare.tolerance, f.name) for f in fields(bare.tolerance)}
+    yield from (_entry(name, value) for name, value in stated.items() if value is not None)
     for attachment in bare.attachments:
         if isinstance(attachment.element, SprungMass):
             yield from ["", "[[absorber]]", _entry("port", attachment.port)]
