@@ -78,6 +78,10 @@ def port_scale(model: Model, place: str, motion: float | None = None) -> PortSca
         held = squares > 1e-9 * squares[-1]
         free = float(moved[~held].sum()) > 1e-9 * float(moved.sum())
         stiffness = mass * float(squares[-1]) if free else 1.0 / float(np.sum(moved[held] / squares[held]))
+        if stiffness <= 0.0:
+            # A body without any spring: the stiffness whose force its damper has at the corner c/m; without damper, at 1 Hz.
+            damping = float(row @ system.damping @ row) / float(row @ row) ** 2
+            stiffness = damping**2 / mass or mass * (2 * math.pi) ** 2
     return PortScale(mass, stiffness, motion or force / stiffness)
 
 

@@ -26,6 +26,7 @@ from cutvib_ss.effects.quadratic_damping import QuadraticDamping
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
 from cutvib_ss.effects.rail_shear import RailShear
 from cutvib_ss.effects.rail_torsion import RailTorsion
+from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.effects.tool_contact import ToolContact
@@ -239,7 +240,7 @@ def _port_scales(model: Model) -> dict[str, tuple[float, float, float]]:
     scales = {}
     for name, row in system.ports.items():
         own = max(float(row @ row), 1e-30)
-        scales[name] = tuple(
-            float(abs(row @ m @ row)) / own**2 for m in (system.mass, system.stiffness, system.damping)
-        )
-    return {name: (m, k, c) for name, (m, k, c) in scales.items()}
+        m, k, c = (float(abs(row @ m @ row)) / own**2 for m in (system.mass, system.stiffness, system.damping))
+        # A free body has no spring: what an element there carries goes by its mass and damper.
+        scales[name] = (m, k or port_scale(model, name).stiffness, c)
+    return scales

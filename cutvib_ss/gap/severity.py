@@ -193,3 +193,12 @@ def _shape(effect: Effect) -> tuple[Any, ...]:
     heads = np.array([float(getattr(effect, n)) for n in names])
     ratio = tuple(np.round(heads / heads[0], 2).tolist())
     return (ratio, *(getattr(effect, f.name) for f in fields(effect) if f.name not in names))
+
+
+def by_size(effect: Effect) -> dict[str, float]:
+    """Derivative of each parameter that carries the severity to the logarithm of the size."""
+    start, names = _HEADS[effect.effect]
+    own = {f.name for f in parameter_fields(type(effect))}
+    sign = -1.0 if start == _INFINITE else 1.0
+    middle = 1.0 if start == _ONE else 0.0
+    return {name: sign * (float(getattr(effect, name)) - middle) for name in names if name in own}
