@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from cutvib_ss.effects.catalogue import register_effect
     from cutvib_ss.gap.diagnosis import diagnose
     from cutvib_ss.lpv import schedule
     from cutvib_ss.machine import Machine, cutting_machine, published_machine
@@ -39,6 +40,7 @@ _HOMES = {
     "write_campaign": "measurement.campaign",
     "estimate": "measurement.estimation",
     "diagnose": "gap.diagnosis",
+    "register_effect": "effects.catalogue",
 }
 
 __all__ = [
@@ -53,6 +55,7 @@ __all__ = [
     "pulse_train",
     "read_campaign",
     "read_machine",
+    "register_effect",
     "schedule",
     "time_response",
     "track_modes",

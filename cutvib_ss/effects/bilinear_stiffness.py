@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cutvib_ss.effects.base import parameter
+from cutvib_ss.effects.base import Motion, Severity, parameter
 from cutvib_ss.effects.law_element import LawElement
 from cutvib_ss.effects.scales import PortScale
 from cutvib_ss.errors import ParameterError
@@ -31,6 +31,9 @@ class BilinearStiffness(LawElement):
     """
 
     effect: ClassVar[str] = "bilinear_stiffness"
+    severity = Severity("zero", ("asymmetry",))
+    sentence = "{place} is stiffer one way than the other"
+    inspection = "look at {place} for a stop or a face that carries in one direction alone"
     scale_free: ClassVar[bool] = True
     proportional: ClassVar[bool] = True
 
@@ -44,3 +47,11 @@ class BilinearStiffness(LawElement):
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         return {"asymmetry": (-0.95, 0.95)}
+
+    @classmethod
+    def _start_values(cls, motion: Motion, k: float, c: float) -> Iterator[tuple[float, ...]]:
+        return ((a,) for a in (-0.7, -0.35, -0.15, -0.05, 0.05, 0.15, 0.35, 0.7))
+
+    @classmethod
+    def _example_values(cls, motion: float, k: float) -> tuple[float, ...]:
+        return (0.3,)

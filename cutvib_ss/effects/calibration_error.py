@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, channels_of, check_place, parameter
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    channel_choices,
+    channels_of,
+    check_place,
+    parameter,
+)
 
 
 @dataclass(frozen=True)
@@ -25,6 +36,10 @@ class CalibrationError(Effect):
     """
 
     effect: ClassVar[str] = "calibration_error"
+    measurement = True
+    severity = Severity("one", ("gain",), {"gain": 1.05})
+    sentence = "the sensitivity of {what} is wrong"
+    inspection = "calibrate {what} with its whole chain: sensor, cable, amplifier, the sensitivity that was typed in"
 
     channel: str
     gain: float = parameter("1", 0.2, 5.0)
@@ -32,6 +47,15 @@ class CalibrationError(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("measurement",)
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for channel in channel_choices(measured.channels):
+            yield channel, (cls("measurement", channel, 1.0),)
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        return ((channel, cls(place, channel, 1.2).at) for channel in ("all", *model.channels))
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cutvib_ss.effects.base import parameter
+import numpy as np
+
+from cutvib_ss.effects.base import Motion, Severity, parameter
 from cutvib_ss.effects.law_element import LawElement
 from cutvib_ss.effects.scales import PortScale
 
@@ -29,6 +31,9 @@ class CubicStiffness(LawElement):
     """
 
     effect: ClassVar[str] = "cubic_stiffness"
+    severity = Severity("zero", ("stiffness3",))
+    sentence = "{place} changes its stiffness with amplitude"
+    inspection = "look at {place} for a contact that closes or opens under load, or a preload that is lost"
     proportional: ClassVar[bool] = True
 
     stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "linear", minimum=None)
@@ -37,3 +42,12 @@ class CubicStiffness(LawElement):
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         unit = scale.stiffness / scale.motion**2
         return {"stiffness3": (-0.5 * unit, 5.0 * unit)}
+
+    @classmethod
+    def _start_values(cls, motion: Motion, k: float, c: float) -> Iterator[tuple[float, ...]]:
+        sizes = (*np.geomspace(0.01, 3.0, 6).tolist(), -0.01, -0.05, -0.2)
+        return ((r * k / motion.middle**2,) for r in sizes)
+
+    @classmethod
+    def _example_values(cls, motion: float, k: float) -> tuple[float, ...]:
+        return (0.3 * k / motion**2,)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cutvib_ss.effects.base import parameter
+import numpy as np
+
+from cutvib_ss.effects.base import Motion, Severity, parameter
 from cutvib_ss.effects.law_element import LawElement
 from cutvib_ss.effects.scales import PortScale
 
@@ -30,9 +32,20 @@ class Freeplay(LawElement):
     """
 
     effect: ClassVar[str] = "freeplay"
+    severity = Severity("zero", ("gap",))
+    sentence = "{place} has play"
+    inspection = "move {place} by hand to feel for clearance; check its bearing and its bolts"
 
     gap: float = parameter("rad", 1e-7, 1e-3)
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         return {"gap": (1e-3 * scale.motion, 3.0 * scale.motion)}
+
+    @classmethod
+    def _start_values(cls, motion: Motion, k: float, c: float) -> Iterator[tuple[float, ...]]:
+        return ((r * motion.middle,) for r in np.geomspace(0.005, 1.5, 9).tolist())
+
+    @classmethod
+    def _example_values(cls, motion: float, k: float) -> tuple[float, ...]:
+        return (0.1 * motion,)

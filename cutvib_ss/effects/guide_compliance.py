@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    check_place,
+    machine_only,
+    parameter,
+)
+from cutvib_ss.effects.scales import rail_stiffness
 from cutvib_ss.machine import Machine
 from cutvib_ss.subsystems.elements import Guide
 
@@ -27,6 +38,10 @@ class GuideCompliance(Effect):
     """
 
     effect: ClassVar[str] = "guide_compliance"
+    severity = Severity("infinity", ("stiffness", "damping"))
+    sentence = "the guide between rail and head gives"
+    inspection = "check the preload and the bolts of the guide carriages between rail and head"
+    example: ClassVar[Mapping[str, float]] = {"stiffness": 5e7, "damping": 500.0}
 
     stiffness: float = parameter("N/m", 1e6, 1e9, limits=True)
     damping: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)
@@ -34,6 +49,12 @@ class GuideCompliance(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("head_base",) if isinstance(model, Machine) else ()
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        if isinstance(model, Machine):
+            k = rail_stiffness(model)
+            yield "", tuple(cls("head_base", f * k, 500.0) for f in (5.0, 20.0, 60.0, 200.0))
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, Range, applied, check_place, parameter_fields, ports_of
-from cutvib_ss.effects.scales import PortScale, port_scale, spring_at
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Motion,
+    Range,
+    applied,
+    check_place,
+    parameter_fields,
+    ports_of,
+)
+from cutvib_ss.effects.scales import PortScale, carried_at, port_scale, spring_at
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.laws import LAWS
 from cutvib_ss.paths import Path
@@ -51,6 +62,30 @@ class LawElement(Effect):
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         """Sensible range of each parameter at a port."""
+        raise NotImplementedError
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for place in cls.places(model):
+            motion = measured.motions.get(place)
+            if motion is not None and motion.high > 0.0:
+                _, k, c = carried_at(model, place)
+                yield place, tuple(cls(place, *values) for values in cls._start_values(motion, k, c))
+
+    @classmethod
+    def _start_values(cls, motion: Motion, k: float, c: float) -> Iterator[tuple[float, ...]]:
+        """Parameters from hardly visible to strong, against the linear spring and damper at the place."""
+        raise NotImplementedError
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        # Against a motion of 0.4 mrad in joint 2, 10 µrad in joint 1, and 0.1 mm.
+        motion, k = (4e-4, 1e4) if place == "joint2" else (1e-5, 5e5) if place == "joint1" else (1e-4, 2.5e5)
+        yield "", cls(place, *cls._example_values(motion, k)).at
+
+    @classmethod
+    def _example_values(cls, motion: float, k: float) -> tuple[float, ...]:
+        """Parameters of a strong law, against a motion and a spring."""
         raise NotImplementedError
 
     def apply(self, model: Any) -> Any:

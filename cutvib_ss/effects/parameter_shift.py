@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, applied, check_place
 from cutvib_ss.effects.base import parameter as fitted
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.machine import Machine
@@ -31,25 +31,6 @@ as another coefficient of damping.
 """
 
 
-def stands_in(effect: str, parameter: object) -> bool:
-    """
-    Whether a cause is a shift of a value as which others appear.
-
-    Parameters
-    ----------
-    effect : str
-        Id of the effect.
-    parameter : object
-        Name of the shifted parameter, if it has one.
-
-    Returns
-    -------
-    bool
-        True for lengths and damping coefficients that stand alone.
-    """
-    return effect == ParameterShift.effect and parameter in STAND_INS
-
-
 @dataclass(frozen=True)
 class ParameterShift(Effect):
     """
@@ -66,6 +47,9 @@ class ParameterShift(Effect):
     """
 
     effect: ClassVar[str] = "parameter_shift"
+    severity = Severity("one", ("factor",), {"factor": 1.05})
+    sentence = "{what} is off by more than its tolerance, at {place}"
+    inspection = "measure {what} by itself; look for wear, a loose bolt or a changed part at {place}"
 
     parameter: str
     factor: float = fitted("1", 0.05, 20.0)
@@ -92,6 +76,19 @@ class ParameterShift(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return tuple(dict.fromkeys(place for place, _ in cls.choices(model)))
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for place, name in cls.choices(model):
+            yield f"{place}.{name}", tuple(cls(place, name, f) for f in (1.0, 0.6, 0.8, 1.25, 1.7))
+
+    @classmethod
+    def is_alias(cls, values: Mapping[str, object]) -> bool:
+        return values.get("parameter") in STAND_INS
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        return ((name, cls(place, name, 1.3).at) for at, name in cls.choices(model) if at == place)
 
     def _path(self, model: Model) -> Path:
         if (self.place, self.parameter) not in self.choices(model):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cutvib_ss.effects.base import parameter
+import numpy as np
+
+from cutvib_ss.effects.base import Motion, Severity, parameter
 from cutvib_ss.effects.law_element import LawElement
 from cutvib_ss.effects.scales import PortScale
 
@@ -29,6 +31,9 @@ class QuadraticDamping(LawElement):
     """
 
     effect: ClassVar[str] = "quadratic_damping"
+    severity = Severity("zero", ("coefficient",))
+    sentence = "{place} has damping that grows with speed"
+    inspection = "look at {place} for oil, grease or air that is pressed through a gap"
     proportional: ClassVar[bool] = True
 
     coefficient: float = parameter("N m s^2/rad^2", 0.01, 100.0)
@@ -37,3 +42,12 @@ class QuadraticDamping(LawElement):
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         unit = scale.mass / scale.motion
         return {"coefficient": (3e-4 * unit, 3.0 * unit)}
+
+    @classmethod
+    def _start_values(cls, motion: Motion, k: float, c: float) -> Iterator[tuple[float, ...]]:
+        damping = max(c, 1e-3 * (k * motion.middle) / motion.rate)
+        return ((r * damping / motion.rate,) for r in np.geomspace(0.1, 20.0, 6).tolist())
+
+    @classmethod
+    def _example_values(cls, motion: float, k: float) -> tuple[float, ...]:
+        return (0.1 * k / (1000.0**2 * motion),)

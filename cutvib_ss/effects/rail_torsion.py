@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    check_place,
+    machine_only,
+    parameter,
+)
 from cutvib_ss.machine import Machine
 from cutvib_ss.subsystems.rail import Torsion
 from cutvib_ss.subsystems.twist import FINE_ELEMENTS, TWIST_ELEMENTS
@@ -39,6 +49,15 @@ class RailTorsion(Effect):
     """
 
     effect: ClassVar[str] = "rail_torsion"
+    severity = Severity("infinity", ("inertia",))
+    sentence = "the rail twists, its shear centre being away from the head"
+    inspection = "measure with two accelerometers, at the top and the bottom of the rail, whether it twists"
+    example: ClassVar[Mapping[str, float]] = {
+        "eccentricity": 0.05,
+        "inertia": 0.8,
+        "torsion_frequency": 180.0,
+        "damping_ratio": 0.02,
+    }
 
     eccentricity: float = parameter("m", -0.2, 0.2, "linear", minimum=None)
     inertia: float = parameter("kg m^2", 0.02, 10.0)
@@ -53,6 +72,13 @@ class RailTorsion(Effect):
     @property
     def conventions(self) -> tuple[RailTorsion, ...]:
         return (replace(self, elements=FINE_ELEMENTS),)
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        if isinstance(model, Machine):
+            first = model.rail.parameters.first_frequency
+            twists = [(e, f) for f in (3.0, 4.5, 6.5, 9.0, 12.0) for e in (0.03, -0.03, 0.09, -0.09)]
+            yield "", tuple(cls("rail", e, 0.5, f * first, 0.02) for e, f in twists)
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -123,3 +123,27 @@ def _spanned(row: FloatArray, stiffness: FloatArray) -> float:
     if held.size == 2 and row[held[0]] == -row[held[1]]:
         return float(-stiffness[held[0], held[1]] / row[held[0]] ** 2)
     return 0.0
+
+
+def carried_at(model: Model, place: str) -> tuple[float, float, float]:
+    """Mass, stiffness and damping that a place carries, for starts in proportion."""
+    if isinstance(model, Machine):
+        h = model.head
+        return {
+            "head": (h.m1, h.k1 / h.l1**2, h.c1 / h.l1**2),
+            "tool": (h.m2, h.k2 / h.l2**2, h.c2 / h.l2**2),
+            "joint1": (h.m1 * h.l1**2, h.k1, h.c1),
+            "joint2": (h.m2 * h.l2**2, h.k2, h.c2),
+        }[place]
+    row, system = model.system.port(place), model.system
+    own = max(float(row @ row), 1e-30)
+    mass, stiffness, damping = (
+        float(abs(row @ m @ row)) / own**2 for m in (system.mass, system.stiffness, system.damping)
+    )
+    return mass, stiffness, damping
+
+
+def rail_stiffness(model: Machine) -> float:
+    """Stiffness of the rail's first mode [N/m], on which effects of the rail are scaled."""
+    p = model.rail.parameters
+    return float(p.mass / 2 * (2 * np.pi * p.first_frequency) ** 2)

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to, check_place, machine_only, parameter
+import numpy as np
+
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    attached_to,
+    check_place,
+    machine_only,
+    parameter,
+)
 from cutvib_ss.machine import Machine
 from cutvib_ss.paths import Path, value_at, with_value
 from cutvib_ss.subsystems.elements import SpringDamperMass
@@ -30,12 +43,26 @@ class StructuralDamping(Effect):
     """
 
     effect: ClassVar[str] = "structural_damping"
+    severity = Severity("whole", ("loss_factor",))
+    sentence = "{place} has hysteretic damping, not viscous"
+    inspection = "look at the material and the contact at {place}: rubber, plastic, glued or bolted faces"
 
     loss_factor: float = parameter("1", 0.001, 0.5)
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("joint1", "joint2") if isinstance(model, Machine) else ()
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for place in cls.places(model):
+            joint = place[-1]
+            loss = value_at(model, ("head", f"c{joint}")) / value_at(model, ("head", f"k{joint}"))
+            yield place, (cls(place, max(2 * np.pi * 220 * loss, 0.005)),)
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        yield "", lambda severity: cls(place, 0.08 * severity)
 
     def _paths(self) -> tuple[Path, Path]:
         joint = self.place[-1]

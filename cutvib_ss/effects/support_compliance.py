@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    check_place,
+    machine_only,
+    parameter,
+)
+from cutvib_ss.effects.scales import rail_stiffness
 from cutvib_ss.machine import Machine
 from cutvib_ss.subsystems.rail import EndSupports
 
@@ -34,6 +45,10 @@ class SupportCompliance(Effect):
     """
 
     effect: ClassVar[str] = "support_compliance"
+    severity = Severity("infinity", ("k_left", "k_right", "c_left", "c_right"))
+    sentence = "the supports under the rail's ends give"
+    inspection = "check the bolts and feet of the pillars and the fixed rails; measure how far they move under a load on the rail"
+    example: ClassVar[Mapping[str, float]] = {"k_left": 3e7, "k_right": 1e8, "c_left": 400.0, "c_right": 900.0}
 
     k_left: float = parameter("N/m", 1e6, 1e9, limits=True)
     k_right: float = parameter("N/m", 1e6, 1e9, limits=True)
@@ -48,6 +63,13 @@ class SupportCompliance(Effect):
     @property
     def conventions(self) -> tuple[SupportCompliance, ...]:
         return (replace(self, rigid_damping=1.0),)
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        if isinstance(model, Machine):
+            k = rail_stiffness(model)
+            ends = [(a * k, b * k) for a in (2, 8, 30, 120) for b in (2, 8, 30, 120)]
+            yield "", tuple(cls("rail_ends", a, b, 500.0, 500.0) for a, b in ends)
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

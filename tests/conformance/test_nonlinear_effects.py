@@ -92,7 +92,7 @@ def test_moves_and_carries_say_what_the_element_takes_along(case: Case, under: s
     model = case.model if under == "bare" else loaded(case.model)
     effect = case.build(1.0)
     applied = effect.apply(model)
-    moved = effect.moves(applied)
+    moved = effect.moved_by(model, applied)
     assert set(moved) == {f.name for f in parameter_fields(type(effect))}
     for name, carried in moved.items():
         other = with_parameter(effect, name, 1.1 * getattr(effect, name)).apply(model)
