@@ -158,12 +158,12 @@ def case_evidence(name: str, label: Mapping[str, Any], diagnosis: Mapping[str, A
             for r in rows
             if r.get("judged", r["held_reduced_chi2"] is not None)
         },
-        unspecific=frozenset(r["name"] for r in rows if r.get("unspecific", _stands_in(r))),
+        unspecific=frozenset(r["name"] for r in rows if r.get("unspecific", _is_alias(r))),
     )
     return CaseEvidence(name, truth_of(label).causes, named, evidence)
 
 
-def _stands_in(row: Mapping[str, Any]) -> bool:
+def _is_alias(row: Mapping[str, Any]) -> bool:
     # Diagnoses of before that was told.
     return is_alias(row["effect"], row.get("parameters") or {})
 
