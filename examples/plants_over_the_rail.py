@@ -8,8 +8,9 @@ import control
 import numpy as np
 
 import cutvib_ss as cv
-from cutvib_ss.affine import affine_machine, affine_terms
 from cutvib_ss.interchange import write_schedule
+from cutvib_ss.model.coupling import affine_machine
+from cutvib_ss.model.position_dependence import affine_terms
 from cutvib_ss.plot import bode_map, interpolation_error, save, schedule
 
 machine = cv.published_machine()

@@ -14,11 +14,11 @@ from cutvib_ss.effects.prior import Range as Range
 from cutvib_ss.effects.prior import Severity as Severity
 from cutvib_ss.effects.prior import parameter as parameter
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.elements import Attachment, SpringDamperMass, SprungMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import Path, moved_values
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number
-from cutvib_ss.paths import Path, moved_values
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass, SprungMass
 
 Model: TypeAlias = Machine | Structure
 ModelT = TypeVar("ModelT", Machine, Structure)

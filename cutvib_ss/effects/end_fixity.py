@@ -17,9 +17,9 @@ from cutvib_ss.effects.base import (
     machine_only,
     parameter,
 )
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.elements import SpringDamperMass
-from cutvib_ss.subsystems.rail import RailAttachment
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import RailAttachment
 
 
 @dataclass(frozen=True)

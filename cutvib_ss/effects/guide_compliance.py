@@ -18,8 +18,8 @@ from cutvib_ss.effects.base import (
     parameter,
 )
 from cutvib_ss.effects.scales import rail_stiffness
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.elements import Guide
+from cutvib_ss.model.elements import Guide
+from cutvib_ss.model.machine import Machine
 
 
 @dataclass(frozen=True)

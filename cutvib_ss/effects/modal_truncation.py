@@ -17,7 +17,7 @@ from cutvib_ss.effects.base import (
     machine_only,
 )
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 
 FAR = 10.0
 """A rail mode this many times above the band is no cause."""

@@ -18,8 +18,8 @@ from cutvib_ss.effects.base import (
     parameter,
 )
 from cutvib_ss.effects.scales import rail_stiffness
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.rail import EndSupports
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import EndSupports
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class SupportCompliance(Effect):
 
     Notes
     -----
-    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.subsystems.rail`). Where
+    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.model.rail`). Where
     ``rigid_damping`` is not 0, ``c_left`` and ``c_right`` also hold what the modes above n_modes would damp at the ends.
     """
 

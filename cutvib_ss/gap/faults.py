@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutvib_ss.gap.modification import Elements, Lines, RailModes
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import EndSupports, RailAttachment, Torsion
 from cutvib_ss.response.rail_receptance import RailPort, RailReceptance
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.subsystems.elements import SpringDamperMass
-from cutvib_ss.subsystems.rail import EndSupports, RailAttachment, Torsion
 
 STIFF = 30.0
 """Stiffness of the ends against which they are freed, as a multiple of the rail's first mode's: any would do."""

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
+from cutvib_ss.model.head import head, head_row_derivatives
 from cutvib_ss.parameters import HeadParameters
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse
-from cutvib_ss.subsystems.head import head, head_row_derivatives
 
 TOOL = ("tool_x", "tool_z")
 """The responses of the tool: XX and ZX."""

@@ -19,9 +19,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from cutvib_ss.affine import AffineMachine
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import CUTTING_SIGNALS
+from cutvib_ss.model.coupling import AffineMachine
+from cutvib_ss.model.machine import CUTTING_SIGNALS
 from cutvib_ss.results import FloatArray, read_only
 
 Interpolation: TypeAlias = Literal["linear", "cubic"]

@@ -16,13 +16,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from cutvib_ss.effects import catalogue
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.machine import Machine
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.elements import Attachment, SprungMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import Rail
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import AbsorberParameters, StructureTolerances, Tolerances, recovered_rail, table_3
 from cutvib_ss.results import Quantity
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, SprungMass
-from cutvib_ss.subsystems.rail import Rail
 
 _ANGLES = ("theta01", "theta02")
 _RAIL = ("length", "mass", "first_frequency", "damping_ratio", "n_modes")

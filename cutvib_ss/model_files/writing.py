@@ -16,11 +16,11 @@ import numpy as np
 
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.elements import SprungMass
+from cutvib_ss.model.head import HEAD_PARAMETERS
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.model_files.reading import model_of
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import SprungMass
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS
 
 _ANGLES = ("theta01", "theta02")
 _RAIL = ("length", "mass", "first_frequency", "damping_ratio", "n_modes")

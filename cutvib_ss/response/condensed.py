@@ -21,15 +21,15 @@ from typing import TypeAlias
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.model.elements import SpringDamperMass, SprungMass
+from cutvib_ss.model.head import head
+from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_position
 from cutvib_ss.response.rail_receptance import RailField, RailReceptance
 from cutvib_ss.response.stacked import dot, inverse
 from cutvib_ss.response.twist_receptance import TwistReceptance
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import SpringDamperMass, SprungMass
-from cutvib_ss.subsystems.head import head
 
 Row: TypeAlias = FloatArray | ComplexArray
 

@@ -22,16 +22,16 @@ from typing import TypeAlias, cast
 
 import numpy as np
 
-from cutvib_ss.machine import CUTTING_SIGNALS, Machine
-from cutvib_ss.paths import Path, value_at
+from cutvib_ss.model.elements import SpringDamperMass, SprungMass
+from cutvib_ss.model.head import head_row_derivatives
+from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.model.paths import Path, value_at
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.condensed import CondensedModel, Row
 from cutvib_ss.response.rail_derivatives import RailPair
 from cutvib_ss.response.rail_receptance import RailField
 from cutvib_ss.response.stacked import dot, mixed
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import SpringDamperMass, SprungMass
-from cutvib_ss.subsystems.head import head_row_derivatives
 
 Rows: TypeAlias = dict[str, FloatArray]
 # A part of dE: its factor over frequency, and a symmetric matrix or the row r of r rᵀ.
@@ -59,7 +59,7 @@ class ResponseDerivatives:
         condensed: CondensedModel,
         outputs: Sequence[str],
         input: str,
-        factors: Sequence[ComplexArray] | None = None,
+        factors: Sequence[ComplexArray] | ComplexArray | None = None,
     ) -> None:
         self.condensed, self.outputs, self.input = condensed, tuple(outputs), input
         self.model, self.s = condensed.model, condensed.s

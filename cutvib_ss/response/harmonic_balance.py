@@ -23,16 +23,16 @@ from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.laws import LAWS
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import Path
+from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number
-from cutvib_ss.paths import Path
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.frequency import ChainedResponse, output_quantities
 from cutvib_ss.response.modal_form import modal_form
 from cutvib_ss.response.port_motion import PortMotion, harmonic_tables
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
-from cutvib_ss.slots import NonlinearElement
-from cutvib_ss.structure import Structure
 
 _SAMPLES = 32
 """Samples of a period for each harmonic kept; corners of a law alias less the more there are."""
@@ -96,7 +96,7 @@ def sine_response(
     Examples
     --------
     >>> from cutvib_ss.effects.cubic_stiffness import CubicStiffness
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> machine = CubicStiffness("joint2", 8e9).apply(published_machine())
     >>> frf = sine_response(machine, [0.5], [200.0, 215.0, 230.0], 20.0, outputs=["tool_x"])
     >>> frf.data.shape, frf.unit

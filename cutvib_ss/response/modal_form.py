@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import CUTTING_SIGNALS, Machine
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.model.second_order import SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.modal_basis import modal_basis
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
-from cutvib_ss.structure import Structure
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 

@@ -14,9 +14,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cutvib_ss.affine import AffineMachine, affine_machine
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.model.coupling import AffineMachine, affine_machine
+from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.model.rail import EndSupports
 from cutvib_ss.parameters import check_number
 from cutvib_ss.response.compiled_travel import NODES, RULES, travel_steps
 from cutvib_ss.response.modal_form import rail_points
@@ -24,7 +25,6 @@ from cutvib_ss.response.output_rows import END_FORCES, motion_unit
 from cutvib_ss.response.riding import RidingCourse, RidingState, Rows
 from cutvib_ss.response.travel import Travel
 from cutvib_ss.results import Energies, FloatArray, MovingResponse, Quantity
-from cutvib_ss.subsystems.rail import EndSupports
 
 _BLOCK = 8192
 """Steps whose rows are computed at once."""
@@ -86,7 +86,7 @@ def moving_response(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> from cutvib_ss.response.travel import trapezoid
     >>> way = trapezoid(0.3, 0.4, speed=1.0, acceleration=10.0, length=2.5)
     >>> moving_response(published_machine(), way, np.ones(100), 2000.0).data.shape

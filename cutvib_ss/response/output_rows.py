@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import EndSupports
+from cutvib_ss.model.second_order import SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.modal_basis import ModalBasis
 from cutvib_ss.response.modal_form import row_of
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.rail import EndSupports
 from cutvib_ss.units import DERIVATIVE_ORDER, SI_UNIT
 
 END_FORCES = ("rail_left_force", "rail_right_force")

@@ -11,11 +11,11 @@ from functools import cached_property
 
 import numpy as np
 
-from cutvib_ss.paths import Path
+from cutvib_ss.model.paths import Path
+from cutvib_ss.model.pinned_modes import PinnedModes
 from cutvib_ss.response.rail_receptance import RailField, RailPort
 from cutvib_ss.response.stacked import dot, mixed
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.subsystems.pinned_modes import PinnedModes
 
 
 class RailPair:

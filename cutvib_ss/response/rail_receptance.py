@@ -20,9 +20,9 @@ from functools import cached_property
 
 import numpy as np
 
+from cutvib_ss.model.rail import Rail
 from cutvib_ss.response.stacked import dot, inverse, mixed
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.subsystems.rail import Rail
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ The base follows the rail under it, x_b(t) = φ(y_b(t))ᵀ η(t) (Eq. 6 with a p
     ẍ_b = pᵀη̈ + 2ṗᵀη̇ + p̈ᵀη,            p̈ = φ'' ẏ_b² + φ' ÿ_b:
 
 the convective terms, Coriolis' and centripetal among them. Virtual displacements are taken at a frozen instant,
-δx_b = pᵀ δη. What rides has the coordinates u = T(t) q of the affine form (`cutvib_ss.affine`), so that it adds
+δx_b = pᵀ δη. What rides has the coordinates u = T(t) q of the affine form (`cutvib_ss.model.coupling`), so that it adds
 Tᵀ(M_c ü + C_c u̇ + K_c u) to the rail's equations, and
 
     M q̈ + (C + 2TᵀM_cṪ) q̇ + (K + TᵀC_cṪ + TᵀM_cT̈) q = Tᵀ f,     M, C, K those of the machine standing at y_b(t).
@@ -28,7 +28,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from cutvib_ss.affine import AffineMachine
+from cutvib_ss.model.coupling import AffineMachine
 from cutvib_ss.response.compiled_travel import NODES, STAGES, TWICE, WEIGHTS
 from cutvib_ss.response.travel import Travel
 from cutvib_ss.results import FloatArray, Quantity

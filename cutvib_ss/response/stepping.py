@@ -19,10 +19,10 @@ from scipy import fft
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.laws import LAWS
+from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.response.modal_basis import linear_course, parts, reading
 from cutvib_ss.response.modal_form import ModalForm, modal_form
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.slots import NonlinearElement
 
 __all__ = ["ModalForm", "Stepped", "modal_form", "step"]
 

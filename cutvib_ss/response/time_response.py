@@ -19,14 +19,14 @@ from scipy import optimize
 
 from cutvib_ss.errors import ConvergenceError, ParameterError
 from cutvib_ss.laws import LAWS
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.compiled import interact
 from cutvib_ss.response.compiled_modes import advance
 from cutvib_ss.response.modal_basis import linear_course, modal_basis, parts, reading
 from cutvib_ss.response.modal_form import drive_of, row_of, system_with
 from cutvib_ss.response.output_rows import END_FORCES, output_rows
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity, TimeResponse
-from cutvib_ss.structure import Structure
 
 _STEPS = 40
 """Steps that a period at the mean frequency of a nonlinear element's port gets, at least; twice as many with friction."""
@@ -99,7 +99,7 @@ def time_response(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> from cutvib_ss.response.pulses import pulse_train
     >>> force = pulse_train(fs=217 * 64, duration=1 / 217, amplitude=100.0)
     >>> steady = time_response(published_machine(), 0.5, force, 217 * 64, start="periodic")

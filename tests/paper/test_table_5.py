@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from cutvib_ss.model.rail import natural_frequencies, rail_state_space
 from cutvib_ss.parameters import recovered_rail, table_5
-from cutvib_ss.subsystems.rail import natural_frequencies, rail_state_space
 
 
 def test_every_frequency_within_two_per_mille() -> None:

@@ -5,13 +5,13 @@ from math import radians
 import numpy as np
 from hypothesis import strategies as st
 
-from cutvib_ss.machine import Machine
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.elements import Attachment, Guide, SpringDamperMass, SprungMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.measurement_chain import ChannelChain, MeasurementChain
+from cutvib_ss.model.rail import EndSupports, Rail, RailAttachment, Shear, Torsion
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import HeadParameters, RailParameters
-from cutvib_ss.slots import ChannelChain, MeasurementChain
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, Guide, SpringDamperMass, SprungMass
-from cutvib_ss.subsystems.rail import EndSupports, Rail, RailAttachment, Shear, Torsion
 
 FREQ = np.array([3.0, 24.6, 77.7, 151.3, 211.9, 240.4, 333.3, 480.1])
 """Frequencies of the comparisons [Hz]."""
@@ -114,7 +114,7 @@ def full_machines(draw: st.DrawFn) -> Machine:
     some = SpringDamperMass(
         draw(reals(1e2, 1e5)), draw(reals(0.1, 30.0)), draw(reals(0.001, 0.5)), draw(reals(1.0, 1e3))
     )
-    chain = st.builds(ChannelChain, st.floats(0.8, 1.2), st.floats(1e-5, 3e-4))
+    chain = st.builds(ChannelChain, st.floats(0.8, 1.2), st.floats(1e-5, 3e-4), st.floats(-0.3, 0.3))
     return Machine(
         head=draw(heads()),
         rail=Rail(

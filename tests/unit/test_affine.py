@@ -5,10 +5,11 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from cutvib_ss.affine import affine_machine, affine_terms
 from cutvib_ss.effects.rail_torsion import RailTorsion
 from cutvib_ss.errors import CouplingError
-from cutvib_ss.machine import Machine, published_machine
+from cutvib_ss.model.coupling import affine_machine
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.position_dependence import affine_terms
 from cutvib_ss.results import FloatArray
 from tests.properties.machines import machines
 

@@ -12,7 +12,7 @@ from cutvib_ss.effects.guide_compliance import GuideCompliance
 from cutvib_ss.effects.rail_torsion import RailTorsion
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import table_7
 from cutvib_ss.response.moving import moving_response
 from cutvib_ss.response.pulses import harmonic_force, pulse_train

@@ -13,7 +13,7 @@ import cutvib_ss as cv
 from cutvib_ss.blind.rig import Case, draw_case, write_campaign
 from cutvib_ss.blind.rig.motion import CHANNELS, frequency_response
 from cutvib_ss.blind.rig.multibody import build, linearise
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 
 FREQ = np.arange(15.0, 450.0, 0.5)
 POSITIONS = (0.02, 0.37, 0.8)

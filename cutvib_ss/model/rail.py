@@ -9,8 +9,8 @@ coupled to the modes, with the end springs on u. Sines and rigid motions togethe
 the limit of rigid springs. Of a mode's damping a stated share resists what the rigid motions have of its shape,
 2 ∫ sin(rπy/L) h dy/L · u, as well as the elastic part. Ends that resist turning are springs on the end slopes
 Σ (rπ/L) a_r (and the alternating sum at y = L). A rail that also shears has two modes for each sine, and cross-sections
-that turn by less than the slope (`cutvib_ss.subsystems.pinned_modes`). Twist is a field of its own, held at the ends
-(`cutvib_ss.subsystems.twist`).
+that turn by less than the slope (`cutvib_ss.model.pinned_modes`). Twist is a field of its own, held at the ends
+(`cutvib_ss.model.twist`).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.pinned_modes import PinnedModes, euler_bernoulli, timoshenko
+from cutvib_ss.model.second_order import SecondOrder
+from cutvib_ss.model.twist import TWIST_ELEMENTS, twist_modes, twist_shapes
 from cutvib_ss.parameters import RailParameters, check_number, check_position
 from cutvib_ss.results import FloatArray
-from cutvib_ss.subsystems.elements import SpringDamperMass
-from cutvib_ss.subsystems.pinned_modes import PinnedModes, euler_bernoulli, timoshenko
-from cutvib_ss.subsystems.twist import TWIST_ELEMENTS, twist_modes, twist_shapes
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Torsion:
         Damping ratio of the first torsion mode; damping goes with the rate of strain, so that of mode s is s times as
         large.
     elements : int
-        Elements of the mesh, a convention (`cutvib_ss.subsystems.twist`).
+        Elements of the mesh, a convention (`cutvib_ss.model.twist`).
     """
 
     eccentricity: float

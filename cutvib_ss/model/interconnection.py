@@ -13,9 +13,9 @@ import control
 import numpy as np
 
 from cutvib_ss.errors import CouplingError
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.elements import Guide
+from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.results import FloatArray, Quantity
-from cutvib_ss.subsystems.elements import Guide
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from cutvib_ss.errors import CouplingError
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.parameters import check_number
 from cutvib_ss.results import ComplexArray
 

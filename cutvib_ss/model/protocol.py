@@ -8,98 +8,18 @@ with a slot filled. A value in a slot is named by its path, so that fits can mov
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal, Protocol, runtime_checkable
 
-import control
 import numpy as np
 
-from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.laws import LAWS
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.elements import Attachment, SpringDamperMass
+from cutvib_ss.model.measurement_chain import MeasurementChain
+from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.parameters import check_number
-from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
-
-
-@dataclass(frozen=True)
-class ChannelChain:
-    """
-    What a measurement chain does to one response channel: gain · e^(-s delay).
-
-    Parameters
-    ----------
-    gain : float
-        Factor on the sensitivity.
-    delay : float
-        How late the channel is against the force [s].
-    """
-
-    gain: float = 1.0
-    delay: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_number("gain", self.gain)
-        check_number("delay", self.delay)
-
-
-@dataclass(frozen=True)
-class MeasurementChain:
-    """
-    The measurement chain; ideal by default.
-
-    Parameters
-    ----------
-    channels : mapping of str to ChannelChain
-        Chains of the response channels; those left out are ideal.
-    cross_axis : float
-        Fraction of ``tool_x`` that leaks into ``tool_z``.
-    decay_rate : float
-        Rate of an exponential window on force and response whose damping was never taken out [1/s].
-    """
-
-    channels: Mapping[str, ChannelChain] = field(default_factory=dict)
-    cross_axis: float = 0.0
-    decay_rate: float = 0.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
-        check_number("cross_axis", self.cross_axis)
-        check_number("decay_rate", self.decay_rate, 0.0)
-
-    def channel(self, name: str) -> ChannelChain:
-        """
-        Chain of one channel.
-
-        Parameters
-        ----------
-        name : str
-            Name of the channel.
-
-        Returns
-        -------
-        ChannelChain
-            Its chain; ideal where nothing is known.
-        """
-        return self.channels.get(name, ChannelChain())
-
-    def with_channel(self, name: str, chain: ChannelChain) -> MeasurementChain:
-        """
-        The chain with one channel replaced.
-
-        Parameters
-        ----------
-        name : str
-            Name of the channel.
-        chain : ChannelChain
-            Its new chain.
-
-        Returns
-        -------
-        MeasurementChain
-            The new chain.
-        """
-        return replace(self, channels={**self.channels, name: chain})
 
 
 @dataclass(frozen=True)
@@ -249,49 +169,3 @@ def attach_all(system: SecondOrder, attachments: Sequence[Attachment]) -> Second
     for k, a in enumerate(attachments):
         system = system.attach([a.port], a.element.second_order(), ["end"], prefix=f"attached{k + 1}_")
     return system
-
-
-def through_chain(chain: MeasurementChain, plant: control.StateSpace, pade_order: int | None) -> control.StateSpace:
-    """
-    A plant's outputs as the measurement chain shows them.
-
-    Parameters
-    ----------
-    chain : MeasurementChain
-        The chain.
-    plant : control.StateSpace
-        Displacement outputs.
-    pade_order : int or None
-        Order of the Padé approximation of delays.
-
-    Returns
-    -------
-    control.StateSpace
-        With gains, leakage across axes and delays applied.
-
-    Raises
-    ------
-    CouplingError
-        If a channel is late and no ``pade_order`` is given, or an exponential window was never taken out.
-    """
-    names = list(plant.output_labels)
-    if chain.decay_rate:
-        raise CouplingError("an exponential window in the chain shifts every pole; it is no property of a plant")
-    if chain.cross_axis == 0.0 and not any(n in chain.channels for n in names):
-        return plant
-    mix = np.eye(len(names))
-    if chain.cross_axis and "tool_z" in names:
-        if "tool_x" not in names:
-            raise CouplingError("tool_x leaks into tool_z (cross_axis): ask for both outputs")
-        mix[names.index("tool_z"), names.index("tool_x")] = chain.cross_axis
-    static = np.diag([chain.channel(n).gain for n in names]) @ mix
-    out = control.ss([], [], [], static) * plant
-    late = [chain.channel(n).delay for n in names]
-    if any(late):
-        if pade_order is None:
-            raise CouplingError("a delayed channel has no finite plant; ask for an approximation with pade_order")
-        delays = [
-            control.ss(control.tf(*control.pade(t, pade_order))) if t else control.ss([], [], [], [[1.0]]) for t in late
-        ]
-        out = control.append(*delays) * out
-    return control.ss(out.A, out.B, out.C, out.D, inputs=plant.input_labels, outputs=names)

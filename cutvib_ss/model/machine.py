@@ -14,8 +14,13 @@ from typing import Literal
 import control
 import numpy as np
 
-from cutvib_ss.interconnection import close_base_loop, with_quantity
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.elements import Attachment, Guide
+from cutvib_ss.model.head import head
+from cutvib_ss.model.interconnection import close_base_loop, with_quantity
+from cutvib_ss.model.measurement_chain import MeasurementChain
+from cutvib_ss.model.protocol import NonlinearElement, attach_all, viscous_attachments
+from cutvib_ss.model.rail import Rail, rail
+from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.parameters import (
     HeadParameters,
     RailParameters,
@@ -25,10 +30,6 @@ from cutvib_ss.parameters import (
     table_3,
 )
 from cutvib_ss.results import FloatArray, Quantity
-from cutvib_ss.slots import MeasurementChain, NonlinearElement, attach_all, through_chain, viscous_attachments
-from cutvib_ss.subsystems.elements import Attachment, Guide
-from cutvib_ss.subsystems.head import head
-from cutvib_ss.subsystems.rail import Rail, rail
 
 CUTTING_CHANNELS: Mapping[str, Channel] = MappingProxyType(
     {
@@ -268,11 +269,12 @@ class Machine:
         poles at zero.
         """
         ports_in = {name: CUTTING_SIGNALS.get(name, name) for name in inputs}
-        ports_out = {name: CUTTING_SIGNALS.get(name, name) for name in outputs}
-        closed = close_base_loop(
-            self.head_system(viscous_at), self.rail_system(position), self.interface, self.guide, ports_in, ports_out
-        )
-        return with_quantity(through_chain(self.chain, closed, pade_order), quantity, "machine")
+        parts = self.head_system(viscous_at), self.rail_system(position), self.interface, self.guide
+
+        def build(signals: Sequence[str]) -> control.StateSpace:
+            return close_base_loop(*parts, ports_in, {name: CUTTING_SIGNALS.get(name, name) for name in signals})
+
+        return with_quantity(self.chain.plant(build, outputs, pade_order), quantity, "machine")
 
     def plants(
         self,

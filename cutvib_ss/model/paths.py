@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeAlias, TypeVar
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.slots import ChannelChain
+from cutvib_ss.model.measurement_chain import ChannelChain
 
 Path: TypeAlias = tuple[str | int, ...]
 ModelT = TypeVar("ModelT")

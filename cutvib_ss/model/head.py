@@ -19,7 +19,7 @@ from collections.abc import Mapping
 import control
 import numpy as np
 
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.parameters import HeadParameters
 from cutvib_ss.results import FloatArray
 

@@ -26,11 +26,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError
-from cutvib_ss.machine import Machine
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import Rail, rail
+from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.parameters import check_position
 from cutvib_ss.results import FloatArray, read_only
-from cutvib_ss.subsystems.rail import Rail, rail
 
 
 @dataclass(frozen=True)
@@ -348,7 +348,7 @@ def affine_machine(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> exact = affine_machine(published_machine())
     >>> [round(float(value), 3) for value in exact.rail_row(0.5)]
     [0.162, 0.0, -0.162, 0.0, 0.0, 0.0]

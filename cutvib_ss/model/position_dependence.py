@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutvib_ss.affine.form import AffineMachine
+from cutvib_ss.model.coupling import AffineMachine
 from cutvib_ss.results import FloatArray, read_only
 
 
@@ -75,8 +75,8 @@ def affine_terms(exact: AffineMachine) -> AffineTerms:
 
     Examples
     --------
-    >>> from cutvib_ss.affine import affine_machine
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.coupling import affine_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> affine_terms(affine_machine(published_machine())).names[:6]
     ('1', 'phi[eta1]', 'phi[eta2]', 'phi[eta3]', 'phi[eta4]', 'phi[eta1]*phi[eta1]')
     """

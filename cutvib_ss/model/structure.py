@@ -11,11 +11,12 @@ import control
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.elements import Attachment
+from cutvib_ss.model.measurement_chain import MeasurementChain
+from cutvib_ss.model.protocol import NonlinearElement, attach_all, viscous_attachments
+from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.parameters import StructureTolerances
 from cutvib_ss.results import FloatArray, Quantity
-from cutvib_ss.slots import MeasurementChain, NonlinearElement, attach_all, through_chain, viscous_attachments
-from cutvib_ss.subsystems.elements import Attachment
 
 
 @dataclass(frozen=True)
@@ -137,11 +138,15 @@ class Structure:
         system = self.second_order(position, viscous_at)
         system = replace(system, ports={**system.ports, "force": self.drive(system)})
         ports_in = {name: name for name in inputs}
-        reads: dict[str, tuple[str, Quantity]] = {}
-        for name in tuple(self.channels) if outputs is None else outputs:
-            channel = self.channels.get(name, Channel(name, "displacement"))
-            reads[name] = (channel.port, quantity or channel.quantity)
-        return through_chain(self.chain, system.state_space(ports_in, reads, name="structure"), pade_order)
+
+        def build(signals: Sequence[str]) -> control.StateSpace:
+            reads: dict[str, tuple[str, Quantity]] = {}
+            for name in signals:
+                channel = self.channels.get(name, Channel(name, "displacement"))
+                reads[name] = (channel.port, quantity or channel.quantity)
+            return system.state_space(ports_in, reads, name="structure")
+
+        return self.chain.plant(build, tuple(self.channels) if outputs is None else outputs, pade_order)
 
     def drive(self, system: SecondOrder) -> FloatArray:
         """
