@@ -62,6 +62,9 @@ class Effect(ABC):
     example: ClassVar[Mapping[str, float]] = {}
     """Values of a strong effect on the published machine, for the conformance suite; by default of its first start."""
 
+    retired: ClassVar[Mapping[str, tuple[float | None, str]]] = {}
+    """Keys that older files may carry: the one value that means what the effect is now (None: any), and what that is."""
+
     place: str
 
     def __post_init__(self) -> None:
@@ -206,11 +209,6 @@ class Effect(ABC):
     def changed(self, values: Mapping[str, Any]) -> Effect:
         """The effect with some of its values replaced."""
         return replace(self, **values)
-
-    @property
-    def conventions(self) -> tuple[Effect, ...]:
-        """The same cause as others would model it, where that is a matter of convention: a diagnosis tries them all."""
-        return ()
 
     def at(self, severity: float) -> Effect:
         """The effect at a severity: 0 is none, 1 the effect itself."""

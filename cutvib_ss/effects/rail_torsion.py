@@ -19,7 +19,6 @@ from cutvib_ss.effects.base import (
 )
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import Torsion
-from cutvib_ss.model.twist import FINE_ELEMENTS, TWIST_ELEMENTS
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,6 @@ class RailTorsion(Effect):
         First natural frequency of torsion, without the head [Hz].
     damping_ratio : float
         Damping ratio of the first torsion mode; of the others in proportion to their frequencies.
-    elements : int
-        Elements of the mesh on which the rail twists, a convention (`cutvib_ss.model.twist`); not fitted.
 
     Notes
     -----
@@ -59,19 +56,18 @@ class RailTorsion(Effect):
         "damping_ratio": 0.02,
     }
 
+    retired: ClassVar[Mapping[str, tuple[float | None, str]]] = {
+        "elements": (None, "the rail twists as a continuous shaft")
+    }
+
     eccentricity: float = parameter("m", -0.2, 0.2, "linear", minimum=None)
     inertia: float = parameter("kg m^2", 0.02, 10.0)
     torsion_frequency: float = parameter("Hz", 30.0, 800.0)
     damping_ratio: float = parameter("1", 0.001, 0.1)
-    elements: int = TWIST_ELEMENTS
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("rail",) if isinstance(model, Machine) else ()
-
-    @property
-    def conventions(self) -> tuple[RailTorsion, ...]:
-        return (replace(self, elements=FINE_ELEMENTS),)
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
@@ -83,9 +79,7 @@ class RailTorsion(Effect):
     def apply(self, model: Any) -> Any:
         check_place(self, model)
         machine = machine_only(self.effect, model)
-        torsion = Torsion(
-            self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio, int(self.elements)
-        )
+        torsion = Torsion(self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio)
         return applied(machine, replace(machine, rail=replace(machine.rail, torsion=torsion)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:

@@ -104,7 +104,7 @@ class AffineMachine:
         Raises
         ------
         CouplingError
-            If a derivative of the twist is asked for, whose shapes have kinks at the nodes of its mesh.
+            If a derivative of the twist is asked for, of which one coordinate belongs to the place of the head.
 
         Notes
         -----
@@ -115,7 +115,7 @@ class AffineMachine:
         if twist:
             if order:
                 raise CouplingError(
-                    "the rail's twist is linear between the nodes of its mesh and has no derivatives along the rail"
+                    "one coordinate of the rail's twist belongs to the place of the head and has no derivatives along the rail"
                 )
             shapes = np.array([rail(self.rail, {"here": place}).port("here_twist") for place in y])
             rows[:, : shapes.shape[1]] = shapes
@@ -213,7 +213,9 @@ class AffineMachine:
         out: FloatArray = np.zeros_like(self.still) if order else np.abs(self.still)
         for r in self.riders:
             if r.twist:
-                raise CouplingError("the rail's twist has kinks along the rail: there is no bound on its derivatives")
+                raise CouplingError(
+                    "one coordinate of the rail's twist belongs to the place of the head; it has no bounds"
+                )
             out[r.dof] += self.rail_row_bound(order)
         return out
 

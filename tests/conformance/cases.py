@@ -24,8 +24,8 @@ from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
 
 CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "rail_torsion": (("rail",), ("eccentricity", "inertia", "torsion_frequency", "damping_ratio", "elements")),
-    "support_compliance": (("rail_ends",), ("k_left", "k_right", "c_left", "c_right", "rigid_damping")),
+    "rail_torsion": (("rail",), ("eccentricity", "inertia", "torsion_frequency", "damping_ratio")),
+    "support_compliance": (("rail_ends",), ("k_left", "k_right", "c_left", "c_right")),
     "end_fixity": (("rail_ends",), ("k_left", "k_right")),
     "rail_added_mass": (("rail",), ("position", "mass", "damping")),
     "rail_shear": (("rail",), ("shear_ratio",)),

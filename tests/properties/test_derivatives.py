@@ -29,8 +29,6 @@ SKIPPED = {
     "nonlinear",
     "slope",
     "system",
-    "rigid_damping",
-    "elements",
 }
 FEWER = max(5, settings().max_examples // 5)
 """Examples of these tests: each goes through all values of a model."""
