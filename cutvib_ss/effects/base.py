@@ -14,7 +14,7 @@ from cutvib_ss.effects.prior import Range as Range
 from cutvib_ss.effects.prior import Severity as Severity
 from cutvib_ss.effects.prior import parameter as parameter
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.elements import Attachment, SpringDamperMass, SprungMass
+from cutvib_ss.model.elements import Attachment, Element
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import Path, moved_values
 from cutvib_ss.model.structure import Structure
@@ -283,7 +283,7 @@ def port_of(place: str, model: Model) -> str:
     return PLACE_PORTS[place] if isinstance(model, Machine) else place
 
 
-def attached_to(model: ModelT, port: str, element: SpringDamperMass | SprungMass) -> ModelT:
+def attached_to(model: ModelT, port: str, element: Element) -> ModelT:
     """A model with one more element in parallel at a port."""
     return replace(model, attachments=(*model.attachments, Attachment(port, element)))
 

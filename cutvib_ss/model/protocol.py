@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import pi
 from types import MappingProxyType
 from typing import Literal, Protocol, runtime_checkable
 
-import numpy as np
-
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.laws import LAWS
-from cutvib_ss.model.elements import Attachment, SpringDamperMass
+from cutvib_ss.model.elements import Attachment, viscous_equivalent
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.parameters import check_number
@@ -136,18 +135,12 @@ def viscous_attachments(attachments: Iterable[Attachment], viscous_at: float | N
     Returns
     -------
     tuple of Attachment
-        With c = kη/ω in place of the loss.
+        With c = kη/ω in place of the loss; where there is no finite form at all, a spring and damper.
     """
     if viscous_at is None:
         return tuple(attachments)
-    omega = 2 * np.pi * check_number("viscous_at", viscous_at, 0.0, strict=True)
-    out = []
-    for a in attachments:
-        e = a.element
-        if isinstance(e, SpringDamperMass) and e.loss_stiffness:
-            e = replace(e, damping=e.damping + e.loss_stiffness / omega, loss_stiffness=0.0)
-        out.append(replace(a, element=e))
-    return tuple(out)
+    s = 2j * pi * check_number("viscous_at", viscous_at, 0.0, strict=True)
+    return tuple(replace(a, element=viscous_equivalent(a.element, s)) for a in attachments)
 
 
 def attach_all(system: SecondOrder, attachments: Sequence[Attachment]) -> SecondOrder:

@@ -35,7 +35,7 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "added_mass": (("tool", "head"), ("mass",)),
     "tool_contact": (("tool",), ("stiffness", "damping")),
     "parameter_shift": (("joint1", "joint2", "head", "tool", "rail"), ("parameter", "factor")),
-    "structural_damping": (("joint1", "joint2"), ("loss_factor",)),
+    "structural_damping": (("joint1", "joint2"), ("loss_factor", "form", "reference_frequency")),
     "cubic_stiffness": (("joint1", "joint2"), ("stiffness3",)),
     "freeplay": (("joint1", "joint2"), ("gap",)),
     "dry_friction": (("joint1", "joint2"), ("torque",)),
