@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import Field, dataclass, fields, replace
+from dataclasses import MISSING, Field, dataclass, fields, replace
 from itertools import product
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
@@ -246,6 +246,12 @@ def parameter_fields(effect: type[Effect]) -> tuple[Field[Any], ...]:
 def discrete_values(effect: Effect) -> dict[str, Any]:
     """What is discrete about an effect beside its place: the value that is shifted, the channel that is late."""
     return {f.name: getattr(effect, f.name) for f in fields(effect) if f.name != "place" and "range" not in f.metadata}
+
+
+def identifying_values(effect: Effect) -> tuple[str, ...]:
+    """Names that tell one cause from another at a place: of discrete fields that have no default, as a form has."""
+    given = [f.name for f in fields(effect) if f.name != "place" and "range" not in f.metadata and f.default is MISSING]
+    return tuple(v for v in (getattr(effect, name) for name in given) if isinstance(v, str))
 
 
 def check_place(effect: Effect, model: Model) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -60,7 +60,7 @@ class StructuralDamping(Effect):
 
     loss_factor: float = parameter("1", 0.001, 0.5)
     form: str = "constant"
-    reference_frequency: float = 232.5
+    reference_frequency: float = field(default=232.5, metadata={"unit": "Hz"})
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -243,7 +243,7 @@ def _parameters(fit: Fit) -> dict[str, FittedParameter]:
         continuous = {f.name for f in parameter_fields(type(e))}
         for f in fields(e):
             if f.name not in continuous | {"place"}:
-                out[f.name] = FittedParameter(getattr(e, f.name), 0.0, "")
+                out[f.name] = FittedParameter(getattr(e, f.name), 0.0, f.metadata.get("unit", ""))
     return out
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cutvib_ss.effects.base import Effect, discrete_values, parameter_fields
+from cutvib_ss.effects.base import Effect, identifying_values, parameter_fields
 from cutvib_ss.gap.hypotheses import Candidate
 
 
@@ -86,8 +86,7 @@ def runs(candidates: Sequence[Candidate]) -> tuple[tuple[Run, ...], ...]:
     for candidate in candidates:
         for start in candidate.starts:
             effect = _told(start)
-            named = (value for value in discrete_values(effect).values() if isinstance(value, str))
-            key = (effect.effect, effect.place, *named)
+            key = (effect.effect, effect.place, *identifying_values(effect))
             causes.setdefault(key, {}).setdefault(_shape(effect), Run(" ".join(key), effect))
     return tuple(tuple(shapes.values()) for shapes in causes.values())
 

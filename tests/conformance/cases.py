@@ -43,7 +43,7 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "bilinear_stiffness": (("joint1", "joint2"), ("asymmetry",)),
     "quadratic_damping": (("joint1", "joint2"), ("coefficient",)),
     "channel_delay": (("measurement",), ("channel", "delay")),
-    "calibration_error": (("measurement",), ("channel", "gain")),
+    "calibration_error": (("measurement",), ("channel", "gain", "phase")),
     "cross_axis": (("measurement",), ("fraction",)),
     "window_damping": (("measurement",), ("decay_rate",)),
 }

@@ -323,6 +323,9 @@ def test_the_plant_agrees_or_names_the_way_out(case: Case) -> None:
         with pytest.raises(CouplingError, match="pade_order"):
             by_plant(applied)
         assert change(by_plant(applied, pade_order=6), closed_form(applied)) < PADE
+    elif case.id == "calibration_error" and case.build(1.0).phase:
+        with pytest.raises(CouplingError, match="constant phase"):
+            by_plant(applied)
     elif case.id == "structural_damping":
         with pytest.raises(CouplingError, match="equivalent viscous"):
             by_plant(applied)
