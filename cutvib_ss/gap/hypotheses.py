@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from cutvib_ss.effects.base import Effect, Measured, Model, Motion, discrete_values
+import numpy as np
+
+from cutvib_ss.effects.base import Effect, Measured, Model, Motion, discrete_values, parameter_fields
 from cutvib_ss.effects.catalogue import EFFECTS
+from cutvib_ss.errors import CutvibError, ParameterError
+from cutvib_ss.response.frequency import ChainedResponse, output_quantities
 
 
 @dataclass(frozen=True)
@@ -42,9 +46,37 @@ def nonlinear_candidates(model: Model, motions: Mapping[str, Motion]) -> tuple[C
 
 
 def _found(model: Model, measured: Measured, linear: bool) -> list[Candidate]:
-    return [
-        Candidate(f"{kind.effect} {what}".strip(), starts)
-        for kind in EFFECTS.values()
-        if kind.linear is linear
-        for what, starts in kind.starts(model, measured)
-    ]
+    out = []
+    for kind in EFFECTS.values():
+        if kind.linear is linear:
+            own = [Candidate(f"{kind.effect} {what}".strip(), starts) for what, starts in kind.starts(model, measured)]
+            if not EFFECTS.is_own(kind.effect):
+                for candidate in own:
+                    _check(model, candidate.starts[0], measured)
+            out += own
+    return out
+
+
+def _check(model: Model, effect: Effect, measured: Measured) -> None:
+    """An effect of another package must work on the model: one that does not is named here, where a search would leave it out."""
+    try:
+        applied = effect.apply(model)
+        if not effect.linear:
+            return
+        moved = effect.moved_by(model, applied)
+        idle = [f.name for f in parameter_fields(type(effect)) if not moved.get(f.name)]
+        if idle:
+            raise ParameterError(f"nothing in the model moves with {', '.join(idle)}; say in `moves` what does")
+        s = 2j * np.pi * np.atleast_1d(sum(measured.band) / 2)
+        position = np.array([0.5 if model.has_position else np.nan])
+        channels = tuple(model.channels)
+        response = ChainedResponse(
+            applied, position, s, output_quantities(model, channels, "receptance"), channels, ("force",)
+        )
+        for carried in moved.values():
+            for path, _ in carried:
+                response.derivative(path)
+    except CutvibError as error:
+        raise ParameterError(
+            f"effect {effect.effect!r} at {effect.place!r} cannot be searched for: {error}; mend it, or do not register it"
+        ) from error

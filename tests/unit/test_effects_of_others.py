@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any, ClassVar
@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 import cutvib_ss as cv
-from cutvib_ss.effects.base import Effect, parameter
+from cutvib_ss.effects.base import Effect, applied, parameter
 from cutvib_ss.effects.catalogue import EFFECTS, GROUP
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.gap.diagnosis import diagnose
+from cutvib_ss.gap.hypotheses import candidates
 from cutvib_ss.gap.plan import PlannedCampaign, plan
 from cutvib_ss.gap.workers import Workers
 from cutvib_ss.report.wording import cause_name, verdict_sentence
@@ -43,11 +44,19 @@ force = "base"
 """
 
 
+def offer(monkeypatch: pytest.MonkeyPatch, point: metadata.EntryPoint) -> None:
+    """An entry point as if its package were installed; those of other groups stay."""
+    installed = metadata.entry_points
+    monkeypatch.setattr(
+        metadata, "entry_points", lambda **asked: [point] if asked.get("group") == GROUP else installed(**asked)
+    )
+
+
 @pytest.fixture
 def by_entry_point(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The plugin package as if it were installed, its damper offered by an entry point."""
     point = metadata.EntryPoint("hydraulic_damper", "tests.plugin_package.effects:HydraulicDamper", GROUP)
-    monkeypatch.setattr(metadata, "entry_points", lambda group: [point] if group == GROUP else [])
+    offer(monkeypatch, point)
     EFFECTS.reload()
     yield
     monkeypatch.undo()
@@ -75,7 +84,7 @@ def test_both_ways_lead_into_the_catalogue(by_entry_point: None, by_call: None) 
 
 def test_an_entry_point_that_cannot_be_loaded_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     point = metadata.EntryPoint("lost", "tests.plugin_package.nowhere:Lost", GROUP)
-    monkeypatch.setattr(metadata, "entry_points", lambda group: [point])
+    offer(monkeypatch, point)
     EFFECTS.reload()
     with pytest.raises(ParameterError, match=r"lost = tests\.plugin_package\.nowhere:Lost .* cannot be loaded"):
         len(EFFECTS)
@@ -134,9 +143,9 @@ def campaign(folder: Path, effect: HydraulicDamper) -> Any:
     """Stepped-sine responses of the structure with the damper, with a little noise."""
     structure(folder)
     rng = np.random.default_rng(4)
-    freq = np.arange(5.0, 60.0, 0.5)
+    freq = np.arange(5.0, 60.0, 0.7)
     lines = ["[campaign]", 'title = "A damper at the top"', 'machine = "machine.toml"']
-    for k in range(4):
+    for k in range(3):
         shown = exact(freq, effect)
         size = 0.003 * np.abs(shown).mean(axis=1, keepdims=True)
         noisy = shown + size * (rng.standard_normal(shown.shape) + 1j * rng.standard_normal(shown.shape)) / np.sqrt(2)
@@ -196,6 +205,33 @@ def test_workers_refuse_an_effect_that_they_cannot_import() -> None:
             workers.map(known, range(2))
     finally:
         EFFECTS.remove("local")
+
+
+@dataclass(frozen=True)
+class Warp(Effect):
+    """Changes a matrix, which no derivative of a response knows."""
+
+    effect: ClassVar[str] = "warp"
+
+    amount: float = parameter("1", 0.01, 0.5)
+
+    @classmethod
+    def places(cls, model: Any) -> tuple[str, ...]:
+        return ("structure",)
+
+    def apply(self, model: Any) -> Any:
+        return applied(
+            model, replace(model, system=replace(model.system, mass=model.system.mass * (1 + self.amount))), self
+        )
+
+
+def test_an_effect_that_cannot_be_fitted_is_named_and_not_left_out(tmp_path: Path) -> None:
+    cv.register_effect(Warp)
+    try:
+        with pytest.raises(ParameterError, match=r"effect 'warp' at 'structure' cannot be searched for: .*amount"):
+            candidates(structure(tmp_path), (5.0, 60.0), ("y1", "y2"))
+    finally:
+        EFFECTS.remove("warp")
 
 
 # --- what is refused --------------------------------------------------------------------------------------------------
