@@ -8,6 +8,8 @@ from dataclasses import MISSING, Field, dataclass, fields, replace
 from itertools import product
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
+import numpy as np
+
 from cutvib_ss.effects.prior import Measured as Measured
 from cutvib_ss.effects.prior import Motion as Motion
 from cutvib_ss.effects.prior import Range as Range
@@ -257,7 +259,7 @@ def identifying_values(effect: Effect) -> tuple[str, ...]:
 def check_place(effect: Effect, model: Model) -> None:
     """Refuse a place at which the effect cannot sit: ParameterError, which lists the places that it has."""
     places = effect.places(model)
-    if effect.place not in places:
+    if effect.place not in places and place_of(effect.place, model) not in places:
         known = ", ".join(places) or "none on this model"
         raise ParameterError(f"{effect.effect} cannot sit at {effect.place!r}; its places are: {known}")
 
@@ -280,8 +282,24 @@ PLACE_PORTS: Mapping[str, str] = {"tool": "tool_x", "head": "head_x"}
 
 
 def ports_of(model: Model, machine_places: tuple[str, ...]) -> tuple[str, ...]:
-    """Places of an effect that is an element at a port: those of the cutting machine, or every port of another structure."""
-    return machine_places if isinstance(model, Machine) else tuple(model.system.ports)
+    """
+    Places of an effect that is an element at a port: those of the cutting machine, or the ports of another structure.
+
+    Ports whose rows are multiples of each other move together: they are one place, named after the first.
+    """
+    if isinstance(model, Machine):
+        return machine_places
+    return tuple(dict.fromkeys(place_of(port, model) for port in model.system.ports))
+
+
+def place_of(port: str, model: Model) -> str:
+    """The place that a port of another structure belongs to: the first port that moves with it; else the name itself."""
+    if isinstance(model, Machine) or port not in model.system.ports:
+        return port
+    row = model.system.ports[port]
+    size = np.linalg.norm(row)
+    rows = ((name, other) for name, other in model.system.ports.items())
+    return next(n for n, other in rows if abs(row @ other) > (1 - 1e-9) * size * np.linalg.norm(other))
 
 
 def port_of(place: str, model: Model) -> str:

@@ -66,11 +66,10 @@ class LocalResonator(Effect):
             own = model.head.m2 if place == "tool" else model.head.m1
             return {**given, "mass": replace(given["mass"], high=max(given["mass"].high, own))}
         scale = port_scale(model, place)
-        return {
-            "mass": replace(given["mass"], low=1e-3 * scale.mass, high=scale.mass),
-            "frequency": replace(given["frequency"], low=0.1 * scale.natural_freq, high=10.0 * scale.natural_freq),
-            "damping_ratio": given["damping_ratio"],
-        }
+        mass = replace(given["mass"], low=1e-3 * scale.mass, high=scale.mass)
+        own = scale.natural_freq
+        frequency = replace(given["frequency"], low=0.1 * own, high=10.0 * own) if own > 0.0 else given["frequency"]
+        return {**given, "mass": mass, "frequency": frequency}
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:

@@ -22,7 +22,7 @@ MACHINE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 """Place of each parameter of the cutting machine; m1 and m2 go by `added_mass`."""
 
 STRUCTURE_PARAMETERS = ("mass", "damping", "stiffness")
-"""Matrices of any other structure; their place is ``"structure"``."""
+"""Matrices of any other structure, where they are not zero; their place is ``"structure"``."""
 
 STAND_INS = frozenset({"l1", "l2", "c1", "c2", "damping"})
 """
@@ -71,7 +71,7 @@ class ParameterShift(Effect):
         """
         if isinstance(model, Machine):
             return tuple((place, name) for place, names in MACHINE_PARAMETERS.items() for name in names)
-        return tuple(("structure", name) for name in STRUCTURE_PARAMETERS)
+        return tuple(("structure", name) for name in STRUCTURE_PARAMETERS if getattr(model.system, name).any())
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -13,6 +13,8 @@ from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import FloatArray
 
+FREE_FREQUENCY = 77.0
+"""Where nothing holds a body, springs are sized by the mass and this frequency [Hz], the middle of those of resonators."""
 TYPICAL_FORCE = 50.0
 """Force on the tool that moves a joint, where nothing is known of the records [N]; on another structure it is 1 N."""
 
@@ -37,8 +39,13 @@ class PortScale:
     motion: float
 
     @property
+    def holding(self) -> float:
+        """The stiffness, or of a body that nothing holds that of a spring that would matter to it [N/m, or N m/rad]."""
+        return self.stiffness or self.mass * (2 * math.pi * FREE_FREQUENCY) ** 2
+
+    @property
     def natural_freq(self) -> float:
-        """Natural frequency of that mass on that spring [Hz]."""
+        """Natural frequency of that mass on that spring [Hz]; zero of a body that nothing holds."""
         return math.sqrt(self.stiffness / self.mass) / (2 * math.pi)
 
 
@@ -78,7 +85,8 @@ def port_scale(model: Model, place: str, motion: float | None = None) -> PortSca
         held = squares > 1e-9 * squares[-1]
         free = float(moved[~held].sum()) > 1e-9 * float(moved.sum())
         stiffness = mass * float(squares[-1]) if free else 1.0 / float(np.sum(moved[held] / squares[held]))
-    return PortScale(mass, stiffness, motion or force / stiffness)
+    # A body that nothing holds has no motion of its own under a slow force: a millimetre stands for it.
+    return PortScale(mass, stiffness, motion or (force / stiffness if stiffness > 0.0 else 1e-3))
 
 
 def spring_at(model: Model, place: str) -> tuple[float, Carried] | None:

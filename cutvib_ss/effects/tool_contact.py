@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -60,14 +61,18 @@ class ToolContact(Effect):
             return given
         scale = port_scale(model, place)
         return {
-            "stiffness": replace(given["stiffness"], high=3.0 * scale.stiffness),
-            "damping": replace(given["damping"], high=(scale.stiffness * scale.mass) ** 0.5),
+            "stiffness": replace(given["stiffness"], high=3.0 * scale.holding),
+            "damping": replace(given["damping"], high=(scale.holding * scale.mass) ** 0.5),
         }
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
         for place in cls.places(model):
-            _, k, c = carried_at(model, place)
+            m, k, c = carried_at(model, place)
+            if k == 0.0:
+                # Of a body that nothing holds, a spring that puts it into the band, and one percent of critical damping.
+                k = m * (2 * math.pi) ** 2 * measured.band[0] * measured.band[1]
+                c = c or 0.02 * math.sqrt(k * m)
             stiffness, damping = k * 0.02, c * 0.02
             grid = [(f, g) for f in (0.3, 2.0, 12.0, 60.0) for g in (0.3, 10.0)]
             yield place, tuple(cls(place, f * stiffness, g * damping) for f, g in grid)
