@@ -321,7 +321,7 @@ class Lines:
         self.s: ComplexArray = self._lines.s
         self.condensed = CondensedModel(model, group.positions, self.s)
         # What the channels read, then what leaks into them.
-        self.reads = tuple(model.channels[c].port if c in model.channels else c for c in self._lines.signals)
+        self.reads = self._lines.signals
         self._between: dict[tuple[str, str], ComplexArray] = {}
         self.response: ComplexArray = self.shown("force") - tail
         self.built: dict[tuple[str, str, float], Modification] = {}

@@ -337,8 +337,7 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
     ports = [e.port for e in model.nonlinear]
     if not ports:
         return np.zeros((row.size, len(sites.channels), chain.s.size), dtype=np.complex128)
-    reads = [model.channels[c].port if c in model.channels else c for c in chain.signals]
-    out = np.array([[condensed.receptance(r, p) for p in ports] for r in reads])
+    out = np.array([[condensed.receptance(r, p) for p in ports] for r in chain.signals])
     drive = np.array([condensed.receptance(p, "force") for p in ports])
     own = np.array([[condensed.receptance(p, q) for q in ports] for p in ports])
     # (record, frequency, ...): one small system a record and line.

@@ -31,8 +31,6 @@ from scipy import linalg
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.lpv.table import ERROR_ORDER, Interpolation, PlantMatrices, PlantTable
-from cutvib_ss.model.coupling import affine_machine
-from cutvib_ss.model.interconnection import with_quantity
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import check_position
 from cutvib_ss.response.axes import as_laplace, as_positions
@@ -80,7 +78,7 @@ class PlantSchedule:
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the states: coordinates, then their rates."""
-        return (*self.table.affine.dofs, *(f"{d}_rate" for d in self.table.affine.dofs))
+        return (*self.table.affine.dofs, *(f"d_{d}" for d in self.table.affine.dofs))
 
     def exact(self, position: float) -> control.StateSpace:
         """
@@ -227,19 +225,19 @@ class PlantSchedule:
         inner = scale[:, None] * linalg.cho_solve(factor, np.hstack([m.stiffness, m.damping, m.inputs]))
         stiff, damped, driven = inner[:, :n] / scale, inner[:, n : 2 * n] / scale, inner[:, 2 * n :]
 
+        a = np.block([[np.zeros((n, n)), w0 * np.eye(n)], [-stiff / w0, -damped]])
+        b = np.vstack([np.zeros_like(driven), driven / w0])
+        c, d = np.hstack([m.outputs / scale, np.zeros_like(m.outputs)]), np.zeros((len(m.outputs), len(self.inputs)))
+        for _ in range(self._order):
+            c, d = c @ a, c @ b
+
         def build(signals: Sequence[str]) -> control.StateSpace:
             # The table holds what the chain's outputs need.
             return control.ss(
-                np.block([[np.zeros((n, n)), w0 * np.eye(n)], [-stiff / w0, -damped]]),
-                np.vstack([np.zeros_like(driven), driven / w0]),
-                np.hstack([m.outputs / scale, np.zeros_like(m.outputs)]),
-                np.zeros((len(signals), len(self.inputs))),
-                inputs=list(self.inputs),
-                outputs=list(signals),
-                states=list(self.states),
+                a, b, c, d, inputs=list(self.inputs), outputs=list(signals), states=list(self.states), name="machine"
             )
 
-        return with_quantity(self.machine.chain.plant(build, self.outputs, self.pade_order), self.quantity, "machine")
+        return self.machine.chain.plant(build, self.outputs, self.pade_order)
 
     def _bound_at(self, position: float, s: ComplexArray) -> FloatArray:
         m, off = self.table.between(position), self.table.bound(position)
@@ -318,7 +316,7 @@ def schedule(
     if interpolation not in ERROR_ORDER:
         raise ParameterError(f"interpolation {interpolation!r} is not one of {', '.join(ERROR_ORDER)}")
     reads = tuple(dict.fromkeys(machine.chain.signals(outputs)))
-    table = PlantTable(affine_machine(machine, viscous_at), grid, tuple(inputs), reads, interpolation)
+    table = PlantTable(machine.coupling(viscous_at), grid, tuple(inputs), reads, interpolation)
     return PlantSchedule(machine, table, tuple(outputs), quantity, pade_order)
 
 

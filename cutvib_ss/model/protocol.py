@@ -7,18 +7,20 @@ with a slot filled. A value in a slot is named by its path, so that fits can mov
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import pi
+from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal, Protocol, runtime_checkable
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.laws import LAWS
-from cutvib_ss.model.elements import Attachment, viscous_equivalent
+from cutvib_ss.model.coupling import Assembly, Changes
+from cutvib_ss.model.elements import Attachment
 from cutvib_ss.model.measurement_chain import MeasurementChain
+from cutvib_ss.model.paths import Path
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.parameters import check_number
+from cutvib_ss.results import FloatArray, Quantity
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,44 @@ class Model(Protocol):
         """Nonlinear elements."""
         ...
 
-    def second_order(self, position: float | None = None, viscous_at: float | None = None) -> SecondOrder:
+    @property
+    def default_quantity(self) -> Quantity:
+        """Motion that is read of ports that are no channels."""
+        ...
+
+    @property
+    def assembly(self) -> Assembly:
+        """What stands on the rail, or the structure: core, elements, and the coordinates that follow the rail."""
+        ...
+
+    @property
+    def influence(self) -> FloatArray | None:
+        """How the core moves with the base of a shaker, r; None where the input is a force."""
+        ...
+
+    def port_of(self, signal: str) -> str:
+        """The port behind a signal or channel; any other name is its own port."""
+        ...
+
+    def base_share(self, signal: str) -> float:
+        """How a signal moves with a shaker's base, where it reads absolute motion; 0 elsewhere."""
+        ...
+
+    def rotates(self, signal: str) -> bool:
+        """Whether a signal is a rotation."""
+        ...
+
+    def core_changes(self, path: Path) -> Changes | None:
+        """How the core moves with one of the model's values; None where it does not."""
+        ...
+
+    def drive(self, system: SecondOrder) -> FloatArray:
+        """How a unit of the ``force`` channel pushes each degree of freedom of `second_order`."""
+        ...
+
+    def second_order(
+        self, position: float | None = None, viscous_at: float | None = None, points: Mapping[str, float] | None = None
+    ) -> SecondOrder:
         """
         The exact second-order form at a position.
 
@@ -112,6 +151,8 @@ class Model(Protocol):
             y_b / L, where the model has one.
         viscous_at : float, optional
             Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
+        points : mapping of str to float, optional
+            More ports along the rail: name to y / L.
 
         Returns
         -------
@@ -119,46 +160,3 @@ class Model(Protocol):
             The joined system.
         """
         ...
-
-
-def viscous_attachments(attachments: Iterable[Attachment], viscous_at: float | None) -> tuple[Attachment, ...]:
-    """
-    The attachments with hysteretic damping replaced by what dissipates as much at one frequency.
-
-    Parameters
-    ----------
-    attachments : iterable of Attachment
-        Any attachments.
-    viscous_at : float or None
-        Frequency [Hz]; None leaves them as they are.
-
-    Returns
-    -------
-    tuple of Attachment
-        With c = kη/ω in place of the loss; where there is no finite form at all, a spring and damper.
-    """
-    if viscous_at is None:
-        return tuple(attachments)
-    s = 2j * pi * check_number("viscous_at", viscous_at, 0.0, strict=True)
-    return tuple(replace(a, element=viscous_equivalent(a.element, s)) for a in attachments)
-
-
-def attach_all(system: SecondOrder, attachments: Sequence[Attachment]) -> SecondOrder:
-    """
-    A system with elements attached at its ports.
-
-    Parameters
-    ----------
-    system : SecondOrder
-        The system.
-    attachments : sequence of Attachment
-        What to attach, and where.
-
-    Returns
-    -------
-    SecondOrder
-        The joined system; the k-th element's own coordinates are named ``attached<k>_…``.
-    """
-    for k, a in enumerate(attachments):
-        system = system.attach([a.port], a.element.second_order(), ["end"], prefix=f"attached{k + 1}_")
-    return system

@@ -15,13 +15,14 @@ that turn by less than the slope (`cutvib_ss.model.pinned_modes`). Twist is a fi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.pinned_modes import PinnedModes, euler_bernoulli, timoshenko
 from cutvib_ss.model.second_order import SecondOrder
@@ -204,6 +205,66 @@ def natural_frequencies(p: RailParameters) -> FloatArray:
     return frequencies
 
 
+def rail_point(name: str) -> float | None:
+    """y / L of a signal ``rail(0.25)`` or ``rail@0.25``; None for another name."""
+    found = re.fullmatch(r"rail(?:\((.*)\)|@(.*))", name)
+    if found is None:
+        return None
+    try:
+        return check_position(float(found[1] or found[2]))
+    except (TypeError, ValueError) as error:
+        if isinstance(error, ParameterError):
+            raise
+        raise ParameterError(f"signal {name!r}: write rail(0.25) for the rail at a quarter") from None
+
+
+def rail_points(names: Iterable[str]) -> dict[str, float]:
+    """Points of the rail among signals, to y / L."""
+    return {name: y for name in names if (y := rail_point(name)) is not None}
+
+
+def rail_rows(model: Rail, positions: ArrayLike, order: int = 0, twist: bool = False) -> FloatArray:
+    """
+    φ(y): how the rail moves at points, or a derivative of that to y / L, over all its coordinates; shape (position, n).
+
+    dᵏ/dyᵏ sin(rπy) = (rπ)ᵏ sin(rπy + kπ/2); ends that give add 1 - y and y. One coordinate of the twist belongs to the place
+    of the head.
+    """
+    y = np.atleast_1d(np.asarray(positions, dtype=float))
+    rows = np.zeros((y.size, _size(model)))
+    if twist:
+        if order:
+            raise CouplingError(
+                "one coordinate of the rail's twist belongs to the place of the head and has no derivatives along the rail"
+            )
+        assert model.torsion is not None
+        shapes = twist_shapes(y) / np.sqrt(model.torsion.inertia / 2)
+        rows[:, -shapes.shape[1] :] = shapes
+        return rows
+    modes, scale = model.modes, np.sqrt(2.0 / model.parameters.mass)
+    turn = np.pi * modes.number
+    m = turn.size
+    rows[:, :m] = scale * modes.deflection * turn**order * np.sin(np.outer(y, turn) + order * np.pi / 2)
+    if model.supports is not None and order < 2:
+        rows[:, m], rows[:, m + 1] = (1.0 - y, y) if order == 0 else (-1.0, 1.0)
+    return rows
+
+
+def rail_rows_bound(model: Rail, order: int) -> FloatArray:
+    """Largest moduli over the whole rail of the entries of `rail_rows`, for the deflection."""
+    row, modes = np.zeros(_size(model)), model.modes
+    m = modes.number.size
+    row[:m] = np.sqrt(2.0 / model.parameters.mass) * np.abs(modes.deflection) * (np.pi * modes.number) ** order
+    if model.supports is not None:
+        row[m : m + 2] = float(order < 2)
+    return row
+
+
+def _size(model: Rail) -> int:
+    twists = 0 if model.torsion is None else TWIST_MODES + 1
+    return model.modes.number.size + (2 if model.supports else 0) + twists
+
+
 def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     """
     The rail as a second-order system in modal coordinates, with ports at points along it.
@@ -253,57 +314,18 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         damping[t, t] = 2 * model.torsion.damping_ratio * wt * squares
         stiffness[t, t] = wt**2 * squares
 
-    def row(y: float, slope: bool = False) -> FloatArray:
-        elastic_part = modes.rotations(y) / p.length if slope else modes.deflections(y)[0]
-        rigid_part = np.array([-1.0, 1.0]) / p.length if slope else np.array([1.0 - y, y])
-        return np.concatenate([scale * elastic_part, rigid_part[: len(ends)], np.zeros(len(twists))])
-
-    ports = {name: row(y) for name, y in points.items()}
+    ports = {name: rail_rows(model, y)[0] for name, y in points.items()}
     if model.torsion:
-        for name, y in points.items():
-            shapes = twist_shapes(y)[0] / np.sqrt(model.torsion.inertia / 2)
-            ports[f"{name}_twist"] = np.concatenate([np.zeros(n - len(twists)), shapes])
+        ports |= {f"{name}_twist": rail_rows(model, y, twist=True)[0] for name, y in points.items()}
     unit = np.eye(n)
     ports |= {dof: unit[i] for i, dof in enumerate(dofs)}
     for i, end in enumerate(("rail_left", "rail_right")):
         ports[end] = unit[m + i] if model.supports else np.zeros(n)
     for attachment in model.attachments:
-        e, at = attachment.element, row(attachment.position, attachment.slope)
+        e, at = attachment.element, rail_rows(model, attachment.position)[0]
+        if attachment.slope:
+            slope = np.concatenate([scale * modes.rotations(attachment.position), [-1.0, 1.0][: len(ends)]]) / p.length
+            at = np.pad(slope, (0, n - slope.size))
         block = np.outer(at, at)
         mass, damping, stiffness = mass + e.mass * block, damping + e.damping * block, stiffness + e.stiffness * block
     return SecondOrder(mass, damping, stiffness, tuple(dofs + ends + twists), ports)
-
-
-def rail_state_space(p: RailParameters, position: float) -> control.StateSpace:
-    """
-    The pinned rail from base force to base motion (Eqs. 5, 6 and 9).
-
-    Parameters
-    ----------
-    p : RailParameters
-        The rail.
-    position : float
-        y_b / L, strictly inside (0, 1).
-
-    Returns
-    -------
-    control.StateSpace
-        2m states. Input ``rail_force`` R_bx [N]; outputs ``base_x`` [m], ``base_velocity`` [m/s], ``base_acceleration``
-        [m/s^2].
-
-    Examples
-    --------
-    >>> from cutvib_ss.parameters import recovered_rail
-    >>> rail_state_space(recovered_rail(), 0.5).nstates
-    8
-    """
-    system = rail(Rail(p), {"base": check_position(position)})
-    return system.state_space(
-        {"rail_force": "base"},
-        {
-            "base_x": ("base", "displacement"),
-            "base_velocity": ("base", "velocity"),
-            "base_acceleration": ("base", "acceleration"),
-        },
-        name="rail",
-    )

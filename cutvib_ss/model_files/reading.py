@@ -98,6 +98,7 @@ class _StructureKind(_Table):
 class _ChannelTable(_Table):
     port: str
     quantity: Quantity
+    absolute: bool | None = None
 
 
 class _InputTable(_Table):
@@ -256,7 +257,7 @@ def _structure(tables: _StructureFile) -> Structure:
         raise ParameterError(f"model.{error}") from error
     return Structure(
         system=system,
-        channels={name: Channel(c.port, c.quantity) for name, c in tables.channels.items()},
+        channels={name: Channel(c.port, c.quantity, c.absolute) for name, c in tables.channels.items()},
         input_port=port,
         input_quantity="force" if what == "force" else "acceleration",
         tolerance=StructureTolerances(**tables.tolerance.given()),

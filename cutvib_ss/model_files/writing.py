@@ -95,7 +95,10 @@ def _structure_lines(bare: Structure) -> Iterator[str]:
     yield from (_entry(name, row.tolist()) for name, row in system.ports.items())
     yield from ["", "[channels]"]
     for name, channel in bare.channels.items():
-        yield f"{_key(name)} = {{ port = {_value(channel.port)}, quantity = {_value(channel.quantity)} }}"
+        # Said where it is not the default, on a shaker, where alone it matters.
+        unusual = bare.influence is not None and channel.absolute != (channel.quantity == "acceleration")
+        more = f", absolute = {str(bool(channel.absolute)).lower()}" if unusual else ""
+        yield f"{_key(name)} = {{ port = {_value(channel.port)}, quantity = {_value(channel.quantity)}{more} }}"
     what = "force" if bare.input_quantity == "force" else "base_acceleration"
     yield from ["", "[input]", _entry(what, bare.input_port)]
 

@@ -11,6 +11,7 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.structure import Structure
+from cutvib_ss.parameters import names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.condensed import CondensedModel
 from cutvib_ss.response.derivatives import ResponseDerivatives
@@ -19,6 +20,8 @@ from cutvib_ss.units import DERIVATIVE_ORDER
 
 _BLOCK = 24_000
 """Positions times frequencies that are computed at once: arrays of 0.4 MB."""
+_STILL = 1e-6j
+"""s in place of 0 on a shaker, whose absolute displacement is infinite there but not its acceleration [rad/s]."""
 
 
 def frequency_response(
@@ -26,8 +29,8 @@ def frequency_response(
     positions: ArrayLike | None,
     freq: ArrayLike,
     form: Form | None = None,
-    inputs: Sequence[str] = ("force",),
-    outputs: Sequence[str] | None = None,
+    inputs: str | Sequence[str] = ("force",),
+    outputs: str | Sequence[str] | None = None,
     decay_rate: float = 0.0,
 ) -> FrequencyResponse:
     """
@@ -43,9 +46,9 @@ def frequency_response(
         Frequencies [Hz].
     form : {"receptance", "mobility", "accelerance"}, optional
         Form of every output. By default accelerance for a cutting machine, each channel's own for a structure.
-    inputs : sequence of str
+    inputs : str or sequence of str
         ``force`` (the cutting force, tool X) or any port: ``head_x``, ``base``, ``tool_z``, ``rail(0.25)``.
-    outputs : sequence of str, optional
+    outputs : str or sequence of str, optional
         Channels and ports: ``tool_x``, ``tool_z``, ``base_x``, ``head_x``, ``joint2``, ``rail(0.25)``, or modal coordinates
         ``eta1`` … (Fig. 18). By default the model's channels.
     decay_rate : float
@@ -72,7 +75,7 @@ def frequency_response(
     >>> frf.data.shape, frf.unit
     ((1, 1, 1, 1), 'm/s^2/N')
     """
-    outputs = tuple(machine.channels) if outputs is None else tuple(outputs)
+    inputs, outputs = names_of(inputs), names_of(machine.channels if outputs is None else outputs)
     quantities = output_quantities(machine, outputs, form)
     places = as_positions(machine, positions)
     f, s = as_laplace(freq, decay_rate)
@@ -80,13 +83,11 @@ def frequency_response(
     # By blocks of frequencies whose intermediate arrays stay in the processor's cache; nothing is computed twice.
     lines = max(1, _BLOCK // places.size)
     for k in range(0, s.size, lines):
-        part = ChainedResponse(machine, places, s[k : k + lines], quantities, outputs, tuple(inputs))
+        part = ChainedResponse(machine, places, s[k : k + lines], quantities, outputs, inputs)
         data[..., k : k + lines] = part.data()
     unit = "m/s^2" if machine.input_quantity == "acceleration" else "N"
     data.flags.writeable = False  # given away: the result need not copy it
-    return FrequencyResponse(
-        data, f, places, outputs, tuple(inputs), quantities, input_unit=unit, decay_rate=decay_rate
-    )
+    return FrequencyResponse(data, f, places, outputs, inputs, quantities, input_unit=unit, decay_rate=decay_rate)
 
 
 def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form: Form | None) -> tuple[Quantity, ...]:
@@ -116,8 +117,7 @@ def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form
         if form not in QUANTITY_OF_FORM:
             raise ParameterError(f"form {form!r} is not one of {', '.join(QUANTITY_OF_FORM)}")
         return (QUANTITY_OF_FORM[form],) * len(outputs)
-    other: Quantity = "acceleration" if isinstance(machine, Machine) else "displacement"
-    return tuple(machine.channels[o].quantity if o in machine.channels else other for o in outputs)
+    return tuple(machine.channels[o].quantity if o in machine.channels else machine.default_quantity for o in outputs)
 
 
 class ChainedResponse:
@@ -149,6 +149,8 @@ class ChainedResponse:
         inputs: Sequence[str],
     ) -> None:
         self.machine, self.outputs, self.inputs = machine, tuple(outputs), tuple(inputs)
+        if machine.influence is not None:
+            s = np.where(s == 0.0, _STILL, s)
         self._lines = machine.chain.at(outputs, [DERIVATIVE_ORDER[q] for q in quantities], s)
         self.s, self._places = self._lines.s, positions.size
         self.model = CondensedModel(machine, positions, self.s)

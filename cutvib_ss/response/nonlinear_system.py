@@ -13,7 +13,7 @@ from cutvib_ss.laws import LAWS
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number
-from cutvib_ss.response.modal_form import drive_of, row_of, system_with
+from cutvib_ss.response.modal_form import row_of, system_with
 from cutvib_ss.results import FloatArray, Quantity
 
 
@@ -71,7 +71,7 @@ def nonlinear_system(
     names = tuple(machine.channels) if outputs is None else tuple(outputs)
     elements = machine.nonlinear
     system = system_with(machine, position, viscous_at, [n for n in names if n not in machine.channels])
-    ports = {"force": drive_of(machine, system)}
+    ports = {"force": machine.drive(system)}
     reads: dict[str, tuple[str, Quantity]] = {}
     for name in names:
         channel = machine.channels.get(name)

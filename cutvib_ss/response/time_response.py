@@ -24,9 +24,10 @@ from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.compiled import interact
 from cutvib_ss.response.compiled_modes import advance
 from cutvib_ss.response.modal_basis import linear_course, modal_basis, parts, reading
-from cutvib_ss.response.modal_form import drive_of, row_of, system_with
+from cutvib_ss.response.modal_form import base_motion, row_of, system_with
 from cutvib_ss.response.output_rows import END_FORCES, output_rows
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity, TimeResponse
+from cutvib_ss.units import DERIVATIVE_ORDER
 
 _STEPS = 40
 """Steps that a period at the mean frequency of a nonlinear element's port gets, at least; twice as many with friction."""
@@ -128,7 +129,12 @@ def time_response(
             )
         begin = run.modes.from_state @ state
     data = run.periodic(f, oversample) if periodic else run.histories(f, begin, oversample)
-    unit = "m/s^2" if machine.input_quantity == "acceleration" and input == "force" else "N"
+    shaken = machine.influence is not None and input == "force"
+    for row, name, asked in zip(data, names, wanted, strict=True):
+        if shaken and (share := machine.base_share(name)):
+            order = DERIVATIVE_ORDER[asked or machine.channels[name].quantity]
+            row += share * base_motion(f, fs, order, periodic)
+    unit = "m/s^2" if shaken else "N"
     return TimeResponse(
         data, f, fs, names, run.units, float("nan") if position is None else position, periodic, unit
     )  # fmt: skip
@@ -153,7 +159,7 @@ class _Run:
         system = system_with(machine, position, viscous_at, points)
         self.dofs = system.dofs
         self.modes = modal_basis(system)
-        first = drive_of(machine, system) if input == "force" else row_of(system, input)
+        first = machine.drive(system) if input == "force" else row_of(system, input)
         signs = np.array([1.0, *(-1.0 for _ in ports)])  # forces of elements act against their ports' motion
         drives = signs * np.array([first, *(row_of(system, p) for p in ports)]).T
         rows = output_rows(machine, system, position, viscous_at, names, quantities, (input, *ports))

@@ -30,7 +30,7 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "rail_added_mass": (("rail",), ("position", "mass", "damping")),
     "rail_shear": (("rail",), ("shear_ratio",)),
     "modal_truncation": (("rail",), ("n_modes",)),
-    "guide_compliance": (("head_base",), ("stiffness", "damping")),
+    "guide_compliance": (("head_base",), ("stiffness", "damping", "sensor_side")),
     "local_resonator": (("tool", "head"), ("mass", "frequency", "damping_ratio")),
     "added_mass": (("tool", "head"), ("mass",)),
     "tool_contact": (("tool",), ("stiffness", "damping")),
