@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 from cutvib_ss.effects.base import parameter
-from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 from cutvib_ss.errors import ParameterError
 
@@ -40,6 +40,10 @@ class BilinearStiffness(LawElement):
         super().__post_init__()
         if not -1.0 < self.asymmetry < 1.0:
             raise ParameterError(f"bilinear_stiffness: asymmetry = {self.asymmetry} must lie between -1 and 1")
+
+    @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        return ({"asymmetry": a} for a in (-0.7, -0.35, -0.15, -0.05, 0.05, 0.15, 0.35, 0.7))
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from cutvib_ss.effects.base import parameter
-from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 
 
@@ -32,6 +34,11 @@ class CubicStiffness(LawElement):
     proportional: ClassVar[bool] = True
 
     stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "linear", minimum=None)
+
+    @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        unit = s.stiffness / s.motion**2
+        return ({"stiffness3": float(r) * unit} for r in (*np.geomspace(0.01, 3.0, 6), -0.01, -0.05, -0.2))
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:

@@ -1,23 +1,48 @@
-"""What the nonlinear effects share: a law at a port, in the slot that linear analyses ignore."""
+"""What the nonlinear effects share: a restoring force at a port, in the slot that linear analyses ignore."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
+
+import numpy as np
 
 from cutvib_ss.effects.base import Carried, Effect, Model, Range, applied, check_place, parameter_fields, ports_of
-from cutvib_ss.effects.scales import PortScale, port_scale, spring_at
+from cutvib_ss.effects.scales import TYPICAL_FORCE, PortScale, port_scale, spring_at
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.laws import LAWS
+from cutvib_ss.model.restoring_forces import RestoringForce, law
 from cutvib_ss.paths import Path
 from cutvib_ss.slots import NonlinearElement
+
+
+class PortMotion(Protocol):
+    """How a port moves in the records: peak of the quietest and the loudest, peak rate, peak force that would hold it still."""
+
+    @property
+    def low(self) -> float: ...
+    @property
+    def high(self) -> float: ...
+    @property
+    def rate(self) -> float: ...
+    @property
+    def force(self) -> float: ...
+
+
+class StartScale(NamedTuple):
+    """Sizes that the starting values of a law are in proportion to: motion, rate, force, stiffness and damping at the port."""
+
+    motion: float
+    rate: float
+    force: float
+    stiffness: float
+    damping: float
 
 
 @dataclass(frozen=True)
 class LawElement(Effect):
     """
-    A nonlinear law in a joint, or at any port of another structure.
+    A nonlinear restoring force in a joint, or at any port of another structure.
 
     Parameters
     ----------
@@ -26,16 +51,26 @@ class LawElement(Effect):
 
     Notes
     -----
-    The linear model stays as it is: poles, plants and frequency responses ignore the law. `cutvib_ss.laws` gives its describing
-    function, the linear element that it is at an amplitude.
+    The linear model stays as it is: poles, plants and frequency responses ignore the force. Its describing function is the linear
+    element that it is at an amplitude. The law in `cutvib_ss.model.restoring_forces` has the effect's name.
     """
 
     linear: ClassVar[bool] = False
     scale_free: ClassVar[bool] = False
 
+    def __post_init__(self) -> None:
+        for f in parameter_fields(type(self)):
+            self.restoring_force().check(f.name, getattr(self, f.name))
+
+    @classmethod
+    def restoring_force(cls) -> type[RestoringForce]:
+        """The law's class."""
+        return law(cls.effect)
+
     @classmethod
     def _needs_spring(cls) -> bool:
-        return "stiffness" in LAWS[cls.effect].units and "stiffness" not in {f.name for f in parameter_fields(cls)}
+        """Whether the law changes a spring that has to be there."""
+        return "stiffness" in cls.restoring_force().units() and "stiffness" not in {f.name for f in fields(cls)}
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
@@ -44,22 +79,72 @@ class LawElement(Effect):
 
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
-        bounds = cls._bounds(port_scale(model, place, motion))
+        scale, wide = port_scale(model, place, motion), 1.0
+        if scale.stiffness == 0.0:
+            # A free body: what a typical force is over that motion, known to two decades.
+            scale, wide = replace(scale, stiffness=TYPICAL_FORCE / scale.motion), 100.0
+        bounds = cls._bounds(scale)
         given = super().ranges(model, place, motion)
-        return {name: replace(r, low=bounds[name][0], high=bounds[name][1]) for name, r in given.items()}
+        return {
+            name: replace(
+                r,
+                low=bounds[name][0] / (wide if r.scale == "log" else 1.0),
+                high=bounds[name][1] * (wide if r.unit != "1" else 1.0),
+            )
+            for name, r in given.items()
+        }
+
+    @classmethod
+    def starts(cls, place: str, motion: PortMotion, k: float, c: float) -> tuple[Self, ...]:
+        """
+        Starting values from hardly visible to strong, in proportion to the motion and the force at the place.
+
+        Parameters
+        ----------
+        place : str
+            One of `places`.
+        motion : PortMotion
+            How it moves in the records.
+        k, c : float
+            Linear stiffness and damping at the place. Where k is zero, the force that would hold the place still stands for k
+            times the motion.
+
+        Returns
+        -------
+        tuple of LawElement
+            The effect at each start.
+        """
+        middle = float(np.sqrt(motion.low * motion.high))
+        force = k * middle or motion.force
+        if not (middle > 0.0 and force > 0.0):
+            return ()
+        scale = StartScale(middle, motion.rate, force, k or force / middle, max(c, 1e-3 * force / motion.rate))
+        return tuple(cls(place, **values) for values in cls._starts(scale))
+
+    @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        """Parameters of each start."""
+        raise NotImplementedError
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         """Sensible range of each parameter at a port."""
         raise NotImplementedError
 
+    def _parameters(self) -> dict[str, float]:
+        """Parameters that are given and finite: those that a fit may move."""
+        given = {f.name: getattr(self, f.name) for f in fields(self) if "range" in f.metadata}
+        return {name: float(v) for name, v in given.items() if v is not None and np.isfinite(v)}
+
     def apply(self, model: Any) -> Any:
+        if self._needs_spring() and self.place in ports_of(model, ()) and spring_at(model, self.place) is None:
+            raise ParameterError(
+                f"{self.effect} changes the spring that a port spans, and there is none at {self.place!r}; "
+                f"places with a spring: {', '.join(self.places(model)) or 'none on this model'}"
+            )
         check_place(self, model)
-        values = {f.name: float(getattr(self, f.name)) for f in parameter_fields(type(self))}
-        if self._needs_spring():
-            spring = spring_at(model, self.place)
-            if spring is None:
-                raise ParameterError(f"{self.effect} needs a spring at {self.place!r}")
+        values = self._parameters()
+        if self._needs_spring() and (spring := spring_at(model, self.place)) is not None:
             values["stiffness"] = spring[0]
         element = NonlinearElement(self.place, self.effect, values)
         return applied(model, replace(model, nonlinear=(*model.nonlinear, element)), self)
@@ -68,7 +153,7 @@ class LawElement(Effect):
         return ("nonlinear", len(model.nonlinear) - 1, "parameters")
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        return {f.name: (((*self._at(applied), f.name), 1.0),) for f in parameter_fields(type(self))}
+        return {name: (((*self._at(applied), name), 1.0),) for name in self._parameters()}
 
     def carries(self, path: Path, applied: Any) -> Carried:
         spring = spring_at(applied, self.place) if self._needs_spring() else None

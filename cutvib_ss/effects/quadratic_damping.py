@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from cutvib_ss.effects.base import parameter
-from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 
 
@@ -32,6 +34,10 @@ class QuadraticDamping(LawElement):
     proportional: ClassVar[bool] = True
 
     coefficient: float = parameter("N m s^2/rad^2", 0.01, 100.0)
+
+    @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        return ({"coefficient": float(r) * s.damping / s.rate} for r in np.geomspace(0.1, 20.0, 6))
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:

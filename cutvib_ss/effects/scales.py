@@ -78,7 +78,8 @@ def port_scale(model: Model, place: str, motion: float | None = None) -> PortSca
         held = squares > 1e-9 * squares[-1]
         free = float(moved[~held].sum()) > 1e-9 * float(moved.sum())
         stiffness = mass * float(squares[-1]) if free else 1.0 / float(np.sum(moved[held] / squares[held]))
-    return PortScale(mass, stiffness, motion or force / stiffness)
+    # A body that nothing holds has no motion of its own under a slow force: a millimetre stands for it.
+    return PortScale(mass, stiffness, motion or (force / stiffness if stiffness > 0.0 else 1e-3))
 
 
 def spring_at(model: Model, place: str) -> tuple[float, Carried] | None:

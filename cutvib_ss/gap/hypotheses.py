@@ -19,6 +19,7 @@ from cutvib_ss.effects.end_fixity import EndFixity
 from cutvib_ss.effects.freeplay import Freeplay
 from cutvib_ss.effects.guide_compliance import GuideCompliance
 from cutvib_ss.effects.joint_slip import JointSlip
+from cutvib_ss.effects.law_element import LawElement
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.modal_truncation import ModalTruncation
 from cutvib_ss.effects.parameter_shift import ParameterShift
@@ -64,14 +65,24 @@ class Motion:
         Peak in the quietest and in the loudest record [m or rad].
     rate : float
         Peak rate at a level between [m/s or rad/s].
+    force : float
+        Peak force that would hold the place still [N or N m].
     """
 
     low: float
     high: float
     rate: float
+    force: float = 0.0
 
 
-LAWS = (CubicStiffness, Freeplay, DryFriction, JointSlip, BilinearStiffness, QuadraticDamping)
+LAWS: tuple[type[LawElement], ...] = (
+    CubicStiffness,
+    Freeplay,
+    DryFriction,
+    JointSlip,
+    BilinearStiffness,
+    QuadraticDamping,
+)
 """Effects that only a simulation shows."""
 
 
@@ -198,27 +209,8 @@ def nonlinear_candidates(model: Model, motions: Mapping[str, Motion]) -> tuple[C
         for place in law.places(model):
             if place in motions and motions[place].high > 0.0:
                 _, k, c = scale[place]
-                out.append(_candidate(law.effect, place, *_law_starts(law, place, motions[place], k, c)))
+                out.append(_candidate(law.effect, place, *law.starts(place, motions[place], k, c)))
     return tuple(out)
-
-
-def _law_starts(law: type[Effect], place: str, m: Motion, k: float, c: float) -> tuple[Effect, ...]:
-    """Values of a law from hardly visible to strong, against the linear spring and damper at its place."""
-    middle = float(np.sqrt(m.low * m.high))
-    force = k * middle
-    if law is CubicStiffness:
-        sizes = np.geomspace(0.01, 3.0, 6).tolist()
-        return tuple(CubicStiffness(place, r * k / middle**2) for r in (*sizes, -0.01, -0.05, -0.2))
-    if law is Freeplay:
-        return tuple(Freeplay(place, r * middle) for r in np.geomspace(0.005, 1.5, 9).tolist())
-    if law is DryFriction:
-        return tuple(DryFriction(place, r * force) for r in np.geomspace(0.003, 1.5, 8).tolist())
-    if law is JointSlip:
-        return tuple(JointSlip(place, r * k, q * r * force) for r in (0.05, 0.25, 1.0) for q in (0.03, 0.15, 0.6, 1.5))
-    if law is BilinearStiffness:
-        return tuple(BilinearStiffness(place, a) for a in (-0.7, -0.35, -0.15, -0.05, 0.05, 0.15, 0.35, 0.7))
-    damping = max(c, 1e-3 * force / m.rate)
-    return tuple(QuadraticDamping(place, r * damping / m.rate) for r in np.geomspace(0.1, 20.0, 6).tolist())
 
 
 def _candidate(effect: str, where: str, *starts: Effect) -> Candidate:

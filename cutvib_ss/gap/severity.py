@@ -170,6 +170,8 @@ def runs(candidates: Sequence[Candidate]) -> tuple[tuple[Run, ...], ...]:
     causes: dict[tuple[str, ...], dict[tuple[Any, ...], Run]] = {}
     for candidate in candidates:
         for start in candidate.starts:
+            if getattr(start, "contact_stiffness", None) is not None:
+                continue  # without a gap it is another spring, not nothing
             effect = _told(start)
             named = tuple(str(getattr(effect, n)) for n in ("parameter", "channel") if hasattr(effect, n))
             key = (effect.effect, effect.place, *named)

@@ -51,9 +51,9 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "parameter_shift": (("joint1", "joint2", "head", "tool", "rail"), ("parameter", "factor")),
     "structural_damping": (("joint1", "joint2"), ("loss_factor",)),
     "cubic_stiffness": (("joint1", "joint2"), ("stiffness3",)),
-    "freeplay": (("joint1", "joint2"), ("gap",)),
-    "dry_friction": (("joint1", "joint2"), ("torque",)),
-    "joint_slip": (("joint1", "joint2"), ("stiffness", "slip_torque")),
+    "freeplay": (("joint1", "joint2"), ("gap", "contact_stiffness")),
+    "dry_friction": (("joint1", "joint2"), ("torque", "sticking_stiffness")),
+    "joint_slip": (("joint1", "joint2"), ("stiffness", "slip_torque", "spread")),
     "bilinear_stiffness": (("joint1", "joint2"), ("asymmetry",)),
     "quadratic_damping": (("joint1", "joint2"), ("coefficient",)),
     "channel_delay": (("measurement",), ("channel", "delay")),
@@ -148,6 +148,10 @@ def _choices(model: Model, effect: str, place: str) -> Iterator[tuple[str, Calla
     elif not EFFECTS[effect].linear:
         # Against a motion of 0.4 mrad in joint 2, 10 µrad in joint 1, and 0.1 mm.
         motion, k = (4e-4, 1e4) if place == "joint2" else (1e-5, 5e5) if place == "joint1" else (1e-4, 2.5e5)
+        if effect == "dry_friction":
+            yield "sticking", lambda s: DryFriction(place, 0.1 * s * k * motion, 2.0 * k)
+        elif effect == "joint_slip":
+            yield "spread", lambda s: JointSlip(place, 0.3 * s * k, 0.1 * s * k * motion, 0.6)
         yield (
             "",
             {
