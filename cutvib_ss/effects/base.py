@@ -224,6 +224,11 @@ class Effect(ABC):
             return self.changed({name: value / max(severity, WEAK) for name, value in values.items()})
         return self.changed({name: value * severity for name, value in values.items()})
 
+    @property
+    def vanishes(self) -> bool:
+        """Whether it is nothing at the weak end of its severity."""
+        return True
+
     @classmethod
     def is_alias(cls, values: Mapping[str, object]) -> bool:
         """Whether causes outside the catalogue may appear as the effect with these discrete values."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from cutvib_ss.effects.base import Motion, Severity, parameter
-from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.base import Severity, parameter
+from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 
 
@@ -39,15 +39,15 @@ class CubicStiffness(LawElement):
     stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "linear", minimum=None)
 
     @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        unit = s.stiffness / s.motion**2
+        return ({"stiffness3": float(r) * unit} for r in (*np.geomspace(0.01, 3.0, 6), -0.01, -0.05, -0.2))
+
+    @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         unit = scale.stiffness / scale.motion**2
         return {"stiffness3": (-0.5 * unit, 5.0 * unit)}
 
     @classmethod
-    def _start_values(cls, motion: Motion, k: float, c: float) -> Iterator[tuple[float, ...]]:
-        sizes = (*np.geomspace(0.01, 3.0, 6).tolist(), -0.01, -0.05, -0.2)
-        return ((r * k / motion.middle**2,) for r in sizes)
-
-    @classmethod
-    def _example_values(cls, motion: float, k: float) -> tuple[float, ...]:
-        return (0.3 * k / motion**2,)
+    def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:
+        yield {"stiffness3": 0.3 * k / motion**2}

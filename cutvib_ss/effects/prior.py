@@ -72,11 +72,14 @@ class Motion:
         Peak in the quietest and in the loudest record [m or rad].
     rate : float
         Peak rate at a level between [m/s or rad/s].
+    force : float
+        Peak force that would hold the place still, zero where it is not known [N or N m].
     """
 
     low: float
     high: float
     rate: float
+    force: float = 0.0
 
     @property
     def middle(self) -> float:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from cutvib_ss.effects.base import Motion, Severity, parameter
-from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.base import Severity, parameter
+from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 
 
@@ -39,15 +39,14 @@ class QuadraticDamping(LawElement):
     coefficient: float = parameter("N m s^2/rad^2", 0.01, 100.0)
 
     @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        return ({"coefficient": float(r) * s.damping / s.rate} for r in np.geomspace(0.1, 20.0, 6))
+
+    @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         unit = scale.mass / scale.motion
         return {"coefficient": (3e-4 * unit, 3.0 * unit)}
 
     @classmethod
-    def _start_values(cls, motion: Motion, k: float, c: float) -> Iterator[tuple[float, ...]]:
-        damping = max(c, 1e-3 * (k * motion.middle) / motion.rate)
-        return ((r * damping / motion.rate,) for r in np.geomspace(0.1, 20.0, 6).tolist())
-
-    @classmethod
-    def _example_values(cls, motion: float, k: float) -> tuple[float, ...]:
-        return (0.1 * k / (1000.0**2 * motion),)
+    def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:
+        yield {"coefficient": 0.1 * k / (1000.0**2 * motion)}

@@ -55,6 +55,8 @@ class Problem:
             (k, name, r)
             for k, e in enumerate(hypothesis.effects)
             for name, r in e.ranges(nominal, e.place, hypothesis.motions.get(e.place)).items()
+            # What is not given, or infinite, is not fitted.
+            if getattr(e, name) is not None and np.isfinite(getattr(e, name))
         ]
         self.n_tuning = len(self.tuning)
         shapes = CALIBRATION_SHAPES if self.calibration > 0 else 0

@@ -84,7 +84,7 @@ def runs(candidates: Sequence[Candidate]) -> tuple[tuple[Run, ...], ...]:
     """
     causes: dict[tuple[str, ...], dict[tuple[Any, ...], Run]] = {}
     for candidate in candidates:
-        for start in candidate.starts:
+        for start in (s for s in candidate.starts if s.vanishes):
             effect = _told(start)
             key = (effect.effect, effect.place, *identifying_values(effect))
             causes.setdefault(key, {}).setdefault(_shape(effect), Run(" ".join(key), effect))
