@@ -8,25 +8,26 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from cutvib_ss.effects.catalogue import register_effect
     from cutvib_ss.gap.diagnosis import diagnose
     from cutvib_ss.lpv import schedule
-    from cutvib_ss.machine import Machine, cutting_machine, published_machine
     from cutvib_ss.measurement.campaign import read_campaign, write_campaign
     from cutvib_ss.measurement.estimation import estimate
+    from cutvib_ss.model.machine import Machine, cutting_machine, published_machine
+    from cutvib_ss.model.structure import Structure
     from cutvib_ss.model_files import read_machine, write_machine
     from cutvib_ss.response.frequency import frequency_response
     from cutvib_ss.response.modes import modes, track_modes
     from cutvib_ss.response.pulses import pulse_train
     from cutvib_ss.response.time_response import time_response
-    from cutvib_ss.structure import Structure
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Machine": "machine",
-    "Structure": "structure",
-    "cutting_machine": "machine",
-    "published_machine": "machine",
+    "Machine": "model.machine",
+    "Structure": "model.structure",
+    "cutting_machine": "model.machine",
+    "published_machine": "model.machine",
     "read_machine": "model_files",
     "write_machine": "model_files",
     "modes": "response.modes",
@@ -39,6 +40,7 @@ _HOMES = {
     "write_campaign": "measurement.campaign",
     "estimate": "measurement.estimation",
     "diagnose": "gap.diagnosis",
+    "register_effect": "effects.catalogue",
 }
 
 __all__ = [
@@ -53,6 +55,7 @@ __all__ = [
     "pulse_train",
     "read_campaign",
     "read_machine",
+    "register_effect",
     "schedule",
     "time_response",
     "track_modes",

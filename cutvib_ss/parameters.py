@@ -6,6 +6,7 @@ The paper is "Analysis and Control of Vibrations of a Cartesian Cutting Machine 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from math import isfinite, pi, radians, sqrt
 from typing import Any
@@ -73,6 +74,18 @@ def check_position(position: Any) -> float:
             f"position = {position} must lie strictly between 0 and 1 (y_b / L of the head on the rail)"
         )
     return number
+
+
+def check_choice(name: str, value: Any, choices: Iterable[str]) -> None:
+    """Refuse a value that is none of the choices, and list them."""
+    known = list(choices)
+    if value not in known:
+        raise ParameterError(f"{name} = {value!r} is not one of {', '.join(known)}")
+
+
+def names_of(given: str | Iterable[str]) -> tuple[str, ...]:
+    """Names as a tuple; a single string is one name."""
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 @dataclass(frozen=True)

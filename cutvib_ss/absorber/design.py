@@ -28,7 +28,7 @@ from cutvib_ss.absorber.workspace import (
     workspace_check,
 )
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import AbsorberParameters, check_number
 from cutvib_ss.results import FloatArray
 
@@ -119,7 +119,7 @@ def design_absorbers(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> design = design_absorbers(published_machine(), 0.08, positions=[0.1, 1 / 3, 1 / 2])
     >>> [round(value, 2) for value in design.check.worst]
     [2.78, 0.23, 0.23]

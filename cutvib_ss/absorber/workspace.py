@@ -23,7 +23,7 @@ from cutvib_ss.absorber.coupling import MountedAbsorber
 from cutvib_ss.absorber.force import HarmonicForce
 from cutvib_ss.absorber.tolerance import EXACT, AbsorberTolerance, machine_as_built, machines_within
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray, FloatArray, read_only
@@ -256,7 +256,7 @@ def workspace_check(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> from cutvib_ss.parameters import table_7
     >>> check = workspace_check(published_machine(), [MountedAbsorber(table_7())])
     >>> [round(value, 2) for value in check.worst]

@@ -24,13 +24,12 @@ from cutvib_ss.control_design.loop import Loop
 from cutvib_ss.control_design.margins import disk_margin
 from cutvib_ss.control_design.scheduling import ScheduledController
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.laws import LAWS
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.elements import Attachment, SpringDamperMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.parameters import check_number
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, read_only
-from cutvib_ss.slots import NonlinearElement
-from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
 
 
 @dataclass(frozen=True)
@@ -131,7 +130,7 @@ def quasi_linear(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> stiffening = NonlinearElement("joint2", "cubic_stiffness", {"stiffness3": 8e9})
     >>> quasi_linear(replace(published_machine(), nonlinear=(stiffening,)), 1e-3).attachments[-1].element.stiffness
     6000.0
@@ -142,7 +141,7 @@ def quasi_linear(
         )
     amplitude = check_number("amplitude", amplitude, 0.0, strict=True)
     e = machine.nonlinear[element]
-    stiffness, damping = LAWS[e.law].equivalent(amplitude, 2 * np.pi * working_frequency, *e.values)
+    stiffness, damping = e.restoring_force.equivalent(amplitude, 2 * np.pi * working_frequency)
     stand_in = Attachment(e.port, SpringDamperMass(stiffness=float(stiffness), damping=float(damping)))
     return replace(machine, nonlinear=(), attachments=(*machine.attachments, stand_in))
 

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.rail import Shear
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    check_place,
+    machine_only,
+    parameter,
+)
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import Shear
 
 
 @dataclass(frozen=True)
@@ -25,7 +35,7 @@ class RailShear(Effect):
 
     Notes
     -----
-    Timoshenko's beam (Phil. Mag. 41, 1921), derived in `cutvib_ss.subsystems.pinned_modes`; every term is kept. The radius of
+    Timoshenko's beam (Phil. Mag. 41, 1921), derived in `cutvib_ss.model.pinned_modes`; every term is kept. The radius of
     gyration is no parameter of its own: κG/E = 0.33 ties it to the shear ratio, ρ² = 0.33 L²/(π² shear_ratio). The rail's
     ``first_frequency`` stays that of EI alone, so all frequencies fall, that of mode r by about 0.67 r²/shear_ratio; that r² is
     what tells shear from a softer rail. Modal damping ratios stay as they are. Shear deflects a rail in a kink under its load,
@@ -33,6 +43,10 @@ class RailShear(Effect):
     """
 
     effect: ClassVar[str] = "rail_shear"
+    severity = Severity("infinity", ("shear_ratio",))
+    sentence = "the rail gives in shear"
+    inspection = "check the rail's cross-section: how thin its webs are, and its joints"
+    example: ClassVar[Mapping[str, float]] = {"shear_ratio": 20.0}
 
     shear_ratio: float = parameter("1", 4.0, 1000.0)
 
@@ -43,6 +57,14 @@ class RailShear(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("rail",) if isinstance(model, Machine) else ()
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        # Shear is told from a softer rail by the square of a mode's number: with one mode in the band the two are the same.
+        if isinstance(model, Machine):
+            p = model.rail.parameters
+            if p.n_modes > 1 and 4 * p.first_frequency < measured.band[1]:
+                yield "", tuple(cls("rail", ratio) for ratio in (15.0, 80.0, 300.0))
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -21,7 +21,6 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.gap.records import session_of
-from cutvib_ss.gap.severity import by_size
 from cutvib_ss.gap.unknowns import from_unknown
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -475,7 +474,7 @@ def _cause_weights(problem: Problem, x: FloatArray) -> FloatArray:
     out = np.zeros(len(problem.parameters))
     for i, (which, name, r) in enumerate(problem.parameters):
         slope = from_unknown(float(x[problem.first_effect + i]), r)[1]
-        out[i] = by_size(effects[which]).get(name, 0.0) / slope
+        out[i] = effects[which].by_size().get(name, 0.0) / slope
     return out
 
 

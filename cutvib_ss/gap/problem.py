@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutvib_ss.effects.base import Carried, Effect, Model
-from cutvib_ss.gap.hypothesis import Hypothesis, carried_on, changed, stages_of
+from cutvib_ss.gap.hypothesis import Hypothesis, carried_on, stages_of
 from cutvib_ss.gap.prediction import Circles, Predicted, Prediction
 from cutvib_ss.gap.records import Group, session_of
 from cutvib_ss.gap.unknowns import CALIBRATION_SHAPES, calibration_shapes, from_unknown, to_unknown, tuning_paths
-from cutvib_ss.paths import value_at, with_values
+from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
 
 IndexArray: TypeAlias = NDArray[np.intp]
@@ -55,6 +55,8 @@ class Problem:
             (k, name, r)
             for k, e in enumerate(hypothesis.effects)
             for name, r in e.ranges(nominal, e.place, hypothesis.motions.get(e.place)).items()
+            # What is not given, or infinite, is not fitted.
+            if getattr(e, name) is not None and np.isfinite(getattr(e, name))
         ]
         self.n_tuning = len(self.tuning)
         shapes = CALIBRATION_SHAPES if self.calibration > 0 else 0
@@ -134,7 +136,7 @@ class Problem:
         changes: list[dict[str, float]] = [{} for _ in self.hypothesis.effects]
         for i, (k, name, r) in enumerate(self.parameters):
             changes[k][name] = from_unknown(float(x[self.first_effect + i]), r)[0]
-        return tuple(changed(e, c) for e, c in zip(self.hypothesis.effects, changes, strict=True))
+        return tuple(e.changed(c) for e, c in zip(self.hypothesis.effects, changes, strict=True))
 
     def applied(self, x: FloatArray) -> Model:
         """
@@ -373,5 +375,5 @@ class Problem:
     ) -> tuple[float, Carried]:
         """What moves with an effect's parameter, and by how much a unit of its unknown."""
         index, name, r = self.parameters[i]
-        moved = effects[index].moves(stages[index + 1])[name]
+        moved = effects[index].moved_by(stages[index], stages[index + 1])[name]
         return from_unknown(float(x[self.first_effect + i]), r)[1], carried_on(moved, effects, stages, index + 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, replace
 from math import radians
@@ -16,13 +17,13 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from cutvib_ss.effects import catalogue
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.machine import Machine
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.elements import Attachment, SprungMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import Rail
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import AbsorberParameters, StructureTolerances, Tolerances, recovered_rail, table_3
 from cutvib_ss.results import Quantity
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, SprungMass
-from cutvib_ss.subsystems.rail import Rail
 
 _ANGLES = ("theta01", "theta02")
 _RAIL = ("length", "mass", "first_frequency", "damping_ratio", "n_modes")
@@ -97,6 +98,7 @@ class _StructureKind(_Table):
 class _ChannelTable(_Table):
     port: str
     quantity: Quantity
+    absolute: bool | None = None
 
 
 class _InputTable(_Table):
@@ -168,8 +170,8 @@ def read_machine(path: str | os.PathLike[str]) -> Model:
     except ValidationError as error:
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
         raise DataFormatError(f"{file}: {_say(error.errors()[0])}{more}") from None
-    except ParameterError as error:
-        raise ParameterError(f"{file}: {error}") from error
+    except (ParameterError, DataFormatError) as error:
+        raise type(error)(f"{file}: {error}") from error
 
 
 def model_of(content: dict[str, Any], source: str) -> Model:
@@ -255,7 +257,7 @@ def _structure(tables: _StructureFile) -> Structure:
         raise ParameterError(f"model.{error}") from error
     return Structure(
         system=system,
-        channels={name: Channel(c.port, c.quantity) for name, c in tables.channels.items()},
+        channels={name: Channel(c.port, c.quantity, c.absolute) for name, c in tables.channels.items()},
         input_port=port,
         input_quantity="force" if what == "force" else "acceleration",
         tolerance=StructureTolerances(**tables.tolerance.given()),
@@ -293,6 +295,12 @@ def _with_effects(model: Model, tables: Sequence[Mapping[str, Any]]) -> Model:
         kind = catalogue.EFFECTS[name]
         known_fields = {f.name: f for f in fields(kind)}
         values = {k: v for k, v in table.items() if k != "effect"}
+        for key in kind.retired.keys() & values.keys():
+            same, now = kind.retired[key]
+            value = values.pop(key)
+            if same is not None and value != same:
+                raise DataFormatError(f"{where}.{key} = {value!r}: this key is no longer read: {now}")
+            warnings.warn(f"{where}.{key} = {value!r} is ignored: {now}", UserWarning, stacklevel=2)
         for key in values:
             if key not in known_fields:
                 raise ParameterError(f"{where}.{key}: unknown key; {name} has {', '.join(known_fields)}")

@@ -16,11 +16,11 @@ import numpy as np
 
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.elements import SprungMass
+from cutvib_ss.model.head import HEAD_PARAMETERS
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.model_files.reading import model_of
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import SprungMass
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS
 
 _ANGLES = ("theta01", "theta02")
 _RAIL = ("length", "mass", "first_frequency", "damping_ratio", "n_modes")
@@ -84,7 +84,7 @@ def _lines(model: Model) -> Iterator[str]:
     for effect in model.effects:
         assert isinstance(effect, Effect)
         yield from ["", "[[effect]]", _entry("effect", effect.effect)]
-        yield from (_entry(f.name, getattr(effect, f.name)) for f in fields(effect))
+        yield from (_entry(f.name, v) for f in fields(effect) if (v := getattr(effect, f.name)) is not None)
 
 
 def _structure_lines(bare: Structure) -> Iterator[str]:
@@ -95,7 +95,10 @@ def _structure_lines(bare: Structure) -> Iterator[str]:
     yield from (_entry(name, row.tolist()) for name, row in system.ports.items())
     yield from ["", "[channels]"]
     for name, channel in bare.channels.items():
-        yield f"{_key(name)} = {{ port = {_value(channel.port)}, quantity = {_value(channel.quantity)} }}"
+        # Said where it is not the default, on a shaker, where alone it matters.
+        unusual = bare.influence is not None and channel.absolute != (channel.quantity == "acceleration")
+        more = f", absolute = {str(bool(channel.absolute)).lower()}" if unusual else ""
+        yield f"{_key(name)} = {{ port = {_value(channel.port)}, quantity = {_value(channel.quantity)}{more} }}"
     what = "force" if bare.input_quantity == "force" else "base_acceleration"
     yield from ["", "[input]", _entry(what, bare.input_port)]
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import EndSupports
+from cutvib_ss.model.second_order import SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.modal_basis import ModalBasis
 from cutvib_ss.response.modal_form import row_of
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.rail import EndSupports
 from cutvib_ss.units import DERIVATIVE_ORDER, SI_UNIT
 
 END_FORCES = ("rail_left_force", "rail_right_force")
@@ -122,7 +122,7 @@ def output_rows(
     rows = []
     for name, quantity in zip(names, quantities, strict=True):
         if name in END_FORCES:
-            if not isinstance(machine, Machine):
+            if isinstance(machine, Structure):
                 raise ParameterError(f"output {name!r} needs a cutting machine; this model has no rail")
             rows.append(_end_force(machine, system, position, viscous_at, name, inputs))
             continue
@@ -153,8 +153,7 @@ def motion_unit(machine: Machine | Structure, name: str, quantity: Quantity) -> 
         Of displacement, or of rotation for the joints and the twist of a cutting machine.
     """
     unit = SI_UNIT[quantity]
-    turns = isinstance(machine, Machine) and (name.startswith(("joint", "theta")) or "twist" in name)
-    return unit.replace("m", "rad", 1) if turns else unit
+    return unit.replace("m", "rad", 1) if machine.rotates(name) else unit
 
 
 def _end_force(

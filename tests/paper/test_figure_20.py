@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cutvib_ss.absorber import check_absorber, parametric_study, printed_absorber
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.parameters import table_7
 
 

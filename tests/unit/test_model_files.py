@@ -12,13 +12,13 @@ import pytest
 from cutvib_ss.effects.base import Effect, parameter_fields
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.errors import CutvibError, DataFormatError, ParameterError
-from cutvib_ss.machine import Machine, published_machine
+from cutvib_ss.model.elements import Attachment, SpringDamperMass
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.paths import with_value
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.parameters import Tolerances, recovered_rail, table_3
-from cutvib_ss.paths import with_value
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
 
 STRUCTURE = """
 [model]
@@ -240,3 +240,15 @@ def _refused(file: Path, message: str) -> None:
     assert said.startswith(str(file))
     assert "\n" not in said
     assert re.search(message, said), said
+
+
+def test_keys_of_older_files_are_ignored_with_a_warning_or_refused(tmp_path: Path) -> None:
+    twist = '[[effect]]\neffect = "rail_torsion"\nplace = "rail"\neccentricity = 0.05\ninertia = 1.0\n'
+    twist += "torsion_frequency = 120.0\ndamping_ratio = 0.02\n"
+    with pytest.warns(UserWarning, match=r"effect\[1\].elements = 40 is ignored"):
+        assert read_machine(put(tmp_path, twist + "elements = 40\n")) == read_machine(put(tmp_path, twist))
+    ends = '[[effect]]\neffect = "support_compliance"\nplace = "rail_ends"\nk_left = 1e7\nk_right = 2e7\n'
+    with pytest.warns(UserWarning, match="rigid_damping = 0.0 is ignored"):
+        assert read_machine(put(tmp_path, ends + "rigid_damping = 0.0\n")) == read_machine(put(tmp_path, ends))
+    with pytest.raises(DataFormatError, match=r"effect\[1\].rigid_damping = 1.0: this key is no longer read"):
+        read_machine(put(tmp_path, ends + "rigid_damping = 1.0\n"))

@@ -11,7 +11,7 @@ from PIL import Image
 from cutvib_ss import plot
 from cutvib_ss.absorber import check_absorber
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.parameters import table_7
 from cutvib_ss.plot.diagnosis import error_over_noise
 from cutvib_ss.response.frequency import frequency_response

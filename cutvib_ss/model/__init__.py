@@ -1,0 +1,1 @@
+"""The models: head, rail, their elements, and what couples them."""
