@@ -12,9 +12,9 @@ from collections.abc import Mapping
 import control
 import numpy as np
 
-from cutvib_ss.errors import CouplingError
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.mechanical import SecondOrder
-from cutvib_ss.results import FloatArray, Quantity
+from cutvib_ss.results import FloatArray, Quantity, check_choice
 from cutvib_ss.subsystems.elements import Guide
 from cutvib_ss.units import DERIVATIVE_ORDER
 
@@ -105,7 +105,7 @@ def close_base_loop(
     for port in [*inputs.values(), *outputs.values()]:
         if port not in head_ports and port not in rail.ports:
             known = ", ".join(sorted(head_ports | set(rail.ports)))
-            raise CouplingError(f"no port {port!r}; there are {known}")
+            raise ParameterError(f"no port {port!r}; there are {known}")
     head_in = {n: p for n, p in inputs.items() if p in head_ports}
     rail_in = {n: p for n, p in inputs.items() if p not in head_ports}
     driven_ports = on_head if guide is None else on_head[1:]
@@ -202,6 +202,7 @@ def with_quantity(plant: control.StateSpace, quantity: Quantity, name: str) -> c
         The same states; y = C x, C A x, or C A² x + C A B u (a force moves neither displacement nor velocity at once).
     """
     c, d = plant.C, plant.D
+    check_choice("quantity", quantity, tuple(DERIVATIVE_ORDER))
     for _ in range(DERIVATIVE_ORDER[quantity]):
         d = c @ plant.B
         c = c @ plant.A

@@ -24,10 +24,10 @@ from cutvib_ss.parameters import (
     recovered_rail,
     table_3,
 )
-from cutvib_ss.results import FloatArray, Quantity
+from cutvib_ss.results import Displayed, FloatArray, Quantity, Table, as_names
 from cutvib_ss.slots import MeasurementChain, NonlinearElement, attach_all, through_chain, viscous_attachments
 from cutvib_ss.subsystems.elements import Attachment, Guide
-from cutvib_ss.subsystems.head import head
+from cutvib_ss.subsystems.head import HEAD_PARAMETERS, HEAD_UNITS, head
 from cutvib_ss.subsystems.rail import Rail, rail
 
 CUTTING_CHANNELS: Mapping[str, Channel] = MappingProxyType(
@@ -44,7 +44,7 @@ CUTTING_SIGNALS: Mapping[str, str] = MappingProxyType({"force": "tool_x", "base_
 
 
 @dataclass(frozen=True)
-class Machine:
+class Machine(Displayed):
     """
     The cutting machine: equivalent robot on a flexible rail.
 
@@ -104,6 +104,18 @@ class Machine:
     def has_position(self) -> bool:
         """The head travels along the rail."""
         return True
+
+    def _table(self) -> Table:
+        h, r = self.head, self.rail.parameters
+        rows = [(n, f"{getattr(h, n):.6g}", u) for n, u in zip(HEAD_PARAMETERS, HEAD_UNITS, strict=True)]
+        head_rows = [(f"{a[0]}, {b[0]}", f"{a[1]}, {b[1]}", a[2]) for a, b in zip(rows[::2], rows[1::2], strict=True)]
+        rail_rows = [
+            ("rail length, mass", f"{r.length:g} m, {r.mass:g} kg", ""),
+            ("rail first frequency", f"{r.first_frequency:g}", "Hz"),
+            ("rail damping ratio, modes", f"{r.damping_ratio}, {r.n_modes}", ""),
+        ]
+        effects = [(type(e).__name__, str(getattr(e, "place", "")), "effect") for e in self.effects]
+        return Table("Cutting machine: head on a flexible rail", ("value", "", "unit"), head_rows + rail_rows + effects)
 
     def head_system(self, viscous_at: float | None = None) -> SecondOrder:
         """
@@ -226,8 +238,9 @@ class Machine:
     def plant(
         self,
         position: float,
-        inputs: Sequence[str] = ("force",),
-        outputs: Sequence[str] = ("tool_x", "tool_z", "base_x", "head_x", "head_z"),
+        *,
+        inputs: str | Sequence[str] = ("force",),
+        outputs: str | Sequence[str] = ("tool_x", "tool_z", "base_x", "head_x", "head_z"),
         quantity: Quantity = "displacement",
         pade_order: int | None = None,
         viscous_at: float | None = None,
@@ -239,9 +252,9 @@ class Machine:
         ----------
         position : float
             y_b / L of the head, strictly inside (0, 1).
-        inputs : sequence of str
+        inputs : str or sequence of str
             ``force`` (tool, X), or any port of the head or rail: ``head_x``, ``base``, ``rail_left`` ...
-        outputs : sequence of str
+        outputs : str or sequence of str
             ``tool_x``, ``tool_z``, ``base_x``, ``head_x``, ``head_z``, or any other port.
         quantity : {"displacement", "velocity", "acceleration"}
             Which motion the outputs give.
@@ -267,8 +280,8 @@ class Machine:
         free to accelerate. Closing it with `StateSpace.feedback` leaves exactly the physical states, with no constraint-drift
         poles at zero.
         """
-        ports_in = {name: CUTTING_SIGNALS.get(name, name) for name in inputs}
-        ports_out = {name: CUTTING_SIGNALS.get(name, name) for name in outputs}
+        ports_in = {name: CUTTING_SIGNALS.get(name, name) for name in as_names(inputs)}
+        ports_out = {name: CUTTING_SIGNALS.get(name, name) for name in as_names(outputs)}
         closed = close_base_loop(
             self.head_system(viscous_at), self.rail_system(position), self.interface, self.guide, ports_in, ports_out
         )
@@ -277,8 +290,9 @@ class Machine:
     def plants(
         self,
         positions: Iterable[float],
-        inputs: Sequence[str] = ("force",),
-        outputs: Sequence[str] = ("tool_x", "tool_z", "base_x", "head_x", "head_z"),
+        *,
+        inputs: str | Sequence[str] = ("force",),
+        outputs: str | Sequence[str] = ("tool_x", "tool_z", "base_x", "head_x", "head_z"),
         quantity: Quantity = "displacement",
         pade_order: int | None = None,
         viscous_at: float | None = None,
@@ -290,7 +304,7 @@ class Machine:
         ----------
         positions : iterable of float
             y_b / L of the head, each strictly inside (0, 1).
-        inputs, outputs : sequence of str
+        inputs, outputs : str or sequence of str
             Signals, as `plant` takes them.
         quantity : {"displacement", "velocity", "acceleration"}
             Which motion the outputs give.
@@ -309,7 +323,12 @@ class Machine:
         >>> [plant.nstates for plant in published_machine().plants([0.25, 0.5])]
         [12, 12]
         """
-        return tuple(self.plant(y, inputs, outputs, quantity, pade_order, viscous_at) for y in positions)
+        return tuple(
+            self.plant(
+                y, inputs=inputs, outputs=outputs, quantity=quantity, pade_order=pade_order, viscous_at=viscous_at
+            )
+            for y in positions
+        )
 
 
 def _tie(system: SecondOrder, port: str, dof: str) -> SecondOrder:

@@ -6,8 +6,10 @@ The paper is "Analysis and Control of Vibrations of a Cartesian Cutting Machine 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from math import isfinite, pi, radians, sqrt
+from types import MappingProxyType
 from typing import Any
 
 from cutvib_ss.errors import ParameterError
@@ -279,6 +281,31 @@ class AbsorberParameters:
         return 2 * self.damping_ratio * sqrt(self.stiffness * self.mass)
 
 
+PAPER_POSITIONS: Mapping[str, float] = MappingProxyType(
+    {"FC": 1 / 2, "CC": 1 / 3, "BC": 1 / 2, "FR": 0.98, "CR": 0.98, "BR": 0.98}
+)
+"""
+Positions of Fig. 11 as y_b / L: F, C, B (front, centre, back) along the machine, then C, R (centre, right) along the rail.
+
+FC, BC and CC are stated in Section 6. Those to the right are nearly over a pillar (Section 4); how near is not printed, and
+0.98 is an assumption. The model does not depend on where the rail stands along the machine.
+"""
+
+
+def position_of(text: str) -> float:
+    """A position from a number, or from a name of the paper (`PAPER_POSITIONS`), strictly inside (0, 1)."""
+    name = text.strip().upper()
+    if name in PAPER_POSITIONS:
+        return PAPER_POSITIONS[name]
+    try:
+        return check_position(float(text))
+    except ValueError as error:
+        if isinstance(error, ParameterError):
+            raise
+        names = ", ".join(PAPER_POSITIONS)
+        raise ParameterError(f"position {text!r} is neither a number y_b / L nor one of {names}") from None
+
+
 _UNITS_CAVEAT = "The paper heads k in N/m and c in N s/m; they are N m/rad and N m s/rad."
 
 
@@ -353,6 +380,18 @@ def recovered_rail() -> RailParameters:
     )  # fmt: skip
 
 
+def table_4() -> dict[str, float]:
+    """
+    Mean modulus of the model's error at 150-300 Hz, as printed in Table 4.
+
+    Returns
+    -------
+    dict
+        Position (see `PAPER_POSITIONS`) to |H_model - H_measured| [g/N].
+    """
+    return {"CC": 0.0176, "CR": 0.0207, "FC": 0.0267, "FR": 0.0292}
+
+
 def table_5() -> tuple[float, ...]:
     """
     Natural frequencies of the rail without the head, as printed in Table 5.
@@ -391,7 +430,7 @@ def table_7() -> AbsorberParameters:
     """
     return AbsorberParameters(
         frequency=212.0, damping_ratio=0.04, mass=0.08, source="Table 7",
-        caveat="The printed k_a = 14,195 N/m is a misprint: Eq. 25 gives 141,946 N/m, and Eq. 26 gives the printed "
+        caveat="The printed k_a = 14,195 N/m is a misprint: Eq. 25 gives 141,945.44 N/m, and Eq. 26 gives the printed "
         "c_a = 8.52 N s/m only with that value.",
     )  # fmt: skip
 

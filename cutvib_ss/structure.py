@@ -13,13 +13,13 @@ import numpy as np
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.mechanical import Channel, SecondOrder
 from cutvib_ss.parameters import StructureTolerances
-from cutvib_ss.results import FloatArray, Quantity
+from cutvib_ss.results import Displayed, FloatArray, Quantity, Table, as_names
 from cutvib_ss.slots import MeasurementChain, NonlinearElement, attach_all, through_chain, viscous_attachments
 from cutvib_ss.subsystems.elements import Attachment
 
 
 @dataclass(frozen=True)
-class Structure:
+class Structure(Displayed):
     """
     Any other structure: M, C, K with ports and channels (machine.toml, ``kind = "second_order"``).
 
@@ -70,6 +70,11 @@ class Structure:
             if channel.port not in self.system.ports:
                 raise ParameterError(f"channel {name!r} reads port {channel.port!r}, which is not under [ports]")
 
+    def _table(self) -> Table:
+        rows = [(name, c.port, c.quantity) for name, c in self.channels.items()]
+        title = f"Structure of {len(self.system.dofs)} degrees of freedom; {self.input_quantity} at {self.input_port}"
+        return Table(title, ("channel", "port", "quantity"), rows)
+
     @property
     def has_position(self) -> bool:
         """A structure has no position."""
@@ -105,8 +110,9 @@ class Structure:
     def plant(
         self,
         position: float | None = None,
-        inputs: Sequence[str] = ("force",),
-        outputs: Sequence[str] | None = None,
+        *,
+        inputs: str | Sequence[str] = ("force",),
+        outputs: str | Sequence[str] | None = None,
         quantity: Quantity | None = None,
         pade_order: int | None = None,
         viscous_at: float | None = None,
@@ -118,9 +124,9 @@ class Structure:
         ----------
         position : None
             A structure has no position.
-        inputs : sequence of str
+        inputs : str or sequence of str
             ``force`` (the input port), or names of ports.
-        outputs : sequence of str, optional
+        outputs : str or sequence of str, optional
             Channels or ports; the channels by default.
         quantity : {"displacement", "velocity", "acceleration"}, optional
             Motion of the outputs; by default each channel's own, and displacement of ports.
@@ -136,9 +142,9 @@ class Structure:
         """
         system = self.second_order(position, viscous_at)
         system = replace(system, ports={**system.ports, "force": self.drive(system)})
-        ports_in = {name: name for name in inputs}
+        ports_in = {name: name for name in as_names(inputs)}
         reads: dict[str, tuple[str, Quantity]] = {}
-        for name in tuple(self.channels) if outputs is None else outputs:
+        for name in tuple(self.channels) if outputs is None else as_names(outputs):
             channel = self.channels.get(name, Channel(name, "displacement"))
             reads[name] = (channel.port, quantity or channel.quantity)
         return through_chain(self.chain, system.state_space(ports_in, reads, name="structure"), pade_order)

@@ -26,7 +26,9 @@ pulses = HarmonicForce.pulses(rate=217.0, duty=0.3, rise=5e-4, fall=5e-4, peak=1
 box = AbsorberTolerance(frequency=0.02, damping_ratio=0.2, mass=0.01, rate=0.01)
 
 # The study behind Table 7: every tuning and damping, judged by the worst position.
-study = parametric_study(machine, rail, 0.08, np.arange(200.0, 250.5, 0.5), np.arange(10, 51) / 1000)
+study = parametric_study(
+    machine, rail, mass=0.08, tuning=np.arange(200.0, 250.5, 0.5), damping_ratio=np.arange(10, 51) / 1000
+)
 save(absorber_study(study, {"Table 7": table_7()}), "absorber_study.png")
 
 # The optimum, exactly made; within tolerances; and within tolerances in the other direction.

@@ -77,7 +77,9 @@ class Workspace:
         self._s: ComplexArray = np.asarray(2j * np.pi * freq, dtype=np.complex128)
         names = (*self.outputs, *self.ports)
         data = [
-            frequency_response(m, self.positions, freq, "receptance", ("force", *self.ports), names).data
+            frequency_response(
+                m, self.positions, freq, form="receptance", inputs=("force", *self.ports), outputs=names
+            ).data
             for m in (machine_as_built(machine), *machines_within(machine, tolerance))
         ]
         # Machines stand beside positions: both only have to be tried.

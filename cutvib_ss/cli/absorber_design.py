@@ -106,7 +106,18 @@ def absorber_design_command(
         "tolerance": box,
     }  # fmt: skip
     with working("designing"):
-        studies = [parametric_study(model, where, m, tunings, dampings, working_frequency, ports[0]) for m in masses]
+        studies = [
+            parametric_study(
+                model,
+                where,
+                mass=m,
+                tuning=tunings,
+                damping_ratio=dampings,
+                working_frequency=working_frequency,
+                port=ports[0],
+            )
+            for m in masses
+        ]
         study = studies[0]
         ends = {"tuning": (tunings[0], tunings[-1]), "damping_ratio": (dampings.min(), dampings.max())}
         front = mass_front(model, masses, ports=ports, seed=seed, **ends, **judged)

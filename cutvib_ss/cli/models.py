@@ -13,6 +13,7 @@ from cutvib_ss.cli.options import (
     FreqOption,
     JsonOption,
     MachineOption,
+    PositionOption,
     PositionsOption,
     check_places,
     frequencies,
@@ -28,6 +29,12 @@ _OutputsOption = Annotated[
     list[str] | None,
     typer.Option("--output", metavar="NAME", help="Channel or port to read; by default all channels."),
 ]
+_InputOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--input", metavar="PORT", help="Where the force acts: a port, or rail@0.25; by default on the tool in X."
+    ),
+]
 _FormOption = Annotated[
     FormName | None,
     typer.Option("--form", help="By default accelerance; each channel's own for another structure."),
@@ -41,10 +48,7 @@ _TITLES = {
 
 
 def modes_command(
-    position: Annotated[
-        float | None,
-        typer.Option("--position", metavar="Y", help="y_b / L of the head, strictly between 0 and 1."),
-    ] = None,
+    position: PositionOption = None,
     machine: MachineOption = None,
     json: JsonOption = None,
 ) -> None:
@@ -83,10 +87,11 @@ def frf_command(
     position: PositionsOption = None,
     freq: FreqOption = "10:500:0.5",
     form: _FormOption = None,
+    input: _InputOption = None,
     output: _OutputsOption = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Write .csv, .uff, .mat or .npz."),
+        typer.Option("--out", metavar="FILE", help="Write .csv, .uff, .mat, .nc or .npz."),
     ] = None,
     machine: MachineOption = None,
     json: JsonOption = None,
@@ -97,7 +102,7 @@ def frf_command(
     check_outputs(out, json)
     if out is not None:
         frf_writer(out)
-    frf = _response(machine, position, freq, form, output)
+    frf = _response(machine, position, freq, form, input, output)
     if out is not None:
         write_frf(frf, out)
     if give_json(_frf_data("cutvib-frf/1", frf), json):
@@ -112,6 +117,7 @@ def bode_command(
     position: PositionsOption = None,
     freq: FreqOption = "10:500:0.5",
     form: _FormOption = None,
+    input: _InputOption = None,
     output: _OutputsOption = None,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.")] = Path("bode.png"),
     machine: MachineOption = None,
@@ -119,7 +125,7 @@ def bode_command(
 ) -> None:
     """Bode plots at given positions."""
     check_outputs(out, json)
-    frf = _response(machine, position, freq, form, output)
+    frf = _response(machine, position, freq, form, input, output)
     from cutvib_ss.plot.response import bode
     from cutvib_ss.plot.style import check_picture, save
 
@@ -147,8 +153,40 @@ def paper_command(json: JsonOption = None) -> None:
         say(results(), "")
 
 
+def figures_command(
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures; made where absent.")
+    ] = Path("figures"),
+    suffix: Annotated[str, typer.Option("--format", help="png, svg or pdf.")] = "png",
+    json: JsonOption = None,
+) -> None:
+    """Figs. 15 to 20 of the paper as far as its printed values allow, each in a file of its name."""
+    check_outputs(json)
+    from cutvib_ss.interchange.files import check_target
+    from cutvib_ss.paper import paper_curves
+    from cutvib_ss.plot.paper import FIGURES
+    from cutvib_ss.plot.style import check_picture, save
+
+    files = {name: check_picture(out / f"{name}.{suffix}") for name in FIGURES}
+    check_target(out / "x") if out.is_dir() else check_target(out)
+    out.mkdir(exist_ok=True)
+    with working("drawing the paper's figures"):
+        curves = paper_curves()
+        for name, figure in FIGURES.items():
+            save(figure(curves), files[name])
+    if give_json({"schema": "cutvib-figures/1", "figures": {n: str(f) for n, f in files.items()}}, json):
+        return
+    rows = [[name, str((FIGURES[name].__doc__ or "").strip()), str(file)] for name, file in files.items()]
+    show(results(), "Figures", ["figure", "what it shows", "file"], rows, "lll")
+
+
 def _response(
-    machine: Path | None, position: list[float] | None, freq: str, form: FormName | None, output: list[str] | None
+    machine: Path | None,
+    position: list[float] | None,
+    freq: str,
+    form: FormName | None,
+    input: list[str] | None,
+    output: list[str] | None,
 ) -> FrequencyResponse:
     from cutvib_ss.response.frequency import frequency_response
 
@@ -157,7 +195,8 @@ def _response(
     if places is not None and len(set(places)) < len(places):
         raise ParameterError("--position: one position is given twice; leave one of them out")
     lines = frequencies(freq)
-    return frequency_response(model, places, lines, None if form is None else form.value, outputs=output or None)
+    signals: dict[str, Any] = {"inputs": input or "force", "outputs": output or None}
+    return frequency_response(model, places, lines, form=None if form is None else form.value, **signals)
 
 
 def _frf_data(schema: str, frf: FrequencyResponse) -> dict[str, Any]:
@@ -192,4 +231,6 @@ def _show_peaks(frf: FrequencyResponse) -> None:
 def _cell(value: object) -> str:
     if value is None:
         return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:.8g}" if abs(value) >= 1e5 else f"{value:.6g}"
+    return str(value)

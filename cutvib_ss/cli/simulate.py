@@ -179,15 +179,15 @@ def _respond(
             place,
             given.values,
             given.fs,
-            output,
-            wanted,
+            outputs=output,
+            quantity=wanted,
             start="periodic" if steady else "rest",
             viscous_at=217.0,
         )
     from cutvib_ss.response.moving import moving_response
 
     assert isinstance(model, Machine)
-    return moving_response(model, way, given.values, given.fs, output, wanted, viscous_at=217.0)
+    return moving_response(model, way, given.values, given.fs, outputs=output, quantity=wanted, viscous_at=217.0)
 
 
 def _way(

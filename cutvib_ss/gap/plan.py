@@ -138,7 +138,7 @@ class Plan:
     threshold: float
 
 
-def plan(model: Model, campaign: PlannedCampaign, laws: bool = True) -> Plan:
+def plan(model: Model, campaign: PlannedCampaign, *, laws: bool = True) -> Plan:
     """
     Which causes a planned campaign could see and tell apart, before any test.
 

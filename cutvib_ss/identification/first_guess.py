@@ -84,6 +84,7 @@ def resonances(tuning: float, ratio: float) -> tuple[float, float]:
 def first_guess(
     peaks: tuple[float, float],
     dip: float,
+    *,
     length: float = 0.1,
     tool_mass: float = 0.5,
     damping_ratio: float = 0.1,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
+from scipy import linalg, signal
 
 from cutvib_ss.parameters import HeadParameters
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse
@@ -126,6 +126,33 @@ def held_response(parameters: HeadParameters, freq: ArrayLike) -> FrequencyRespo
     data = np.array([s**2 * model.receptance(output) for output in TOOL])
     nowhere = np.array([np.nan])
     return FrequencyResponse(data[None, :, None, :], lines, nowhere, TOOL, ("force",), ("acceleration", "acceleration"))
+
+
+def held_peaks(parameters: HeadParameters) -> tuple[float, float]:
+    """
+    Frequencies at which the accelerance XX of the head with its base held peaks: what a measurement shows of resonances.
+
+    Parameters
+    ----------
+    parameters : HeadParameters
+        The head, with two peaks.
+
+    Returns
+    -------
+    tuple of float
+        Frequencies [Hz], to a hundredth; the undamped ones where damping leaves no two peaks.
+
+    Examples
+    --------
+    >>> from cutvib_ss.parameters import table_3
+    >>> [round(f, 1) for f in held_peaks(table_3())]
+    [213.4, 242.7]
+    """
+    natural = held_natural_frequencies(parameters)
+    lines = np.arange(0.8 * natural[0], 1.2 * natural[1], 0.01)
+    peaks, _ = signal.find_peaks(np.abs(held_response(parameters, lines).data[0, 0, 0]))
+    low, high = natural if peaks.size != 2 else lines[peaks]
+    return float(low), float(high)
 
 
 def held_natural_frequencies(parameters: HeadParameters) -> FloatArray:

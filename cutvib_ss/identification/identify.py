@@ -16,7 +16,7 @@ from cutvib_ss.machine import Machine
 from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.parameters import HeadParameters, table_3
-from cutvib_ss.results import FloatArray, FrequencyResponse, MeasuredFrequencyResponse, read_only
+from cutvib_ss.results import Drawn, FloatArray, FrequencyResponse, MeasuredFrequencyResponse, Table, read_only
 
 Base: TypeAlias = Literal["held", "rail"]
 
@@ -26,8 +26,8 @@ _MISFIT = 3.0
 """Mean error over what noise and calibration explain, beyond which the model is not the data's."""
 
 
-@dataclass(frozen=True)
-class IdentificationResult:
+@dataclass(frozen=True, repr=False)
+class IdentificationResult(Drawn):
     """
     The head's parameters identified from one record.
 
@@ -81,10 +81,19 @@ class IdentificationResult:
         """Position y_b / L of the record; NaN where it is not known."""
         return float(self.measured.positions[0])
 
+    def _table(self) -> Table:
+        rows = []
+        for e in self.determination.parameters:
+            low_high = "-" if e.interval is None else f"{e.interval[0]:.5g} to {e.interval[1]:.5g}"
+            rows.append((e.name, f"{e.value:.5g}", e.unit, e.status, low_high))
+        title = f"Identified head, base {self.base}" + (f", {self.record}" if self.record else "")
+        return Table(title, ("parameter", "value", "unit", "status", "interval"), rows)
+
 
 def identify(
     source: Campaign | FrequencyResponse,
     machine: Machine | None = None,
+    *,
     base: Base | None = None,
     bounds: Bounds | None = None,
     start: HeadParameters | None = None,
@@ -220,7 +229,7 @@ def _guess(
 ) -> HeadParameters | None:
     try:
         peaks, dip = peaks_and_dip(frf, band=band)
-        return first_guess(peaks, dip, (believed.l1 + believed.l2) / 2, believed.m2)
+        return first_guess(peaks, dip, length=(believed.l1 + believed.l2) / 2, tool_mass=believed.m2)
     except IdentificationError as error:
         warnings.append(f"no first guess: {error}")
         return None

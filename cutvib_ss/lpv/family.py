@@ -36,7 +36,7 @@ from cutvib_ss.lpv.table import ERROR_ORDER, Interpolation, PlantMatrices, Plant
 from cutvib_ss.machine import Machine
 from cutvib_ss.parameters import check_position
 from cutvib_ss.response.axes import as_laplace, as_positions
-from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
+from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity, as_names, check_choice
 from cutvib_ss.slots import through_chain
 from cutvib_ss.units import DERIVATIVE_ORDER
 
@@ -259,8 +259,9 @@ class PlantSchedule:
 def schedule(
     machine: Machine,
     positions: ArrayLike,
-    inputs: Sequence[str] = ("force",),
-    outputs: Sequence[str] = _OUTPUTS,
+    *,
+    inputs: str | Sequence[str] = ("force",),
+    outputs: str | Sequence[str] = _OUTPUTS,
     quantity: Quantity = "displacement",
     interpolation: Interpolation = "linear",
     pade_order: int | None = None,
@@ -275,7 +276,7 @@ def schedule(
         The machine.
     positions : array_like, shape (grid,)
         Grid points y_b / L, two or more.
-    inputs, outputs : sequence of str
+    inputs, outputs : str or sequence of str
         Signals, as `Machine.plant` takes them.
     quantity : {"displacement", "velocity", "acceleration"}
         Which motion the outputs give.
@@ -310,9 +311,9 @@ def schedule(
     grid = np.unique(as_positions(machine, positions))
     if grid.size < 2:
         raise ParameterError("a table over positions needs two of them at least")
-    if interpolation not in ERROR_ORDER:
-        raise ParameterError(f"interpolation {interpolation!r} is not one of {', '.join(ERROR_ORDER)}")
-    table = PlantTable(affine_machine(machine, viscous_at), grid, tuple(inputs), tuple(outputs), interpolation)
+    check_choice("interpolation", interpolation, tuple(ERROR_ORDER))
+    check_choice("quantity", quantity, tuple(DERIVATIVE_ORDER))
+    table = PlantTable(affine_machine(machine, viscous_at), grid, as_names(inputs), as_names(outputs), interpolation)
     return PlantSchedule(machine, table, quantity, pade_order)
 
 

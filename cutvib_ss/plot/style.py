@@ -28,6 +28,9 @@ MEASURED, NOMINAL, TUNED, CORRECTED = "#b0b9c2", "#c8553d", "#d9a441", "#1f6f8f"
 POSITIONS = LinearSegmentedColormap.from_list("positions", ["#27426b", "#2a7f9e", "#5fae8b", "#d9a441", "#c8553d"])
 """Colours along the rail, from y = 0 to y = L."""
 
+WORKING_FREQUENCY = 217.0
+"""Fundamental frequency of the tool's force (Section 2), marked where it matters [Hz]."""
+
 FORMATS = (".png", ".svg", ".pdf")
 """Suffixes of pictures."""
 
@@ -89,14 +92,37 @@ def drawing(width: float, height: float, title: str = "") -> Iterator[Figure]:
         yield figure
 
 
-def save(figure: Figure, path: str | os.PathLike[str], dpi: float = 150.0) -> None:
+@contextmanager
+def on_axes(ax: Axes | None, width: float, height: float, title: str = "") -> Iterator[Axes]:
+    """The axes that were given, or those of a new figure; the title goes above whichever it is."""
+    if ax is None:
+        with drawing(width, height, title) as figure:
+            yield figure.subplots()
+        return
+    with mpl.rc_context(_STYLE):
+        if title:
+            ax.set_title(title)
+        yield ax
+
+
+def figure_of(drawn: Any) -> Figure:
+    """The figure behind what a plot function returned: a figure, axes, or an array of axes."""
+    if isinstance(drawn, Figure):
+        return drawn
+    first: Axes = np.asarray(drawn, dtype=object).ravel()[0]
+    figure = first.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
+
+
+def save(figure: Figure | Axes | np.ndarray, path: str | os.PathLike[str], dpi: float = 150.0) -> None:
     """
     Write a figure to a file; the suffix tells the format.
 
     Parameters
     ----------
-    figure : Figure
-        The picture.
+    figure : Figure, Axes or array of Axes
+        The picture, as a plot function returns it.
     path : path-like
         File that ends in ``.png``, ``.svg`` or ``.pdf``.
     dpi : float
@@ -113,7 +139,7 @@ def save(figure: Figure, path: str | os.PathLike[str], dpi: float = 150.0) -> No
     # no date inside: the same result makes the same file
     metadata = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[suffix]
     with staged(path) as draft, mpl.rc_context(_STYLE):
-        figure.savefig(draft, dpi=dpi, format=suffix[1:], metadata=metadata)
+        figure_of(figure).savefig(draft, dpi=dpi, format=suffix[1:], metadata=metadata)
 
 
 def check_picture(path: str | os.PathLike[str]) -> Path:
@@ -141,7 +167,7 @@ def check_picture(path: str | os.PathLike[str]) -> Path:
     return file
 
 
-def png(figure: Figure, dpi: float = 150.0, colours: int = 256) -> bytes:
+def png(figure: Figure | Axes | np.ndarray, dpi: float = 150.0, colours: int = 256) -> bytes:
     """
     A figure as a small PNG for a page, its colours reduced to a palette.
 
@@ -159,6 +185,7 @@ def png(figure: Figure, dpi: float = 150.0, colours: int = 256) -> bytes:
     bytes
         The PNG file.
     """
+    figure = figure_of(figure)
     canvas: Any = FigureCanvasAgg(figure)  # matplotlib does not annotate its canvases
     before = figure.dpi
     with mpl.rc_context(_STYLE):

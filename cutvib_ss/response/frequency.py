@@ -13,7 +13,16 @@ from cutvib_ss.paths import Path
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.condensed import CondensedModel
 from cutvib_ss.response.derivatives import ResponseDerivatives
-from cutvib_ss.results import QUANTITY_OF_FORM, ComplexArray, Form, FrequencyResponse, Quantity
+from cutvib_ss.response.signals import displacement_unit, input_unit, port_name
+from cutvib_ss.results import (
+    QUANTITY_OF_FORM,
+    ComplexArray,
+    Form,
+    FrequencyResponse,
+    Quantity,
+    as_names,
+    check_choice,
+)
 from cutvib_ss.structure import Structure
 from cutvib_ss.units import DERIVATIVE_ORDER
 
@@ -25,9 +34,10 @@ def frequency_response(
     machine: Machine | Structure,
     positions: ArrayLike | None,
     freq: ArrayLike,
+    *,
     form: Form | None = None,
-    inputs: Sequence[str] = ("force",),
-    outputs: Sequence[str] | None = None,
+    inputs: str | Sequence[str] = ("force",),
+    outputs: str | Sequence[str] | None = None,
     decay_rate: float = 0.0,
 ) -> FrequencyResponse:
     """
@@ -43,10 +53,10 @@ def frequency_response(
         Frequencies [Hz].
     form : {"receptance", "mobility", "accelerance"}, optional
         Form of every output. By default accelerance for a cutting machine, each channel's own for a structure.
-    inputs : sequence of str
-        ``force`` (the cutting force, tool X) or any port: ``head_x``, ``base``, ``tool_z``, ``rail(0.25)``.
-    outputs : sequence of str, optional
-        Channels and ports: ``tool_x``, ``tool_z``, ``base_x``, ``head_x``, ``joint2``, ``rail(0.25)``, or modal coordinates
+    inputs : str or sequence of str
+        ``force`` (the cutting force, tool X) or any port: ``head_x``, ``base``, ``tool_z``, ``rail@0.25`` (a hammer on the rail).
+    outputs : str or sequence of str, optional
+        Channels and ports: ``tool_x``, ``tool_z``, ``base_x``, ``head_x``, ``joint2``, ``rail@0.25``, or modal coordinates
         ``eta1`` … (Fig. 18). By default the model's channels.
     decay_rate : float
         σ [1/s]: the response at s = σ + jω, what an FRF estimated under an exponential window shows.
@@ -72,21 +82,24 @@ def frequency_response(
     >>> frf.data.shape, frf.unit
     ((1, 1, 1, 1), 'm/s^2/N')
     """
-    outputs = tuple(machine.channels) if outputs is None else tuple(outputs)
+    outputs = tuple(machine.channels) if outputs is None else as_names(outputs)
+    inputs = as_names(inputs)
     quantities = output_quantities(machine, outputs, form)
     places = as_positions(machine, positions)
     f, s = as_laplace(freq, decay_rate)
     data = np.empty((places.size, len(outputs), len(inputs), s.size), dtype=np.complex128)
+    ports_out, ports_in = tuple(map(port_name, outputs)), tuple(map(port_name, inputs))
     # By blocks of frequencies whose intermediate arrays stay in the processor's cache; nothing is computed twice.
     lines = max(1, _BLOCK // places.size)
     for k in range(0, s.size, lines):
-        part = ChainedResponse(machine, places, s[k : k + lines], quantities, outputs, tuple(inputs))
+        part = ChainedResponse(machine, places, s[k : k + lines], quantities, ports_out, ports_in)
         data[..., k : k + lines] = part.data()
-    unit = "m/s^2" if machine.input_quantity == "acceleration" else "N"
     data.flags.writeable = False  # given away: the result need not copy it
     return FrequencyResponse(
-        data, f, places, outputs, tuple(inputs), quantities, input_unit=unit, decay_rate=decay_rate
-    )
+        data, f, places, outputs, inputs, quantities, decay_rate=decay_rate,
+        displacement_units=tuple(displacement_unit(machine, o) for o in outputs),
+        input_units=tuple(input_unit(machine, i) for i in inputs),
+    )  # fmt: skip
 
 
 def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form: Form | None) -> tuple[Quantity, ...]:
@@ -113,8 +126,7 @@ def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form
         If the form is unknown.
     """
     if form is not None:
-        if form not in QUANTITY_OF_FORM:
-            raise ParameterError(f"form {form!r} is not one of {', '.join(QUANTITY_OF_FORM)}")
+        check_choice("form", form, tuple(QUANTITY_OF_FORM))
         return (QUANTITY_OF_FORM[form],) * len(outputs)
     other: Quantity = "acceleration" if isinstance(machine, Machine) else "displacement"
     return tuple(machine.channels[o].quantity if o in machine.channels else other for o in outputs)

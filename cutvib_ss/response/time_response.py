@@ -25,7 +25,8 @@ from cutvib_ss.response.compiled_modes import advance
 from cutvib_ss.response.modal_basis import linear_course, modal_basis, parts, reading
 from cutvib_ss.response.modal_form import drive_of, row_of, system_with
 from cutvib_ss.response.output_rows import END_FORCES, output_rows
-from cutvib_ss.results import ComplexArray, FloatArray, Quantity, TimeResponse
+from cutvib_ss.response.signals import input_unit
+from cutvib_ss.results import ComplexArray, FloatArray, Quantity, TimeResponse, as_names
 from cutvib_ss.structure import Structure
 
 _STEPS = 40
@@ -48,7 +49,8 @@ def time_response(
     position: float | None,
     force: ArrayLike,
     fs: float,
-    outputs: Sequence[str] | None = None,
+    *,
+    outputs: str | Sequence[str] | None = None,
     quantity: Quantity | Sequence[Quantity | None] | None = None,
     start: Literal["rest", "periodic"] | ArrayLike = "rest",
     input: str = "force",
@@ -68,7 +70,7 @@ def time_response(
         The force [N], or for a structure on a shaker the base's acceleration [m/s^2].
     fs : float
         Sampling frequency [Hz].
-    outputs : sequence of str, optional
+    outputs : str or sequence of str, optional
         Channels, ports (``tool_x``, ``head_z``, ``joint2``, ``rail(0.25)`` …), and ``rail_left_force``, ``rail_right_force``: what
         the rail's ends pass on. By default the channels.
     quantity : {"displacement", "velocity", "acceleration"}, or a sequence of these, optional
@@ -103,7 +105,7 @@ def time_response(
     >>> from cutvib_ss.response.pulses import pulse_train
     >>> force = pulse_train(fs=217 * 64, duration=1 / 217, amplitude=100.0)
     >>> steady = time_response(published_machine(), 0.5, force, 217 * 64, start="periodic")
-    >>> steady.sel("tool_x").in_g().rms().round(2)
+    >>> steady.sel(output="tool_x").in_g().rms().round(2)
     array([8.77])
     """
     f = np.asarray(force, dtype=np.float64)
@@ -111,7 +113,7 @@ def time_response(
         raise ParameterError(f"force has shape {f.shape}; give a history of finite numbers, two samples or more")
     if not fs > 0.0 or (oversample is not None and oversample < 1):
         raise ParameterError(f"fs = {fs} and oversample = {oversample} must be positive")
-    names = tuple(machine.channels) if outputs is None else tuple(outputs)
+    names = tuple(machine.channels) if outputs is None else as_names(outputs)
     wanted = (quantity,) * len(names) if quantity is None or isinstance(quantity, str) else tuple(quantity)
     if len(wanted) != len(names):
         raise ParameterError(f"{len(names)} outputs need as many quantities, not {len(wanted)}")
@@ -128,10 +130,8 @@ def time_response(
             )
         begin = run.modes.from_state @ state
     data = run.periodic(f, oversample) if periodic else run.histories(f, begin, oversample)
-    unit = "m/s^2" if machine.input_quantity == "acceleration" and input == "force" else "N"
-    return TimeResponse(
-        data, f, fs, names, run.units, float("nan") if position is None else position, periodic, unit
-    )  # fmt: skip
+    place = float("nan") if position is None else position
+    return TimeResponse(data, f, fs, names, run.units, place, periodic, input_unit(machine, input))
 
 
 class _Run:

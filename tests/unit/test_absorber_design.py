@@ -128,7 +128,7 @@ def robust() -> list[MountedAbsorber]:
 
 def test_the_best_is_no_worse_than_any_of_a_fine_grid() -> None:
     design = design_absorbers(MACHINE, 0.08, positions=WORKSPACE)
-    study = parametric_study(MACHINE, WORKSPACE, 0.08, np.arange(200.0, 240.0, 0.25))
+    study = parametric_study(MACHINE, WORKSPACE, mass=0.08, tuning=np.arange(200.0, 240.0, 0.25))
     assert design.objective <= study.worst.min() * (1 + 1e-6)
     assert design.objective == pytest.approx(design.check.worst[1], rel=1e-9)
     # Table 7's absorber leaves 3.6 times as much at its worst.

@@ -35,7 +35,7 @@ def test_the_table_is_written_and_its_error_is_within_its_bound(
 def test_a_table_of_another_format_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     asked = ["--out", str(tmp_path / "s.png"), "--table", str(tmp_path / "plants.csv")]
     assert main([*FEW, *asked]) == 2
-    assert "no table of plants" in capsys.readouterr().err
+    assert "holds no plants" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 
