@@ -27,7 +27,7 @@ from cutvib_ss.errors import ParameterError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
     from cutvib_ss.absorber import AbsorberDesign, AbsorberStudy, WorkspaceCheck
 
@@ -169,7 +169,7 @@ def _check_data(check: WorkspaceCheck) -> dict[str, Any]:
     }
 
 
-def _picture(study: AbsorberStudy, front: tuple[AbsorberDesign, ...], baseline: WorkspaceCheck) -> Figure:
+def _picture(study: AbsorberStudy, front: tuple[AbsorberDesign, ...], baseline: WorkspaceCheck) -> Axes:
     from cutvib_ss.plot.absorber import absorber_front, absorber_study, absorbers_over_the_rail
 
     if len(front) > 1:

@@ -280,6 +280,14 @@ def legend_outside(figure: Figure, axes: Axes, **options: Any) -> None:
         figure.legend(handles, labels, loc="outside right upper", **options)
 
 
+def legend_beside(axes: Axes, outside: bool, **options: Any) -> None:
+    """A legend to the right of the data in a figure of one's own, inside the axes of another's."""
+    if outside:
+        legend_outside(figure_of(axes), axes, **options)
+    else:
+        axes.legend(**options)
+
+
 def colour_bar(figure: Figure, axes: Any, colours: Colormap | str, norm: Normalize, label: str) -> Any:
     """
     A slim colour bar.

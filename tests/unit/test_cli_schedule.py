@@ -53,7 +53,7 @@ def test_the_error_s_picture_shows_the_largest_over_positions() -> None:
     values = np.abs(np.random.default_rng(0).standard_normal((3, 4, 5)))
     values[2, 0, 0] = np.inf
     figure = plot.interpolation_error(np.arange(1.0, 6.0), *values, "m/N")
-    response, bound, error = (np.asarray(line.get_ydata()) for line in figure.axes[0].lines)
+    response, bound, error = (np.asarray(line.get_ydata()) for line in figure.lines)
     assert np.array_equal(response, values[0].max(axis=0))
     assert np.array_equal(error, values[1].max(axis=0))
     assert np.isnan(bound[0])
