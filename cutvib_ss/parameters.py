@@ -16,30 +16,7 @@ from cutvib_ss.errors import ParameterError
 
 
 def check_number(name: str, value: Any, minimum: float | None = None, strict: bool = False) -> float:
-    """
-    A finite number, at or above (``strict``: above) a minimum.
-
-    Parameters
-    ----------
-    name : str
-        What the number is, for the message.
-    value : object
-        The value to check.
-    minimum : float, optional
-        Smallest value that makes sense.
-    strict : bool
-        Whether the minimum itself is refused.
-
-    Returns
-    -------
-    float
-        The value.
-
-    Raises
-    ------
-    ParameterError
-        If it is not a number, not finite, or too small.
-    """
+    """A finite number, at or above (``strict``: above) a minimum; else a `ParameterError` that names it."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ParameterError(f"{name} = {value!r} is not a number")
     number = float(value)
@@ -51,24 +28,7 @@ def check_number(name: str, value: Any, minimum: float | None = None, strict: bo
 
 
 def check_position(position: Any) -> float:
-    """
-    A position on the rail, strictly between its ends.
-
-    Parameters
-    ----------
-    position : float
-        y_b / L of the head on the rail.
-
-    Returns
-    -------
-    float
-        The position.
-
-    Raises
-    ------
-    ParameterError
-        If it does not lie strictly inside (0, 1).
-    """
+    """A position y_b / L, strictly inside (0, 1); else a `ParameterError`."""
     number = check_number("position", position)
     if not 0.0 < number < 1.0:
         raise ParameterError(

@@ -35,26 +35,7 @@ WORKSPACE = read_only(np.arange(1, 100) / 100)
 
 
 class Workspace:
-    """
-    A machine without absorbers, at all positions, harmonics and rates that matter, ready to have absorbers put on it.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine; its measurement chain is left aside, for it is the machine that is to shake less.
-    ports : sequence of str
-        Ports at which absorbers may sit, each once.
-    positions : array_like, shape (position,)
-        y_b / L.
-    force : HarmonicForce
-        The force on the tool.
-    outputs : sequence of str
-        Ports whose acceleration counts.
-    criterion : {"harmonic", "rms"}
-        What counts there: the amplitude of the largest harmonic, or the RMS of all.
-    tolerance : AbsorberTolerance
-        Rates and machines.
-    """
+    """A machine without absorbers, at all positions, harmonics and rates that matter, ready to have absorbers put on it."""
 
     def __init__(
         self,
@@ -87,42 +68,12 @@ class Workspace:
         self._weight = np.tile(force.amplitude, self._rates.size) * np.abs(self._s) ** 2
 
     def values(self, parameters: FloatArray, at: Sequence[int]) -> FloatArray:
-        """
-        Acceleration with absorbers.
-
-        Parameters
-        ----------
-        parameters : ndarray, shape (case, absorber, 3)
-            Tuning frequency [Hz], damping ratio and mass [kg] of each absorber.
-        at : sequence of int
-            Index of each absorber's port.
-
-        Returns
-        -------
-        ndarray, shape (case, machine and position, value)
-            What counts [m/s^2], over outputs and harmonics (or rates).
-        """
+        """Acceleration with absorbers."""
         response = self._with(parameters, at)[:, :, : len(self.outputs), 0]
         return self._judged(np.abs(response) * self._weight)
 
     def gradient(self, parameters: FloatArray, at: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """
-        Acceleration with absorbers, and its derivatives to their parameters.
-
-        Parameters
-        ----------
-        parameters : ndarray, shape (case, absorber, 3)
-            As for `values`.
-        at : sequence of int
-            Index of each absorber's port.
-
-        Returns
-        -------
-        values : ndarray, shape (case, machine and position, value)
-            As `values` gives them.
-        derivatives : ndarray, shape (case, machine and position, value, absorber, 3)
-            Their derivatives.
-        """
+        """Acceleration with absorbers, and its derivatives to their parameters."""
         n = len(self.outputs)
         x = self._with(parameters, at)
         response = x[:, :, :n, 0]
@@ -282,23 +233,7 @@ def workspace_check(
 
 
 def sprung_stiffness(parameters: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """
-    Dynamic stiffness of many sprung masses at once (Eq. 24), and its derivatives.
-
-    Parameters
-    ----------
-    parameters : ndarray, shape (case, absorber, 3)
-        Tuning frequency [Hz], damping ratio and mass [kg].
-    s : ndarray of complex, shape (line,)
-        Laplace variable [rad/s].
-
-    Returns
-    -------
-    stiffness : ndarray, shape (case, absorber, line)
-        z(s) [N/m].
-    derivatives : ndarray, shape (case, absorber, 3, line)
-        Its derivatives to the three parameters.
-    """
+    """Dynamic stiffness of many sprung masses at once (Eq. 24), and its derivatives."""
     w = 2 * np.pi * parameters[..., 0, None]
     zeta, m = parameters[..., 1, None], parameters[..., 2, None]
     spring = w * w + 2 * zeta * w * s

@@ -21,20 +21,9 @@ class HeldHead:
     """
     Receptances of the tool with the base held.
 
-    Parameters
-    ----------
-    parameters : HeadParameters
-        The head.
-    s : ndarray of complex, shape (frequency,)
-        Laplace variable [rad/s].
-
-    Notes
-    -----
     Eqs. 1-3 without the base's motion: H_q = t_qᵀ E⁻¹ t_x with E = K + sC + s²M over (θ1, θ2), and by symmetry
     dH_q = dt_qᵀ v_x + v_qᵀ dt_x - v_qᵀ dE v_x with v = E⁻¹ t.
 
-    Examples
-    --------
     >>> from cutvib_ss.parameters import table_3
     >>> HeldHead(table_3(), np.array([0j])).receptance("tool_x").real
     array([1.174e-07])
@@ -48,38 +37,12 @@ class HeldHead:
         self._answers = {name: self._inverse @ self._rows[name] for name in TOOL}
 
     def receptance(self, output: str) -> ComplexArray:
-        """
-        Displacement of the tool per unit cutting force.
-
-        Parameters
-        ----------
-        output : {"tool_x", "tool_z"}
-            Direction of the displacement.
-
-        Returns
-        -------
-        ndarray of complex, shape (frequency,)
-            Receptance [m/N].
-        """
+        """Displacement of the tool per unit cutting force."""
         value: ComplexArray = self._answers["tool_x"] @ self._rows[output]
         return value
 
     def derivative(self, name: str, output: str) -> ComplexArray:
-        """
-        Derivative of a receptance to one of the head's parameters.
-
-        Parameters
-        ----------
-        name : str
-            Name of the parameter.
-        output : {"tool_x", "tool_z"}
-            Direction of the displacement.
-
-        Returns
-        -------
-        ndarray of complex, shape (frequency,)
-            The derivative.
-        """
+        """Derivative of a receptance to one of the head's parameters."""
         moved = {p: row[_ROTATIONS] for p, row in head_row_derivatives(self.parameters, name).items()}
         still = np.zeros(2)
         v_x, v_q = self._answers["tool_x"], self._answers[output]

@@ -61,24 +61,7 @@ def write_frf(frf: FrequencyResponse, path: str | os.PathLike[str]) -> None:
 
 
 def frf_writer(path: str | os.PathLike[str]) -> Callable[[FrequencyResponse, Path], None]:
-    """
-    What writes a frequency response to a file of this name.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to be.
-
-    Returns
-    -------
-    callable
-        Takes the response and the file.
-
-    Raises
-    ------
-    ParameterError
-        If the suffix is not known; the message lists those that are.
-    """
+    """What writes a frequency response to a file of this name."""
     suffix = Path(path).suffix.lower()
     if suffix not in _WRITERS:
         raise ParameterError(f"{path}: suffix {suffix!r} is not written; give one of {', '.join(_WRITERS)}")

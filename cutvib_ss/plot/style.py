@@ -69,21 +69,7 @@ _STYLE: Any = {
 
 @contextmanager
 def drawing(width: float, height: float, title: str = "") -> Iterator[Figure]:
-    """
-    A figure in the house style; artists made inside the block take its settings.
-
-    Parameters
-    ----------
-    width, height : float
-        Size [inch].
-    title : str
-        Title of the whole figure.
-
-    Yields
-    ------
-    Figure
-        An empty figure with an Agg canvas, known to no window manager.
-    """
+    """A figure in the house style; artists made inside the block take its settings."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
@@ -143,24 +129,7 @@ def save(figure: Figure | Axes | np.ndarray, path: str | os.PathLike[str], dpi: 
 
 
 def check_picture(path: str | os.PathLike[str]) -> Path:
-    """
-    The name of a picture, refused where its suffix is not one that can be drawn.
-
-    Parameters
-    ----------
-    path : path-like
-        File to be.
-
-    Returns
-    -------
-    Path
-        The same path.
-
-    Raises
-    ------
-    ParameterError
-        If the suffix is not known; the message lists those that are.
-    """
+    """The name of a picture, refused where its suffix is not one that can be drawn."""
     file = Path(path)
     if file.suffix.lower() not in FORMATS:
         raise ParameterError(f"{file}: suffix {file.suffix!r} is no picture; give one of {', '.join(FORMATS)}")
@@ -201,19 +170,7 @@ def png(figure: Figure | Axes | np.ndarray, dpi: float = 150.0, colours: int = 2
 
 
 def svg(figure: Figure) -> str:
-    """
-    A figure as SVG for a page: sharp at any size, and small where it has few lines.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture.
-
-    Returns
-    -------
-    str
-        The SVG file; the same figure gives the same text.
-    """
+    """A figure as SVG for a page: sharp at any size, and small where it has few lines."""
     text = io.StringIO()
     with mpl.rc_context(_STYLE):
         figure.savefig(text, format="svg", metadata={"Date": None})
@@ -221,19 +178,7 @@ def svg(figure: Figure) -> str:
 
 
 def position_colours(positions: Sequence[float]) -> list[Any]:
-    """
-    A colour for each position along the rail, spread over those that there are; one for all where there is none.
-
-    Parameters
-    ----------
-    positions : sequence of float
-        y_b / L, NaN where the model has none.
-
-    Returns
-    -------
-    list
-        Colours that matplotlib knows.
-    """
+    """A colour for each position along the rail, spread over those that there are; one for all where there is none."""
     places = sorted(set(positions))
     last = max(len(places) - 1, 1)
     return [CORRECTED if np.isnan(p) else POSITIONS(places.index(p) / last) for p in positions]
@@ -243,18 +188,6 @@ def unit_text(unit: str) -> str:
     """
     A unit as it is printed on an axis.
 
-    Parameters
-    ----------
-    unit : str
-        Unit in plain text.
-
-    Returns
-    -------
-    str
-        With raised powers.
-
-    Examples
-    --------
     >>> unit_text("m/s^2/N")
     '(m/s²)/N'
     """
@@ -263,18 +196,7 @@ def unit_text(unit: str) -> str:
 
 
 def legend_outside(figure: Figure, axes: Axes, **options: Any) -> None:
-    """
-    A legend to the right of the data.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture.
-    axes : Axes
-        Axes whose artists have labels.
-    **options : object
-        For `Figure.legend`.
-    """
+    """A legend to the right of the data."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside right upper", **options)
@@ -289,27 +211,7 @@ def legend_beside(axes: Axes, outside: bool, **options: Any) -> None:
 
 
 def colour_bar(figure: Figure, axes: Any, colours: Colormap | str, norm: Normalize, label: str) -> Any:
-    """
-    A slim colour bar.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture.
-    axes : Axes or sequence of Axes
-        Beside which it stands.
-    colours : Colormap or str
-        The map.
-    norm : Normalize
-        Its range.
-    label : str
-        What the colours mean, with unit.
-
-    Returns
-    -------
-    Colorbar
-        The bar.
-    """
+    """A slim colour bar."""
     bar = figure.colorbar(ScalarMappable(norm, colours), ax=axes, aspect=30, pad=0.015, fraction=0.05)
     bar.set_label(label)
     bar.outline.set_linewidth(0.5)
@@ -317,40 +219,12 @@ def colour_bar(figure: Figure, axes: Any, colours: Colormap | str, norm: Normali
 
 
 def position_name(position: float, label: str = "") -> str:
-    """
-    How a picture calls a position.
-
-    Parameters
-    ----------
-    position : float
-        y_b / L; NaN where the model has none.
-    label : str
-        What to say instead where there is none.
-
-    Returns
-    -------
-    str
-        For instance ``"y/L = 0.5"``.
-    """
+    """How a picture calls a position."""
     return label if np.isnan(position) else f"y/L = {position:.3g}"
 
 
 def modulus_limits(values: np.ndarray, decades: float = 4.0) -> tuple[float, float]:
-    """
-    Limits of a logarithmic axis that leave deep notches out.
-
-    Parameters
-    ----------
-    values : ndarray
-        Moduli.
-    decades : float
-        How far below the largest value the axis may reach.
-
-    Returns
-    -------
-    low, high : float
-        The limits.
-    """
+    """Limits of a logarithmic axis that leave deep notches out."""
     there = values[np.isfinite(values) & (values > 0)]
     if there.size == 0:
         return 1e-3, 1.0
