@@ -36,7 +36,7 @@ judged = {"positions": rail, "force": pulses}
 designs = {
     "best as designed, tool X": design_absorbers(machine, 0.08, **judged),
     "best in tolerance, tool X": design_absorbers(machine, 0.08, tolerance=box, **judged),
-    "best in tolerance, tool Z": design_absorbers(machine, 0.08, ("tool_z",), tolerance=box, **judged),
+    "best in tolerance, tool Z": design_absorbers(machine, 0.08, ports=("tool_z",), tolerance=box, **judged),
 }
 checks = {"Table 7": workspace_check(machine, [MountedAbsorber(table_7())], tolerance=box, **judged)}
 checks |= {name: workspace_check(machine, d.mounted, tolerance=box, **judged) for name, d in designs.items()}

@@ -13,7 +13,7 @@ Eq. 23 for a small z, so that derivatives to tuning, damping and mass cost nothi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -26,7 +26,8 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.machine import Machine
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.results import ComplexArray, FloatArray, read_only
+from cutvib_ss.results import ComplexArray, Drawn, FloatArray, Table, as_names, read_only
+from cutvib_ss.results.arrays import label_indices, position_indices
 
 Criterion: TypeAlias = Literal["harmonic", "rms"]
 
@@ -121,8 +122,8 @@ class Workspace:
         return out
 
 
-@dataclass(frozen=True)
-class WorkspaceCheck:
+@dataclass(frozen=True, repr=False)
+class WorkspaceCheck(Drawn):
     """
     Absorbers judged over the whole rail.
 
@@ -172,13 +173,61 @@ class WorkspaceCheck:
         """Largest over the rail: without absorbers, with them as designed, with them at worst within tolerance [m/s^2]."""
         return float(self.before.max()), float(self.exact.max()), float(self.toleranced.max())
 
+    def sel(
+        self,
+        *,
+        position: float | Sequence[float] | None = None,
+        output: str | Sequence[str] | None = None,
+        input: str | Sequence[str] | None = None,
+    ) -> WorkspaceCheck:
+        """
+        The check at some of its positions.
+
+        Parameters
+        ----------
+        position : float or sequence of float, optional
+            Positions y_b / L that were judged (to 1e-9).
+        output : str or sequence of str, optional
+            All of the outputs that count: what is left is of them together.
+        input : str, optional
+            The one input, ``"force"``.
+
+        Returns
+        -------
+        WorkspaceCheck
+            The part.
+
+        Raises
+        ------
+        ParameterError
+            If a label is not there; the message lists those that are.
+        """
+        label_indices(("force",), input, "input")
+        if len(label_indices(self.outputs, output, "output")) < len(self.outputs):
+            raise ParameterError(f"{', '.join(self.outputs)} are judged together; run workspace_check for fewer")
+        rows = position_indices(self.positions, position)
+        names = ("positions", "before", "exact", "toleranced")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    def _table(self) -> Table:
+        rows = []
+        for name, values, worst in zip(
+            ("nothing", "as designed", "at worst in tolerance"), (self.before, self.exact, self.toleranced), self.worst,
+            strict=True,
+        ):  # fmt: skip
+            rows.append((name, f"{worst:.4g}", f"{self.positions[int(values.argmax())]:.3g}"))
+        fitted = ", ".join(f"{m.absorber.mass:g} kg at {m.absorber.frequency:.4g} Hz on {m.port}" for m in self.mounted)
+        title = f"Absorbers over the rail: {fitted or 'none'}"
+        return Table(title, ("with", "largest [m/s^2]", "at y/L"), rows)
+
 
 def workspace_check(
     machine: Machine,
     mounted: Sequence[MountedAbsorber] = (),
     positions: ArrayLike = WORKSPACE,
+    *,
     force: HarmonicForce | None = None,
-    outputs: Sequence[str] = ("tool_x",),
+    outputs: str | Sequence[str] = ("tool_x",),
     criterion: Criterion = "harmonic",
     tolerance: AbsorberTolerance = EXACT,
 ) -> WorkspaceCheck:
@@ -195,7 +244,7 @@ def workspace_check(
         y_b / L; the whole rail by default.
     force : HarmonicForce, optional
         The force on the tool; by default 1 N at 217 Hz, so that figures are accelerances.
-    outputs : sequence of str
+    outputs : str or sequence of str
         Ports whose acceleration counts.
     criterion : {"harmonic", "rms"}
         What counts: the amplitude of the largest harmonic, or the RMS of all.
@@ -215,7 +264,7 @@ def workspace_check(
     >>> [round(value, 2) for value in check.worst]
     [2.78, 0.83, 0.83]
     """
-    drive = HarmonicForce.tone() if force is None else force
+    drive, outputs = HarmonicForce.tone() if force is None else force, as_names(outputs)
     ports = tuple(dict.fromkeys(m.port for m in mounted))
     at = [ports.index(m.port) for m in mounted]
     a = [m.absorber for m in mounted]
@@ -227,7 +276,7 @@ def workspace_check(
     wide = Workspace(machine, ports, positions, drive, outputs, criterion, tolerance)
     worst = wide.values(nominal * tolerance.factors(len(a)), at).max(axis=(0, 2))
     return WorkspaceCheck(
-        tuple(mounted), drive, tuple(outputs), criterion, tolerance, plain.positions, before, exact,
+        tuple(mounted), drive, outputs, criterion, tolerance, plain.positions, before, exact,
         worst.reshape(-1, n).max(axis=0),
     )  # fmt: skip
 

@@ -17,13 +17,15 @@ from cutvib_ss.cli.options import (
     PositionsOption,
     check_places,
     frequencies,
+    load_machine,
     load_model,
 )
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
 from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
-    from cutvib_ss.results import FrequencyResponse
+    from cutvib_ss.machine import Machine
+    from cutvib_ss.results import FrequencyResponse, Modes
 
 _OutputsOption = Annotated[
     list[str] | None,
@@ -49,11 +51,21 @@ _TITLES = {
 
 def modes_command(
     position: PositionOption = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="Also draw the modes of rail and head.")
+    ] = None,
+    poles: Annotated[
+        Path | None, typer.Option("--poles", metavar="FILE", help="Also draw the poles in the s-plane.")
+    ] = None,
+    animate: Annotated[
+        Path | None, typer.Option("--animate", metavar="FILE.gif", help="Also show one mode in motion.")
+    ] = None,
+    mode: Annotated[int, typer.Option("--mode", min=1, help="With --animate: which mode.")] = 1,
     machine: MachineOption = None,
     json: JsonOption = None,
 ) -> None:
     """Natural frequencies, damping ratios, poles and mode shapes at a position."""
-    check_outputs(json)
+    check_outputs(json, plot, poles, animate)
     import numpy as np
 
     from cutvib_ss.response.modes import modes
@@ -61,6 +73,10 @@ def modes_command(
     model = load_model(machine)
     places = check_places(model, None if position is None else [position])
     found = modes(model, None if places is None else places[0])
+    if plot is not None or poles is not None or animate is not None:
+        _draw_modes(
+            load_machine(machine, "cutvib modes --plot") if plot or animate else None, found, plot, poles, animate, mode
+        )
     data = {
         "schema": "cutvib-modes/1",
         "position": found.position,
@@ -81,6 +97,20 @@ def modes_command(
     title = "Modes" if places is None else f"Modes with the head at y/L = {found.position:g}"
     columns = ["mode", "frequency [Hz]", "damping [%]", "pole [rad/s]", "shape, largest parts (mass-normalised)"]
     show(results(), title, columns, rows, "rrrrl")
+
+
+def _draw_modes(
+    machine: Machine | None, found: Modes, plot: Path | None, poles: Path | None, animate: Path | None, mode: int
+) -> None:
+    from cutvib_ss.plot import animate_mode, mode_shapes, s_plane, save
+    from cutvib_ss.plot.style import check_picture
+
+    if plot is not None and machine is not None:
+        save(mode_shapes(machine, found), check_picture(plot))
+    if poles is not None:
+        save(s_plane(found), check_picture(poles))
+    if animate is not None and machine is not None:
+        animate_mode(machine, found, mode, animate)
 
 
 def frf_command(

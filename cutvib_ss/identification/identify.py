@@ -16,7 +16,15 @@ from cutvib_ss.machine import Machine
 from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.parameters import HeadParameters, table_3
-from cutvib_ss.results import Drawn, FloatArray, FrequencyResponse, MeasuredFrequencyResponse, Table, read_only
+from cutvib_ss.results import (
+    Drawn,
+    FloatArray,
+    FrequencyResponse,
+    MeasuredFrequencyResponse,
+    Table,
+    check_choice,
+    read_only,
+)
 
 Base: TypeAlias = Literal["held", "rail"]
 
@@ -152,6 +160,8 @@ def identify(
         name = record.name
     else:
         frf = source
+    if base is not None:
+        check_choice("base", base, ("held", "rail"))
     where = base or ("held" if machine is None else "rail")
     if where == "rail" and machine is None:
         raise IdentificationError("a fit on the rail needs a machine; give one, or hold the base")
@@ -159,6 +169,7 @@ def identify(
         warnings.append(f"the responses hold {len(frf.positions)} positions; the first is fitted")
     calibration = 0.0 if machine is None else machine.tolerance.calibration
     known = isinstance(frf, MeasuredFrequencyResponse) and machine is not None and weights is None
+    check_choice("weighting", weighting or "paper", ("paper", "variance"))
     data = fit_data(frf, band, weighting or ("variance" if known else "paper"), weights)
     believed = table_3() if machine is None else machine.head
     guess = _guess(data.frf, believed, band, warnings)

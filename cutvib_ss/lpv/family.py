@@ -36,15 +36,25 @@ from cutvib_ss.lpv.table import ERROR_ORDER, Interpolation, PlantMatrices, Plant
 from cutvib_ss.machine import Machine
 from cutvib_ss.parameters import check_position
 from cutvib_ss.response.axes import as_laplace, as_positions
-from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity, as_names, check_choice
+from cutvib_ss.results import (
+    ComplexArray,
+    Displayed,
+    FloatArray,
+    FrequencyResponse,
+    Quantity,
+    Table,
+    as_names,
+    check_choice,
+    span,
+)
 from cutvib_ss.slots import through_chain
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 _OUTPUTS = ("tool_x", "tool_z", "base_x", "head_x", "head_z")
 
 
-@dataclass(frozen=True, eq=False)
-class PlantSchedule:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlantSchedule(Displayed):
     """
     The plants of a machine over positions, in common states.
 
@@ -64,6 +74,11 @@ class PlantSchedule:
     table: PlantTable
     quantity: Quantity
     pade_order: int | None = None
+
+    def _table(self) -> Table:
+        title = f"Plants at {self.positions.size} positions ({span(self.positions)}), {len(self.states)} states, {self.quantity}"
+        rows = [("inputs", ", ".join(self.inputs)), ("outputs", ", ".join(self.outputs))]
+        return Table(title, ("", ""), rows)
 
     @property
     def positions(self) -> FloatArray:

@@ -8,7 +8,7 @@ never imported; `save` and `png` turn what was drawn into a file or into bytes.
 from functools import singledispatch
 from typing import Any
 
-from cutvib_ss.absorber import AbsorberStudy
+from cutvib_ss.absorber import AbsorberDesign, AbsorberStudy, WorkspaceCheck
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.gap.result import Diagnosis
 from cutvib_ss.identification import IdentificationResult
@@ -87,6 +87,16 @@ draw.register(MovingResponse, travel_histories)
 draw.register(AbsorberCheck, absorber_effect)
 draw.register(AbsorberStudy, absorber_study)
 draw.register(IdentificationResult, fitted_response)
+
+
+@draw.register
+def _workspace(result: WorkspaceCheck, **options: Any) -> Any:
+    return absorbers_over_the_rail({"with absorbers": result}, **options)
+
+
+@draw.register
+def _design(result: AbsorberDesign, **options: Any) -> Any:
+    return absorbers_over_the_rail({"optimum": result.check}, **options)
 
 
 @draw.register

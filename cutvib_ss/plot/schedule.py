@@ -72,7 +72,10 @@ def pole_map(tracked: TrackedModes, highest: float | None = None, title: str = "
 
 
 def schedule(
-    tracked: TrackedModes, frf: FrequencyResponse | None = None, title: str = "", marks: Sequence[float] = ()
+    tracked: TrackedModes,
+    frf: FrequencyResponse | None = None,
+    title: str = "",
+    marks: Sequence[float] = (WORKING_FREQUENCY,),
 ) -> Figure:
     """
     Natural frequencies over the rail, coloured by damping; beside them the map of a response over the rail.
@@ -86,7 +89,7 @@ def schedule(
     title : str
         Title of the picture.
     marks : sequence of float
-        Frequencies to mark, such as the tool's harmonics [Hz].
+        Frequencies to mark [Hz]: the tool's, by default its fundamental.
 
     Returns
     -------

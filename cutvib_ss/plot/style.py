@@ -191,7 +191,7 @@ def unit_text(unit: str) -> str:
     >>> unit_text("m/s^2/N")
     '(m/s²)/N'
     """
-    raised = unit.replace("^2", "²").replace("^3", "³")
+    raised = unit.replace("^2", "²").replace("^3", "³").replace("^0.5", "^½").replace("^-0.5", "^-½")
     return raised.replace("m/s²/", "(m/s²)/").replace("m/s/", "(m/s)/")
 
 

@@ -309,3 +309,10 @@ def test_an_impossible_position_is_refused_with_the_names(wrong: str, capsys: py
     assert main(["modes", "--position", wrong]) == 2
     said = capsys.readouterr().err
     assert "FC, CC, BC" in said if wrong == "nowhere" else "between 0 and 1" in said
+
+
+def test_modes_are_drawn_and_move(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("shapes.png", "poles.svg", "mode.gif")]
+    asked = ["--plot", str(files[0]), "--poles", str(files[1]), "--animate", str(files[2]), "--mode", "3"]
+    assert main(["modes", "--position", "0.5", *asked]) == 0
+    assert [f.read_bytes()[:5] for f in files] == [b"\x89PNG\r", b"<?xml", b"GIF89"]

@@ -1,14 +1,18 @@
 """Results print as short tables, draw themselves, and become objects of other libraries; signals have their own units."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 import cutvib_ss as cv
+from cutvib_ss.absorber import workspace_check
+from cutvib_ss.identification import held_response
 from cutvib_ss.plot.style import figure_of
 from cutvib_ss.results import Displayed
+from tests.unit.diagnosis_example import example_diagnosis
 
 MACHINE = cv.published_machine()
 FREQ = np.arange(20.0, 400.0, 1.0)
@@ -24,10 +28,12 @@ def results() -> dict[str, Displayed]:
         "time": cv.time_response(MACHINE, 0.5, force, 8000.0, outputs="tool_x"),
         "absorber": cv.check_absorber(MACHINE, cv.AbsorberParameters(212.0, 0.04, 0.08)),
         "study": cv.parametric_study(MACHINE, tuning=[210.0, 212.0], damping_ratio=[0.01, 0.04]),
+        "workspace": workspace_check(MACHINE, [cv.MountedAbsorber(cv.AbsorberParameters(212.0, 0.04, 0.08))]),
+        "diagnosis": example_diagnosis(lines=60, records=1),
     }
 
 
-@pytest.mark.parametrize("name", ["frf", "modes", "tracked", "time", "absorber", "study"])
+@pytest.mark.parametrize("name", ["frf", "modes", "tracked", "time", "absorber", "study", "workspace", "diagnosis"])
 def test_a_result_prints_short_shows_in_notebooks_and_draws_itself(results: dict[str, Displayed], name: str) -> None:
     result = results[name]
     text = str(result)
@@ -42,7 +48,12 @@ def test_a_result_prints_short_shows_in_notebooks_and_draws_itself(results: dict
     assert pyplot is None or not pyplot.get_fignums()
 
 
-def test_a_machine_and_a_structure_print_short(results: dict[str, Displayed]) -> None:
+def test_a_machine_a_family_and_a_campaign_print_short() -> None:
+    campaign = str(cv.read_campaign(Path(cv.__file__).parent / "data" / "demo"))
+    assert "5 records" in campaign
+    assert "0.27" in campaign
+    family = str(cv.schedule(MACHINE, [0.2, 0.4]))
+    assert "2 positions (0.2 to 0.4), 12 states" in family
     assert "24.88, 0.6" in str(MACHINE)
     assert "head_x" not in str(MACHINE)
     assert len(str(MACHINE).splitlines()) < 14
@@ -90,6 +101,8 @@ def test_a_string_is_one_name_and_a_point_of_the_rail_may_be_written_as_in_a_cam
         (lambda: cv.frequency_response(MACHINE, 0.5, FREQ, outputs="tool"), "tool_x"),
         (lambda: MACHINE.plant(0.5, inputs="t"), "tool_x"),
         (lambda: cv.modes(MACHINE, 0.5).sel(output="eta9"), "eta1, eta2"),
+        (lambda: cv.identify(held_response(MACHINE.head, FREQ), base="free"), "held, rail"),
+        (lambda: cv.identify(held_response(MACHINE.head, FREQ), weighting="none"), "paper, variance"),
         (lambda: cv.modes(MACHINE, 0.5).sel(input="force"), "no inputs"),
         (lambda: cv.schedule(MACHINE, [0.2, 0.4], quantity="accel"), "displacement, velocity, acceleration"),
         (lambda: cv.time_response(MACHINE, 0.5, np.ones(9), 1e3, quantity="accel"), "displacement, velocity"),
@@ -104,7 +117,7 @@ def test_a_wrong_choice_is_answered_by_the_choices(wrong, said: str) -> None:  #
 def test_sel_takes_the_same_labels_on_every_result(results: dict[str, Displayed]) -> None:
     for result, position, output in (
         (results["frf"], 0.5, "tool_x"), (results["modes"], 0.5, "theta1"), (results["tracked"], 0.5, "eta1"),
-        (results["time"], 0.5, "tool_x"), (results["absorber"], 0.5, "tool_x"),
+        (results["time"], 0.5, "tool_x"), (results["absorber"], 0.5, "tool_x"), (results["workspace"], 0.5, "tool_x"),
     ):  # fmt: skip
         part = result.sel(position=position, output=output)  # type: ignore[attr-defined]
         assert type(part) is type(result)
