@@ -172,6 +172,12 @@ class Rail:
         return timoshenko(self.parameters.n_modes, self.shear.ratio)[0]
 
     @property
+    def damping_weight(self) -> FloatArray:
+        """ζ over the rail's ``damping_ratio`` of each of `modes`; of a uniform rotation that of the first."""
+        profile = np.array(self.parameters.damping_profile or (1.0,))
+        return np.asarray(profile[np.clip(self.modes.number.astype(int) - 1, 0, profile.size - 1)])
+
+    @property
     def modes_by_shear(self) -> PinnedModes:
         """Derivatives of their values to the shear ratio; only where the rail shears."""
         assert self.shear is not None
@@ -299,6 +305,9 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     its shape: with g_r = e_r + κ √(μL/2) 2 c_r on the ends, c_r the row of `PinnedModes.coupling`, C = Σ 2ζω_r g_r g_rᵀ.
     For κ > 0 the sum on the ends' own motion grows with the number of modes, so that ``c_left`` and ``c_right`` also stand for what
     the modes above n_modes would add there.
+
+    Eq. 4's c_s I ∂⁵w/∂y⁴∂t is its E I ∂⁴w/∂y⁴ with c_s/E ∂/∂t before it. It adds (c_s/E) ω_r² to the damping of each mode, as much
+    as ζ_r = (c_s/E) ω_r / 2, and resists no rigid motion. With shear the strain of either kind is damped alike.
     """
     p = model.parameters
     modes = model.modes
@@ -311,7 +320,8 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     n = m + len(ends) + len(twists)
     mass, damping, stiffness = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
     elastic = np.arange(m)
-    damping[elastic, elastic] = 2 * p.damping_ratio * w
+    modal = 2 * p.damping_ratio * model.damping_weight * w
+    damping[elastic, elastic] = modal + p.strain_damping * w**2
     stiffness[elastic, elastic] = w**2
     if model.supports:
         u = slice(m, m + 2)
@@ -319,7 +329,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         mass[:m, u] = scale * p.mass * modes.coupling
         mass[u, :m] = mass[:m, u].T
         share = model.supports.rigid_damping
-        damping[:m, u] = share * (damping[:m, :m] @ mass[:m, u])
+        damping[:m, u] = share * modal[:, None] * mass[:m, u]
         damping[u, :m] = damping[:m, u].T
         damping[u, u] = np.diag([model.supports.c_left, model.supports.c_right]) + share * (
             mass[u, :m] @ damping[:m, u]

@@ -31,6 +31,7 @@ SKIPPED = {
     "system",
     "rigid_damping",
     "elements",
+    "damping_profile",
 }
 FEWER = max(5, settings().max_examples // 5)
 """Examples of these tests: each goes through all values of a model."""
