@@ -11,8 +11,8 @@ from typing import Any
 __version__ = "0.1.0"
 
 _NAMES_OF = {
-    "machine": ("Machine", "cutting_machine", "published_machine"),
-    "structure": ("Structure",),
+    "model.machine": ("Machine", "cutting_machine", "published_machine"),
+    "model.structure": ("Structure",),
     "parameters": ("AbsorberParameters", "HeadParameters", "RailParameters", "Tolerances"),
     "model_files": ("read_machine", "write_machine"),
     "response.modes": ("modes", "track_modes"),

@@ -26,14 +26,15 @@ from cutvib_ss.interchange import write_frf as write_frf
 from cutvib_ss.interchange import write_plant as write_plant
 from cutvib_ss.lpv import PlantSchedule as PlantSchedule
 from cutvib_ss.lpv import schedule as schedule
-from cutvib_ss.machine import Machine as Machine
-from cutvib_ss.machine import cutting_machine as cutting_machine
-from cutvib_ss.machine import published_machine as published_machine
 from cutvib_ss.measurement import Campaign as Campaign
 from cutvib_ss.measurement import Record as Record
 from cutvib_ss.measurement import estimate as estimate
 from cutvib_ss.measurement import read_campaign as read_campaign
 from cutvib_ss.measurement import write_campaign as write_campaign
+from cutvib_ss.model.machine import Machine as Machine
+from cutvib_ss.model.machine import cutting_machine as cutting_machine
+from cutvib_ss.model.machine import published_machine as published_machine
+from cutvib_ss.model.structure import Structure as Structure
 from cutvib_ss.model_files import read_machine as read_machine
 from cutvib_ss.model_files import write_machine as write_machine
 from cutvib_ss.paper import paper_tables as paper_tables
@@ -55,6 +56,5 @@ from cutvib_ss.results import Modes as Modes
 from cutvib_ss.results import MovingResponse as MovingResponse
 from cutvib_ss.results import TimeResponse as TimeResponse
 from cutvib_ss.results import TrackedModes as TrackedModes
-from cutvib_ss.structure import Structure as Structure
 
 __version__: str

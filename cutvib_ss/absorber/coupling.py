@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.model.elements import Attachment, SprungMass
+from cutvib_ss.model.paths import ModelT
 from cutvib_ss.parameters import TABLE_7_PRINTED, AbsorberParameters, check_number, table_7
-from cutvib_ss.paths import ModelT
 from cutvib_ss.response.axes import as_laplace
 from cutvib_ss.results import ComplexArray, FrequencyResponse
-from cutvib_ss.subsystems.elements import Attachment, SprungMass
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ def attach_absorber(machine: ModelT, absorber: AbsorberParameters, port: str = "
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> from cutvib_ss.parameters import table_7
     >>> attach_absorber(published_machine(), table_7()).plant(0.5).nstates
     14

@@ -28,9 +28,9 @@ from cutvib_ss.absorber.workspace import (
     workspace_check,
 )
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
-from cutvib_ss.parameters import AbsorberParameters, check_number
-from cutvib_ss.results import Drawn, FloatArray, Table, as_names
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.parameters import AbsorberParameters, check_number, names_of
+from cutvib_ss.results import Drawn, FloatArray, Table
 
 TUNING = (150.0, 500.0)
 """Tuning frequencies among which the best is sought [Hz]."""
@@ -131,13 +131,13 @@ def design_absorbers(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> design = design_absorbers(published_machine(), 0.08, positions=[0.1, 1 / 3, 1 / 2])
     >>> [round(value, 2) for value in design.check.worst]
     [2.78, 0.23, 0.23]
     """
     check_number("mass", mass, 0.0, strict=True)
-    ports, outputs = as_names(ports), as_names(outputs)
+    ports, outputs = names_of(ports), names_of(outputs)
     if not ports:
         raise ParameterError("no port is named; an absorber needs a place")
     for name, (low, high) in (("tuning", tuning), ("damping_ratio", damping_ratio)):

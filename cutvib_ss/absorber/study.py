@@ -12,7 +12,7 @@ from scipy import signal
 from cutvib_ss.absorber.coupling import attach_absorber
 from cutvib_ss.absorber.force import WORKING_FREQUENCY, HarmonicForce
 from cutvib_ss.absorber.workspace import Workspace
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import AbsorberCheck, Drawn, FloatArray, FrequencyResponse, Table, read_only

@@ -8,10 +8,10 @@ from itertools import product
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.parameters import check_number
 from cutvib_ss.results import FloatArray
-from cutvib_ss.slots import MeasurementChain
 
 _RATES = 5
 """Rates at which the tool is tried, from the slowest to the fastest within tolerance."""

@@ -23,10 +23,11 @@ from cutvib_ss.absorber.coupling import MountedAbsorber
 from cutvib_ss.absorber.force import HarmonicForce
 from cutvib_ss.absorber.tolerance import EXACT, AbsorberTolerance, machine_as_built, machines_within
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.parameters import names_of
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.results import ComplexArray, Drawn, FloatArray, Table, as_names, read_only
+from cutvib_ss.results import ComplexArray, Drawn, FloatArray, Table, read_only
 from cutvib_ss.results.arrays import label_indices, position_indices
 
 Criterion: TypeAlias = Literal["harmonic", "rms"]
@@ -258,13 +259,13 @@ def workspace_check(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> from cutvib_ss.parameters import table_7
     >>> check = workspace_check(published_machine(), [MountedAbsorber(table_7())])
     >>> [round(value, 2) for value in check.worst]
     [2.78, 0.83, 0.83]
     """
-    drive, outputs = HarmonicForce.tone() if force is None else force, as_names(outputs)
+    drive, outputs = HarmonicForce.tone() if force is None else force, names_of(outputs)
     ports = tuple(dict.fromkeys(m.port for m in mounted))
     at = [ports.index(m.port) for m in mounted]
     a = [m.absorber for m in mounted]

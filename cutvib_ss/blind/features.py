@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import Record
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray, FloatArray
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cutvib_ss.absorber import AbsorberTolerance, MountedAbsorber
-    from cutvib_ss.machine import Machine
+    from cutvib_ss.model.machine import Machine
 
 
 class PlaceName(StrEnum):

@@ -183,7 +183,7 @@ def _band(text: str) -> tuple[float, float]:
 
 
 def _identify_data(found: IdentificationResult) -> dict[str, Any]:
-    from cutvib_ss.subsystems.head import HEAD_PARAMETERS, HEAD_UNITS
+    from cutvib_ss.model.head import HEAD_PARAMETERS, HEAD_UNITS
 
     keys = {
         name: f"{name}_{unit.replace('/', ' per ').replace('  ', ' ').replace(' ', '_').lower()}"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import control
 
     from cutvib_ss.control_design import AmplitudeMargins, ControllerCheck, Hardware, ScheduledController
-    from cutvib_ss.machine import Machine
+    from cutvib_ss.model.machine import Machine
 
 _FAMILY = 31
 """Positions at which a controller scheduled over the rail is designed; the check visits others."""

@@ -19,7 +19,7 @@ def demo_command(
     import numpy as np
 
     import cutvib_ss
-    from cutvib_ss.machine import published_machine
+    from cutvib_ss.model.machine import published_machine
     from cutvib_ss.plot.response import bode
     from cutvib_ss.plot.schedule import pole_map, schedule
     from cutvib_ss.plot.style import save

@@ -24,7 +24,7 @@ from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, w
 from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
-    from cutvib_ss.machine import Machine
+    from cutvib_ss.model.machine import Machine
     from cutvib_ss.results import FrequencyResponse, Modes
 
 _OutputsOption = Annotated[

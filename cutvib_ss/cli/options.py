@@ -11,9 +11,9 @@ import typer
 from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
-    from cutvib_ss.machine import Machine
+    from cutvib_ss.model.machine import Machine
+    from cutvib_ss.model.structure import Structure
     from cutvib_ss.results import FloatArray
-    from cutvib_ss.structure import Structure
 
 MachineOption = Annotated[
     Path | None,
@@ -71,7 +71,7 @@ class FormName(StrEnum):
 def load_model(path: Path | None) -> Machine | Structure:
     """The model of a file, or the published machine."""
     if path is None:
-        from cutvib_ss.machine import published_machine
+        from cutvib_ss.model.machine import published_machine
 
         return published_machine()
     from cutvib_ss.model_files import read_machine
@@ -81,7 +81,7 @@ def load_model(path: Path | None) -> Machine | Structure:
 
 def load_machine(path: Path | None, command: str) -> Machine:
     """A cutting machine; another structure is refused, for it has no rail to move along."""
-    from cutvib_ss.machine import Machine
+    from cutvib_ss.model.machine import Machine
 
     model = load_model(path)
     if not isinstance(model, Machine):

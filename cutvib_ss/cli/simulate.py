@@ -16,10 +16,10 @@ from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, w
 from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
-    from cutvib_ss.machine import Machine
+    from cutvib_ss.model.machine import Machine
+    from cutvib_ss.model.structure import Structure
     from cutvib_ss.response.travel import Travel
     from cutvib_ss.results import FloatArray, Quantity, TimeResponse
-    from cutvib_ss.structure import Structure
 
 _PULSES, _HARMONICS, _RECORD, _TRAVEL, _FILES = "Pulses", "Harmonics", "Recorded force", "Travelling head", "Output"
 
@@ -166,7 +166,7 @@ def _respond(
     steady: bool,
     way: Travel | None,
 ) -> TimeResponse:
-    from cutvib_ss.machine import Machine
+    from cutvib_ss.model.machine import Machine
     from cutvib_ss.response.time_response import time_response
 
     wanted: Quantity | None = None if quantity is None else quantity.value
@@ -196,7 +196,7 @@ def _way(
     steady: bool,
 ) -> Travel:
     """How the head travels."""
-    from cutvib_ss.machine import Machine
+    from cutvib_ss.model.machine import Machine
     from cutvib_ss.response.travel import s_curve, trapezoid
 
     option = "--to" if file is None else "--travel"

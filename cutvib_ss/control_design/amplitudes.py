@@ -25,12 +25,12 @@ from cutvib_ss.control_design.margins import disk_margin
 from cutvib_ss.control_design.scheduling import ScheduledController
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.laws import LAWS
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.elements import Attachment, SpringDamperMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.parameters import check_number
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, read_only
-from cutvib_ss.slots import NonlinearElement
-from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def quasi_linear(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> stiffening = NonlinearElement("joint2", "cubic_stiffness", {"stiffness3": 8e9})
     >>> quasi_linear(replace(published_machine(), nonlinear=(stiffening,)), 1e-3).attachments[-1].element.stiffness
     6000.0

@@ -15,11 +15,11 @@ from cutvib_ss.control_design.loop import Loop
 from cutvib_ss.control_design.margins import Margins, margins
 from cutvib_ss.control_design.result import ControllerCheck
 from cutvib_ss.control_design.scheduling import ScheduledController
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.parameters import check_number
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse
-from cutvib_ss.slots import MeasurementChain
 
 FULL_ORDER = 20
 """Modes of the rail on which controllers are checked: the last far above every bandwidth (12.7 kHz)."""

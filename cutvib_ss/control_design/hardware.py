@@ -17,10 +17,10 @@ import numpy as np
 
 from cutvib_ss.absorber import WORKING_FREQUENCY, attach_absorber
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.parameters import AbsorberParameters, check_number
 from cutvib_ss.results import Quantity
-from cutvib_ss.slots import MeasurementChain
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 MOTIONS = ("tool_x", "tool_z", "base_x", "head_x")
@@ -263,7 +263,7 @@ def control_plant(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> plant = control_plant(published_machine(), 0.5)
     >>> plant.input_labels, plant.output_labels[-1], plant.nstates
     (['force', 'u_head_x'], 'y_tool_x', 19)

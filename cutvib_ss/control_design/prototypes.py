@@ -23,7 +23,7 @@ from cutvib_ss.control_design.lqg import lqg
 from cutvib_ss.control_design.ppf import positive_position_feedback
 from cutvib_ss.control_design.resonant import resonant
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import table_7
 
 

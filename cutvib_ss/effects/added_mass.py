@@ -19,9 +19,9 @@ from cutvib_ss.effects.base import (
     ports_of,
 )
 from cutvib_ss.effects.scales import port_scale
-from cutvib_ss.machine import Machine
-from cutvib_ss.paths import Path, value_at, with_value
-from cutvib_ss.subsystems.elements import SpringDamperMass
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import Path, value_at, with_value
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.elements import Attachment, SpringDamperMass, SprungMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import Path
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number
-from cutvib_ss.paths import Path
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass, SprungMass
 
 Model: TypeAlias = Machine | Structure
 ModelT = TypeVar("ModelT", Machine, Structure)

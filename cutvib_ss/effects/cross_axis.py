@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, parameter
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.elements import Guide
+from cutvib_ss.model.elements import Guide
+from cutvib_ss.model.machine import Machine
 
 
 @dataclass(frozen=True)

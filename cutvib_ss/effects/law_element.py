@@ -10,8 +10,8 @@ from cutvib_ss.effects.base import Carried, Effect, Model, Range, applied, check
 from cutvib_ss.effects.scales import PortScale, port_scale, spring_at
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.laws import LAWS
-from cutvib_ss.paths import Path
-from cutvib_ss.slots import NonlinearElement
+from cutvib_ss.model.paths import Path
+from cutvib_ss.model.protocol import NonlinearElement
 
 
 @dataclass(frozen=True)

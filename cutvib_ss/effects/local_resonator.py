@@ -19,8 +19,8 @@ from cutvib_ss.effects.base import (
     ports_of,
 )
 from cutvib_ss.effects.scales import port_scale
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.elements import SprungMass
+from cutvib_ss.model.elements import SprungMass
+from cutvib_ss.model.machine import Machine
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 
 
 @dataclass(frozen=True)

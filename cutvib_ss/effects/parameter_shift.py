@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place
 from cutvib_ss.effects.base import parameter as fitted
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
-from cutvib_ss.paths import Path, value_at, with_value
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import Path, value_at, with_value
 
 MACHINE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "joint1": ("k1", "c1"),

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.elements import SpringDamperMass
-from cutvib_ss.subsystems.rail import RailAttachment
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import RailAttachment
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.rail import Shear
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import Shear
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class RailShear(Effect):
 
     Notes
     -----
-    Timoshenko's beam (Phil. Mag. 41, 1921), derived in `cutvib_ss.subsystems.pinned_modes`; every term is kept. The radius of
+    Timoshenko's beam (Phil. Mag. 41, 1921), derived in `cutvib_ss.model.pinned_modes`; every term is kept. The radius of
     gyration is no parameter of its own: κG/E = 0.33 ties it to the shear ratio, ρ² = 0.33 L²/(π² shear_ratio). The rail's
     ``first_frequency`` stays that of EI alone, so all frequencies fall, that of mode r by about 0.67 r²/shear_ratio; that r² is
     what tells shear from a softer rail. Modal damping ratios stay as they are. Shear deflects a rail in a kink under its load,

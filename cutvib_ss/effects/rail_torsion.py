@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.rail import Torsion
-from cutvib_ss.subsystems.twist import FINE_ELEMENTS, TWIST_ELEMENTS
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import Torsion
+from cutvib_ss.model.twist import FINE_ELEMENTS, TWIST_ELEMENTS
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class RailTorsion(Effect):
     damping_ratio : float
         Damping ratio of the first torsion mode; of the others in proportion to their frequencies.
     elements : int
-        Elements of the mesh on which the rail twists, a convention (`cutvib_ss.subsystems.twist`); not fitted.
+        Elements of the mesh on which the rail twists, a convention (`cutvib_ss.model.twist`); not fitted.
 
     Notes
     -----
-    The head's first joint moves with w + e ψ, and both links turn with ψ (`cutvib_ss.subsystems.head`). The
+    The head's first joint moves with w + e ψ, and both links turn with ψ (`cutvib_ss.model.head`). The
     accelerometer ``base_x`` lies on the shear centre and shows w alone.
     """
 

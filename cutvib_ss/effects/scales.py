@@ -9,8 +9,8 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.effects.base import PLACE_PORTS, Carried, Model
-from cutvib_ss.machine import Machine
-from cutvib_ss.paths import value_at
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import FloatArray
 
 TYPICAL_FORCE = 50.0

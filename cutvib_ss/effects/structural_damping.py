@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to, check_place, machine_only, parameter
-from cutvib_ss.machine import Machine
-from cutvib_ss.paths import Path, value_at, with_value
-from cutvib_ss.subsystems.elements import SpringDamperMass
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import Path, value_at, with_value
 
 
 @dataclass(frozen=True)

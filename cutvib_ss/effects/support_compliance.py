@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.rail import EndSupports
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import EndSupports
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class SupportCompliance(Effect):
 
     Notes
     -----
-    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.subsystems.rail`). Where
+    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.model.rail`). Where
     ``rigid_damping`` is not 0, ``c_left`` and ``c_right`` also hold what the modes above n_modes would damp at the ends.
     """
 

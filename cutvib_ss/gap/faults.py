@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutvib_ss.gap.modification import Elements, Lines, RailModes
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import EndSupports, RailAttachment, Torsion
 from cutvib_ss.response.rail_receptance import RailPort, RailReceptance
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.subsystems.elements import SpringDamperMass
-from cutvib_ss.subsystems.rail import EndSupports, RailAttachment, Torsion
 
 STIFF = 30.0
 """Stiffness of the ends against which they are freed, as a multiple of the rail's first mode's: any would do."""
@@ -113,7 +113,7 @@ def _interface(v: Lines, port: str, own: ComplexArray) -> _Interface:
 
 def _base(v: Lines) -> _Interface:
     field = v.condensed.base_field
-    return _interface(v, "base", v.condensed.rail.product(field, field))
+    return _interface(v, "at_head", v.condensed.rail.product(field, field))
 
 
 def guide(v: Lines) -> Elements:
@@ -131,9 +131,7 @@ def guide(v: Lines) -> Elements:
         The modification.
     """
     at = _base(v)
-    # A sensor on the rail under the head sees what the guide takes from it.
-    passed = [p - 1.0 if r == "base" else p for p, r in zip(at.passed, v.reads, strict=True)]
-    return Elements(v.response, v.through(passed)[None], at.driven[None], at.opposing[None, None], np.eye(1), 1)
+    return Elements(v.response, v.through(at.passed)[None], at.driven[None], at.opposing[None, None], np.eye(1), 1)
 
 
 def _behind(v: Lines, loads: ComplexArray, own: ComplexArray, sign: int) -> Elements:

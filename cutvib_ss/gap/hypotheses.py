@@ -30,7 +30,7 @@ from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.effects.window_damping import WindowDamping
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 
 FAR = 10.0
 """A rail mode this many times above the band is no cause."""

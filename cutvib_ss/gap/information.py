@@ -19,7 +19,7 @@ from cutvib_ss.gap.records import Group, merged
 from cutvib_ss.gap.severity import Run
 from cutvib_ss.gap.simulation import simulated
 from cutvib_ss.gap.unknowns import CALIBRATION_SHAPES, calibration_shapes, tuning_paths
-from cutvib_ss.paths import value_at
+from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import ComplexArray, FloatArray
 
 SMALL, SMALL_LAW = 2e-4, 0.01

@@ -24,12 +24,12 @@ from cutvib_ss.gap.outcome import Loop, Meaning, Outcome
 from cutvib_ss.gap.problem import Problem
 from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.result import Verdict
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.measurement_chain import MeasurementChain
+from cutvib_ss.model.twist import TWIST_ELEMENTS
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.harmonic_balance import sine_response
 from cutvib_ss.results import FloatArray
-from cutvib_ss.slots import MeasurementChain
-from cutvib_ss.subsystems.twist import TWIST_ELEMENTS
 
 DRAWS, FEW_DRAWS = 200, 24
 """Draws from the covariance; of causes that depend on the level."""

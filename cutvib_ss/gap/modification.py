@@ -316,16 +316,12 @@ class Lines:
 
     def __init__(self, model: Model, group: Group, tail: ComplexArray, window: FloatArray) -> None:
         self.model, self.group, self.tail, self.window = model, group, tail, window
-        self.s: ComplexArray = np.asarray(
-            group.decay_rate[0] + model.chain.decay_rate + 2j * np.pi * group.freq, dtype=np.complex128
-        )
-        self.condensed = CondensedModel(model, group.positions, self.s)
-        self.reads = tuple(model.channels[c].port for c in group.channels)
-        chain = [model.chain.channel(c) for c in group.channels]
         orders = [DERIVATIVE_ORDER[q] for q in group.quantities]
-        self.factor: ComplexArray = np.array(
-            [c.gain * np.exp(-self.s * c.delay) * self.s**k for c, k in zip(chain, orders, strict=True)]
-        )
+        self._lines = model.chain.at(group.channels, orders, group.decay_rate[0] + 2j * np.pi * group.freq)
+        self.s: ComplexArray = self._lines.s
+        self.condensed = CondensedModel(model, group.positions, self.s)
+        # What the channels read, then what leaks into them.
+        self.reads = self._lines.signals
         self._between: dict[tuple[str, str], ComplexArray] = {}
         self.response: ComplexArray = self.shown("force") - tail
         self.built: dict[tuple[str, str, float], Modification] = {}
@@ -353,18 +349,14 @@ class Lines:
         Parameters
         ----------
         motions : list of ndarray, shape (row, frequency)
-            One a channel.
+            One for each of ``reads``.
 
         Returns
         -------
         ndarray, shape (row, channel, frequency)
-            In the channels' quantities, a leak across axes included where ``tool_x`` is measured too.
+            In the channels' quantities, a leak across axes included.
         """
-        out = np.stack(motions, axis=1)
-        names, cross = self.group.channels, self.model.chain.cross_axis
-        if cross and "tool_z" in names and "tool_x" in names:
-            out[:, names.index("tool_z")] += cross * out[:, names.index("tool_x")]
-        shown: ComplexArray = out * self.factor * self.window
+        shown: ComplexArray = self._lines.shown(np.stack(motions, axis=1)) * self.window
         return shown
 
     def between(self, output: str, input: str) -> ComplexArray:

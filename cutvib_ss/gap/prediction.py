@@ -19,7 +19,7 @@ from scipy import linalg
 
 from cutvib_ss.effects.base import Carried, Model
 from cutvib_ss.gap.records import Group
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.response.frequency import ChainedResponse
 from cutvib_ss.results import ComplexArray, FloatArray
 

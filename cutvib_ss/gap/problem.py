@@ -19,7 +19,7 @@ from cutvib_ss.gap.hypothesis import Hypothesis, carried_on, changed, stages_of
 from cutvib_ss.gap.prediction import Circles, Predicted, Prediction
 from cutvib_ss.gap.records import Group
 from cutvib_ss.gap.unknowns import CALIBRATION_SHAPES, calibration_shapes, from_unknown, to_unknown, tuning_paths
-from cutvib_ss.paths import value_at, with_values
+from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
 
 IndexArray: TypeAlias = NDArray[np.intp]

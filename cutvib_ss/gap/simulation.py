@@ -107,13 +107,12 @@ def simulated(
         The prediction.
     """
     elements = model.nonlinear
-    outputs = group.channels
-    leaks = model.chain.cross_axis != 0.0 and "tool_z" in outputs
-    if leaks and "tool_x" not in outputs:
-        outputs = (*outputs, "tool_x")
+    # Stepped are the channels' own quantities, and a window is applied in time: the chain does the rest.
+    none, s = (0,) * len(group.channels), 2j * np.pi * group.freq
+    windowed, steady = (c.at(group.channels, none, s) for c in (model.chain, replace(model.chain, decay_rate=0.0)))
+    outputs = tuple(dict.fromkeys(steady.signals))
     data = np.zeros(group.data.shape, dtype=np.complex128)
     stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
-    chain = _chain(model, group)
     still = STILL * float(group.freq[-1])
     sweeps = {row: _swept(model, group, row) for row in range(len(data)) if np.isfinite(group.entries[row][0].sweep)}
     for row, sweep in sweeps.items():
@@ -142,10 +141,8 @@ def simulated(
             own = slice(first, first + len(replay.forces))
             first = own.stop
             shown = replay.data(list(run.responses[own] / size[row]))
-            if leaks:
-                z, x = outputs.index("tool_z"), outputs.index("tool_x")
-                shown[z] = shown[z] + model.chain.cross_axis * shown[x]
-            data[row] = chain * shown[: len(group.channels)]
+            chain = steady if replay.block else windowed
+            data[row] = chain.shown(np.array([shown[outputs.index(name)] for name in chain.signals]))
             if elements:
                 stiffness[row] = _equivalent(replay, run.motions[own], run.forces[own])
     return Simulated(model, group, data, stiffness, sweeps)
@@ -158,10 +155,10 @@ def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:
     blocks, has no blow for a window to begin at.
     """
     force = np.stack(replay.forces)
-    sigma = 0.0 if replay.block else model.chain.decay_rate
+    chain = replace(model.chain, decay_rate=0.0) if replay.block else model.chain
     at = np.argmax(np.abs(force), axis=1)[:, None] / replay.fs
-    gain = 1.0 if replay.assumed else float(np.exp(sigma * at.mean()))
-    return gain, np.exp(-sigma * (np.arange(force.shape[1]) / replay.fs - at))
+    gain = 1.0 if replay.assumed else float(chain.window(-at.mean()))
+    return gain, chain.window(np.arange(force.shape[1]) / replay.fs - at)
 
 
 def _swept(model: Model, group: Group, row: int) -> SineSweep:
@@ -204,13 +201,6 @@ def _equivalent(replay: Replay, motions: FloatArray, forces: FloatArray) -> Comp
     """Force of each element over its motion, shape (element, frequency)."""
     pairs = [(motions[:, k], forces[:, k]) for k in range(motions.shape[1])]
     return np.array([replay.ratio(list(q), list(f)) for q, f in pairs])
-
-
-def _chain(model: Model, group: Group) -> ComplexArray:
-    """Gain and delay of each channel, shape (channel, frequency)."""
-    s = 2j * np.pi * group.freq
-    rows = [model.chain.channel(c) for c in group.channels]
-    return np.array([c.gain * np.exp(-s * c.delay) for c in rows])
 
 
 class SimulatedProblem(Problem):
@@ -342,15 +332,12 @@ def _sites(group: Group) -> tuple[Group, np.ndarray]:
 
 def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray) -> ComplexArray:
     """What equivalent stiffnesses at the elements' ports take away from each record's response."""
-    s = model.chain.decay_rate + 2j * np.pi * sites.freq
-    condensed = CondensedModel(model, sites.positions, np.asarray(s, dtype=np.complex128))
+    chain = model.chain.at(sites.channels, [DERIVATIVE_ORDER[q] for q in sites.quantities], 2j * np.pi * sites.freq)
+    condensed = CondensedModel(model, sites.positions, chain.s)
     ports = [e.port for e in model.nonlinear]
     if not ports:
-        return np.zeros((row.size, len(sites.channels), s.size), dtype=np.complex128)
-    reads = [model.channels[c].port for c in sites.channels]
-    if model.chain.cross_axis and "tool_z" in sites.channels:
-        reads.append("tool_x")
-    out = np.array([[condensed.receptance(r, p) for p in ports] for r in reads])
+        return np.zeros((row.size, len(sites.channels), chain.s.size), dtype=np.complex128)
+    out = np.array([[condensed.receptance(r, p) for p in ports] for r in chain.signals])
     drive = np.array([condensed.receptance(p, "force") for p in ports])
     own = np.array([[condensed.receptance(p, q) for q in ports] for p in ports])
     # (record, frequency, ...): one small system a record and line.
@@ -358,15 +345,7 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
     a_pr, a_rq, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, drive, own))
     below = np.eye(len(ports)) + a_rr * z[:, :, None, :]
     taken = np.einsum("rfcp,rfp,rfp->rcf", a_pr, z, np.linalg.solve(below, a_rq[..., None])[..., 0])
-    k = len(sites.channels)
-    order = np.array([DERIVATIVE_ORDER[q] for q in sites.quantities])[:, None]
-    shown: ComplexArray = taken[:, :k]
-    if len(reads) > k:
-        shown = shown.copy()
-        i = sites.channels.index("tool_z")
-        shown[:, i] += model.chain.cross_axis * taken[:, k]
-    out_of: ComplexArray = shown * s**order * _chain(model, sites)
-    return out_of
+    return chain.shown(taken)
 
 
 def problem_for(nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False) -> Problem:

@@ -7,8 +7,8 @@ from dataclasses import fields
 import numpy as np
 
 from cutvib_ss.effects.base import Model, Range
+from cutvib_ss.model.paths import Path, value_at
 from cutvib_ss.parameters import Tolerances
-from cutvib_ss.paths import Path, value_at
 from cutvib_ss.results import FloatArray
 
 CALIBRATION_SHAPES = 5

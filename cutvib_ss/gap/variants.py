@@ -16,7 +16,7 @@ import numpy as np
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap import faults
 from cutvib_ss.gap.modification import Lines, Modification
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 
 Build: TypeAlias = Callable[[Lines, float], Modification]
 

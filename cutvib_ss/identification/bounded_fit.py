@@ -23,11 +23,11 @@ from scipy import optimize
 from cutvib_ss.errors import IdentificationError
 from cutvib_ss.identification.fitted_data import FitData
 from cutvib_ss.identification.held_head import HeldHead
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.head import HEAD_PARAMETERS
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import HeadParameters
 from cutvib_ss.response.frequency import ChainedResponse
 from cutvib_ss.results import ComplexArray, FloatArray, read_only
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 Bounds: TypeAlias = tuple[HeadParameters, HeadParameters]

@@ -9,9 +9,9 @@ import numpy as np
 
 from cutvib_ss.errors import IdentificationError
 from cutvib_ss.identification.held_head import TOOL
+from cutvib_ss.model.head import HEAD_PARAMETERS
 from cutvib_ss.parameters import check_number
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, MeasuredFrequencyResponse, read_only
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS
 
 Weighting: TypeAlias = Literal["paper", "variance"]
 

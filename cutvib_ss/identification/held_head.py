@@ -6,15 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg, signal
 
+from cutvib_ss.model.head import head, head_changes
 from cutvib_ss.parameters import HeadParameters
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse
-from cutvib_ss.subsystems.head import head, head_row_derivatives
 
 TOOL = ("tool_x", "tool_z")
 """The responses of the tool: XX and ZX."""
 
 _ROTATIONS = slice(0, 2)
-_MASS_OF_PORT = {"head_x": "m1", "head_z": "m1", "tool_x": "m2", "tool_z": "m2"}
 
 
 class HeldHead:
@@ -43,28 +42,15 @@ class HeldHead:
 
     def derivative(self, name: str, output: str) -> ComplexArray:
         """Derivative of a receptance to one of the head's parameters."""
-        moved = {p: row[_ROTATIONS] for p, row in head_row_derivatives(self.parameters, name).items()}
-        still = np.zeros(2)
+        rows, parts = head_changes(self.parameters, name)
+        moved, still = {p: row[_ROTATIONS] for p, row in rows.items()}, np.zeros(2)
         v_x, v_q = self._answers["tool_x"], self._answers[output]
         change = v_x @ moved.get(output, still) + v_q @ moved.get("tool_x", still)
-        total: ComplexArray = change - np.einsum("fi,fij,fj->f", v_q, self._stiffness_change(name, moved), v_x)
+        total: ComplexArray = np.asarray(change, dtype=np.complex128)
+        for power, part in parts:
+            matrix = (np.outer(part, part) if part.ndim == 1 else part)[_ROTATIONS, _ROTATIONS]
+            total = total - self.s**power * np.einsum("fi,ij,fj->f", v_q, matrix, v_x)
         return total
-
-    def _stiffness_change(self, name: str, moved: dict[str, FloatArray]) -> ComplexArray:
-        s = self.s[:, None, None]
-        change = np.zeros((2, 2))
-        if name[0] in "kc":
-            joint = int(name[1]) - 1
-            change[joint, joint] = 1.0
-            return change * (s if name[0] == "c" else s**0)
-        for port, mass in _MASS_OF_PORT.items():
-            row = self._rows[port]
-            if mass == name:
-                change += np.outer(row, row)
-            if port in moved:
-                half = getattr(self.parameters, mass) * np.outer(moved[port], row)
-                change += half + half.T
-        return s**2 * change
 
 
 def held_response(parameters: HeadParameters, freq: ArrayLike) -> FrequencyResponse:

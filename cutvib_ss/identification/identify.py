@@ -12,17 +12,16 @@ from cutvib_ss.identification.bounded_fit import Bounds, HeadFit, HeadModel, bou
 from cutvib_ss.identification.first_guess import first_guess, peaks_and_dip
 from cutvib_ss.identification.fitted_data import FitWeights, Weighting, fit_data
 from cutvib_ss.identification.uncertainty import Determination, determination
-from cutvib_ss.machine import Machine
 from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import Campaign, Record
-from cutvib_ss.parameters import HeadParameters, table_3
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.parameters import HeadParameters, check_choice, table_3
 from cutvib_ss.results import (
     Drawn,
     FloatArray,
     FrequencyResponse,
     MeasuredFrequencyResponse,
     Table,
-    check_choice,
     read_only,
 )
 

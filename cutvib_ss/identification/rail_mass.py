@@ -9,7 +9,7 @@ import numpy as np
 from scipy import optimize
 
 from cutvib_ss.errors import IdentificationError
-from cutvib_ss.machine import cutting_machine
+from cutvib_ss.model.machine import cutting_machine
 from cutvib_ss.parameters import HeadParameters, RailParameters, recovered_rail, table_3, table_6
 from cutvib_ss.response.modes import modes
 from cutvib_ss.results import FloatArray, read_only

@@ -16,9 +16,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from cutvib_ss.model.head import HEAD_PARAMETERS, head_row_derivatives, head_rows
 from cutvib_ss.parameters import HeadParameters
 from cutvib_ss.results import FloatArray
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS, head_row_derivatives, head_rows
 
 TOOL_SIDE_UNITS: Mapping[str, str] = MappingProxyType(
     {

@@ -24,8 +24,8 @@ from scipy import stats
 from cutvib_ss.identification.bounded_fit import HeadFit, vector
 from cutvib_ss.identification.fitted_data import FitData
 from cutvib_ss.identification.tool_side import TOOL_SIDE_UNITS, tool_side, tool_side_gradient
+from cutvib_ss.model.head import HEAD_PARAMETERS, HEAD_UNITS
 from cutvib_ss.results import FloatArray, read_only
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS, HEAD_UNITS
 
 Status: TypeAlias = Literal["determined", "not determined", "on lower bound", "on upper bound"]
 

@@ -71,7 +71,7 @@ def write_plant(
     Examples
     --------
     >>> import tempfile
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> file = Path(tempfile.mkdtemp()) / "plant.mat"
     >>> write_plant(published_machine().plant(0.5), file, positions=0.5)
     >>> read_plant(file).nstates

@@ -1,7 +1,7 @@
 """
 The family of plants over the rail: one linear parameter-varying model, exact at every position and as a table over a grid.
 
-All plants share their states: the coordinates q of the affine form (`cutvib_ss.affine`), which mean the same wherever the head
+All plants share their states: the coordinates q of `cutvib_ss.model.coupling`, which mean the same wherever the head
 stands, and their rates, scaled by constants. In descriptor form the family is affine in functions of position, exactly:
 
     M(y) q̈ + C(y) q̇ + K(y) q = B(y) f,    z = P(y) q,    M(y) = Σ_k ρ_k(y) M_k ...
@@ -29,25 +29,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from cutvib_ss.affine import affine_machine
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.interconnection import with_quantity
 from cutvib_ss.lpv.table import ERROR_ORDER, Interpolation, PlantMatrices, PlantTable
-from cutvib_ss.machine import Machine
-from cutvib_ss.parameters import check_position
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.parameters import check_choice, check_position, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
-from cutvib_ss.results import (
-    ComplexArray,
-    Displayed,
-    FloatArray,
-    FrequencyResponse,
-    Quantity,
-    Table,
-    as_names,
-    check_choice,
-    span,
-)
-from cutvib_ss.slots import through_chain
+from cutvib_ss.results import ComplexArray, Displayed, FloatArray, FrequencyResponse, Quantity, Table, span
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 _OUTPUTS = ("tool_x", "tool_z", "base_x", "head_x", "head_z")
@@ -63,7 +50,9 @@ class PlantSchedule(Displayed):
     machine : Machine
         The machine.
     table : PlantTable
-        Its matrices over positions, exact and interpolated.
+        Its matrices over positions, exact and interpolated; its outputs are those and what leaks into them.
+    outputs : tuple of str
+        Names of the outputs.
     quantity : {"displacement", "velocity", "acceleration"}
         Which motion the outputs give.
     pade_order : int, optional
@@ -72,6 +61,7 @@ class PlantSchedule(Displayed):
 
     machine: Machine
     table: PlantTable
+    outputs: tuple[str, ...]
     quantity: Quantity
     pade_order: int | None = None
 
@@ -91,14 +81,9 @@ class PlantSchedule(Displayed):
         return self.table.inputs
 
     @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-        return self.table.outputs
-
-    @property
     def states(self) -> tuple[str, ...]:
         """Names of the states: coordinates, then their rates."""
-        return (*self.table.affine.dofs, *(f"{d}_rate" for d in self.table.affine.dofs))
+        return (*self.table.affine.dofs, *(f"d_{d}" for d in self.table.affine.dofs))
 
     def exact(self, position: float) -> control.StateSpace:
         """
@@ -172,7 +157,10 @@ class PlantSchedule(Displayed):
         places = as_positions(self.machine, positions)
         lines, s = as_laplace(freq, 0.0)
         matrices = [self.table.between(y) if interpolated else self.table.exact(y) for y in places]
-        data = np.array([m.outputs @ _solve(m, s) for m in matrices]) * (s**self._order)[:, None, None]
+        data = (
+            np.array([m.outputs[: len(self.outputs)] @ _solve(m, s) for m in matrices])
+            * (s**self._order)[:, None, None]
+        )
         quantities = (self.quantity,) * len(self.outputs)
         return FrequencyResponse(np.moveaxis(data, 1, -1), lines, places, self.outputs, self.inputs, quantities)
 
@@ -241,19 +229,24 @@ class PlantSchedule(Displayed):
         factor = linalg.cho_factor(m.mass)
         inner = scale[:, None] * linalg.cho_solve(factor, np.hstack([m.stiffness, m.damping, m.inputs]))
         stiff, damped, driven = inner[:, :n] / scale, inner[:, n : 2 * n] / scale, inner[:, 2 * n :]
-        bare = control.ss(
-            np.block([[np.zeros((n, n)), w0 * np.eye(n)], [-stiff / w0, -damped]]),
-            np.vstack([np.zeros_like(driven), driven / w0]),
-            np.hstack([m.outputs / scale, np.zeros_like(m.outputs)]),
-            np.zeros((len(self.outputs), len(self.inputs))),
-            inputs=list(self.inputs),
-            outputs=list(self.outputs),
-            states=list(self.states),
-        )
-        return with_quantity(through_chain(self.machine.chain, bare, self.pade_order), self.quantity, "machine")
+
+        a = np.block([[np.zeros((n, n)), w0 * np.eye(n)], [-stiff / w0, -damped]])
+        b = np.vstack([np.zeros_like(driven), driven / w0])
+        c, d = np.hstack([m.outputs / scale, np.zeros_like(m.outputs)]), np.zeros((len(m.outputs), len(self.inputs)))
+        for _ in range(self._order):
+            c, d = c @ a, c @ b
+
+        def build(signals: Sequence[str]) -> control.StateSpace:
+            # The table holds what the chain's outputs need.
+            return control.ss(
+                a, b, c, d, inputs=list(self.inputs), outputs=list(signals), states=list(self.states), name="machine"
+            )
+
+        return self.machine.chain.plant(build, self.outputs, self.pade_order)
 
     def _bound_at(self, position: float, s: ComplexArray) -> FloatArray:
         m, off = self.table.between(position), self.table.bound(position)
+        reads, missed = m.outputs[: len(self.outputs)], off.outputs[: len(self.outputs)]
         size = np.abs(s)[:, None, None]
         inverse = np.linalg.inv(_dynamic(m, s))
         felt = np.abs(inverse)
@@ -266,7 +259,7 @@ class PlantSchedule(Displayed):
             identity = np.eye(m.mass.shape[0])
             extra = np.linalg.solve(np.where(safe[:, None, None], identity - loop, identity), first)
         moved = motion + extra
-        bound = np.abs(m.outputs @ inverse) @ (off.inputs + wrong @ moved) + off.outputs @ moved
+        bound = np.abs(reads @ inverse) @ (off.inputs + wrong @ moved) + missed @ moved
         out: FloatArray = np.where(safe[:, None, None], bound, np.inf) * size**self._order
         return out
 
@@ -316,7 +309,7 @@ def schedule(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> family = schedule(published_machine(), [0.1, 0.3, 0.5, 0.7, 0.9], outputs=["tool_x"])
     >>> family.exact(0.4).nstates, family.interpolated(0.4).nstates
     (12, 12)
@@ -328,8 +321,10 @@ def schedule(
         raise ParameterError("a table over positions needs two of them at least")
     check_choice("interpolation", interpolation, tuple(ERROR_ORDER))
     check_choice("quantity", quantity, tuple(DERIVATIVE_ORDER))
-    table = PlantTable(affine_machine(machine, viscous_at), grid, as_names(inputs), as_names(outputs), interpolation)
-    return PlantSchedule(machine, table, quantity, pade_order)
+    drives, signals = names_of(inputs), names_of(outputs)
+    reads = tuple(dict.fromkeys(machine.chain.signals(signals)))
+    table = PlantTable(machine.coupling(viscous_at), grid, drives, reads, interpolation)
+    return PlantSchedule(machine, table, signals, quantity, pade_order)
 
 
 def _dynamic(m: PlantMatrices, s: ComplexArray) -> ComplexArray:

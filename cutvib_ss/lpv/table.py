@@ -19,9 +19,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from cutvib_ss.affine import AffineMachine
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import CUTTING_SIGNALS
+from cutvib_ss.model.coupling import Coupling
+from cutvib_ss.model.machine import CUTTING_SIGNALS
 from cutvib_ss.results import FloatArray, read_only
 
 Interpolation: TypeAlias = Literal["linear", "cubic"]
@@ -72,7 +72,7 @@ class PlantTable:
 
     Parameters
     ----------
-    affine : AffineMachine
+    affine : Coupling
         Their exact dependence on position.
     positions : array_like, shape (grid,)
         Grid points y_b / L, ascending.
@@ -82,7 +82,7 @@ class PlantTable:
         How the table is read between grid points.
     """
 
-    affine: AffineMachine
+    affine: Coupling
     positions: FloatArray
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -183,20 +183,15 @@ class PlantTable:
         """Largest moduli of the derivative in the interpolation's error, in each interval."""
         order, out = ERROR_ORDER[self.interpolation], []
         growth_matrices = self.affine.matrices_bound(order + 1)
-        row = self.affine.rail_row_bound(order + 1)
         riding = self.affine.transform_bound(order + 1)
 
         def growth_rows(signals: Sequence[str]) -> FloatArray:
             found = []
             for name in signals:
                 port = CUTTING_SIGNALS.get(name, name)
-                if port in ("base", "at_head"):
-                    found.append(row)
-                elif port in self.affine.fixed.ports:
-                    found.append(np.zeros_like(row))
-                else:
-                    found.append(np.abs(self.affine.carried.port(port)) @ riding)
-            return np.reshape(found, (-1, row.size))
+                still = np.zeros(len(self.affine.dofs))
+                found.append(still if self.affine.on_rail(port) else np.abs(self.affine.head.port(port)) @ riding)
+            return np.reshape(found, (-1, len(self.affine.dofs)))
 
         growth = (*growth_matrices, growth_rows(self.inputs).T, growth_rows(self.outputs))
         for a, b in zip(self.positions[:-1], self.positions[1:], strict=True):

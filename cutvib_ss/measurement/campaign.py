@@ -12,7 +12,6 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement.checks import check_record
 from cutvib_ss.measurement.conversion import frf_of, histories_of, to_contents
 from cutvib_ss.measurement.formats import format_of, read_file
@@ -21,6 +20,7 @@ from cutvib_ss.measurement.layout import layout_of
 from cutvib_ss.measurement.noise import frf_variance
 from cutvib_ss.measurement.records import FORCE, Campaign, History, MachineLike, Record
 from cutvib_ss.measurement.schema import CampaignFile, RecordTable, read_campaign_file
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.results import MeasuredFrequencyResponse, Quantity
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.mechanical import Channel
+from cutvib_ss.model.second_order import Channel
 from cutvib_ss.results import Displayed, FloatArray, MeasuredFrequencyResponse, Quantity, Table, read_only
 
 Kind: TypeAlias = Literal["impact", "frf", "timeseries"]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutvib_ss.machine import Machine
 from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import MachineLike, Record
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
-from cutvib_ss.structure import Structure
 
 _TURNED = -0.5  # of a sign or correlation between -1 and 1; models far off their machine still stay above zero
 

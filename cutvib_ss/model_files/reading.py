@@ -16,16 +16,15 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from cutvib_ss.effects import catalogue
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.machine import Machine
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.elements import Attachment, SprungMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import Rail
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import AbsorberParameters, StructureTolerances, Tolerances, recovered_rail, table_3
 from cutvib_ss.results import Quantity
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, SprungMass
-from cutvib_ss.subsystems.rail import Rail
 
 _ANGLES = ("theta01", "theta02")
-_RAIL = ("length", "mass", "first_frequency", "damping_ratio", "n_modes")
 _MATRICES = ("mass", "damping", "stiffness")
 
 
@@ -54,8 +53,9 @@ class _RailTable(_Table):
     length: float = 0.0
     mass: float = 0.0
     first_frequency: float = 0.0
-    damping_ratio: float = 0.0
+    damping_ratio: float | list[float] = 0.0
     n_modes: int = 0
+    strain_damping: float = 0.0
 
 
 class _ToleranceTable(_Table):
@@ -97,6 +97,7 @@ class _StructureKind(_Table):
 class _ChannelTable(_Table):
     port: str
     quantity: Quantity
+    absolute: bool | None = None
 
 
 class _InputTable(_Table):
@@ -255,7 +256,7 @@ def _structure(tables: _StructureFile) -> Structure:
         raise ParameterError(f"model.{error}") from error
     return Structure(
         system=system,
-        channels={name: Channel(c.port, c.quantity) for name, c in tables.channels.items()},
+        channels={name: Channel(c.port, c.quantity, c.absolute) for name, c in tables.channels.items()},
         input_port=port,
         input_quantity="force" if what == "force" else "acceleration",
         tolerance=StructureTolerances(**tables.tolerance.given()),

@@ -16,14 +16,14 @@ import numpy as np
 
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.elements import SprungMass
+from cutvib_ss.model.head import HEAD_PARAMETERS
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.model_files.reading import model_of
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import SprungMass
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS
 
 _ANGLES = ("theta01", "theta02")
-_RAIL = ("length", "mass", "first_frequency", "damping_ratio", "n_modes")
+_RAIL = ("length", "mass", "first_frequency", "n_modes")
 _ABSORBER = ("frequency", "damping_ratio", "mass")
 _MATRICES = ("mass", "damping", "stiffness")
 
@@ -71,7 +71,11 @@ def _lines(model: Model) -> Iterator[str]:
             value = getattr(bare.head, name)
             yield f"{name}_deg = {_in_degrees(value)!r}" if name in _ANGLES else f"{name} = {float(value)!r}"
         yield from ["", "[rail]"]
-        yield from (_entry(name, getattr(bare.rail.parameters, name)) for name in _RAIL)
+        rail = bare.rail.parameters
+        yield from (_entry(name, getattr(rail, name)) for name in _RAIL)
+        yield _entry("damping_ratio", rail.damping_ratios if rail.damping_profile else rail.damping_ratio)
+        if rail.strain_damping:
+            yield _entry("strain_damping", rail.strain_damping)
     else:
         yield from _structure_lines(bare)
     yield from ["", "[tolerance]"]
@@ -95,7 +99,10 @@ def _structure_lines(bare: Structure) -> Iterator[str]:
     yield from (_entry(name, row.tolist()) for name, row in system.ports.items())
     yield from ["", "[channels]"]
     for name, channel in bare.channels.items():
-        yield f"{_key(name)} = {{ port = {_value(channel.port)}, quantity = {_value(channel.quantity)} }}"
+        # Said where it is not the default, on a shaker, where alone it matters.
+        unusual = bare.influence is not None and channel.absolute != (channel.quantity == "acceleration")
+        more = f", absolute = {str(bool(channel.absolute)).lower()}" if unusual else ""
+        yield f"{_key(name)} = {{ port = {_value(channel.port)}, quantity = {_value(channel.quantity)}{more} }}"
     what = "force" if bare.input_quantity == "force" else "base_acceleration"
     yield from ["", "[input]", _entry(what, bare.input_port)]
 

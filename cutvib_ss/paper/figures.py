@@ -8,11 +8,11 @@ import numpy as np
 
 from cutvib_ss.absorber import check_absorber
 from cutvib_ss.identification.held_head import held_response
-from cutvib_ss.machine import Machine, published_machine
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.rail import mode_shapes
 from cutvib_ss.parameters import PAPER_POSITIONS, table_1, table_3, table_7
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import AbsorberCheck, FloatArray, FrequencyResponse
-from cutvib_ss.subsystems.rail import mode_shapes
 
 FIG_16 = ("CC", "FC", "CR and FR")
 """Positions of Fig. 16 and Table 4; the model knows no difference between CR and FR, along the machine."""

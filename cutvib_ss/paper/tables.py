@@ -15,7 +15,9 @@ from cutvib_ss.identification.fitted_data import fit_data
 from cutvib_ss.identification.held_head import held_natural_frequencies, held_peaks, held_response
 from cutvib_ss.identification.rail_mass import recover_rail_mass
 from cutvib_ss.identification.uncertainty import determination
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.head import HEAD_PARAMETERS
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.rail import natural_frequencies
 from cutvib_ss.paper.objective import least_of_eq_21
 from cutvib_ss.parameters import (
     PAPER_POSITIONS,
@@ -32,8 +34,6 @@ from cutvib_ss.parameters import (
 )
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.modes import modes
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS
-from cutvib_ss.subsystems.rail import natural_frequencies
 from cutvib_ss.units import STANDARD_GRAVITY
 
 # A line of a table: name with unit, printed (None where the paper has no number), computed (None where what is printed does

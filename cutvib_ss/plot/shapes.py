@@ -15,7 +15,7 @@ from PIL import Image
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.interchange.files import staged
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, drawing, legend_outside
 from cutvib_ss.results import FloatArray, Modes
 

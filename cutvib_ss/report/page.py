@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from cutvib_ss.gap.result import Comparison, Diagnosis, GapFigures
 from cutvib_ss.interchange.files import staged
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map, probability_text
 from cutvib_ss.plot.stiffness import stiffness_grid
 from cutvib_ss.plot.style import png

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number, check_position
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.structure import Structure
 
 
 def as_positions(model: Machine | Structure, positions: object) -> FloatArray:

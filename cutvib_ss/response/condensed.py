@@ -2,9 +2,8 @@
 Frequency responses in closed form: the head condensed to its base, the rail condensed to its receptance there.
 
 Let u be the motion where head and rail meet (one displacement; with twist also a rotation) and R the force on the rail. The head
-alone, its base held, answers a force at port p with T_p (force on the base) and H0_qp (motion); its dynamic stiffness at the base
-is Z. The rail's receptance there is A, with the guide's compliance in series; a_p is its motion there for a force at one of its
-own ports. Then
+alone, guide and attachments included, x held, answers a force at port p with T_p (force on x) and H0_qp (motion); its dynamic
+stiffness at x is Z. The rail's receptance there is A; a_p is its motion there for a force at one of its own ports. Then
 
     R_p = (1 + Z A)^-1 (T_p - Z a_p),   u_p = A R_p + a_p,   H_qp = H0_qp + a_qp + T_qᵀ u_p + a_qᵀ R_p.
 
@@ -21,15 +20,14 @@ from typing import TypeAlias
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import CUTTING_SIGNALS, Machine
-from cutvib_ss.parameters import check_position
+from cutvib_ss.model.elements import SpringDamperMass, SprungMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import rail_point
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.rail_receptance import RailField, RailReceptance
 from cutvib_ss.response.stacked import dot, inverse
 from cutvib_ss.response.twist_receptance import TwistReceptance
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import SpringDamperMass, SprungMass
-from cutvib_ss.subsystems.head import head
 
 Row: TypeAlias = FloatArray | ComplexArray
 
@@ -51,17 +49,13 @@ class CondensedModel:
     def __init__(self, model: Machine | Structure, positions: FloatArray, s: ComplexArray) -> None:
         self.model, self.positions, self.s = model, np.atleast_1d(positions), s
         self._answers: dict[str, Answer] = {}
-        if isinstance(model, Machine):
-            torsion = model.rail.torsion
-            system = head(model.head, torsion is not None, torsion.eccentricity if torsion else 0.0)
-            interface = [2, 3] if torsion else [2]
-        else:
-            system, interface = model.scaled, []
-        self.system, self.interface = system, interface
+        self.assembly = model.assembly
+        self.system = system = self.assembly.core
+        self.interface = interface = [system.dofs.index(d) for d in self.assembly.base]
         self.rows: dict[str, FloatArray] = dict(system.ports)
         n, s_ = len(system.dofs), s[None, None]
         e = system.stiffness[:, :, None] + s_ * system.damping[:, :, None] + (s_ * s_) * system.mass[:, :, None]
-        for a in model.attachments:
+        for a in self.assembly.elements:
             p = self.row(a.port)
             e += a.element.dynamic_stiffness(s) * np.multiply.outer(p, p)[:, :, None]
         self._free = [i for i in range(n) if i not in interface]
@@ -102,8 +96,8 @@ class CondensedModel:
     @cached_property
     def rail(self) -> RailReceptance:
         """The rail without the head."""
-        assert isinstance(self.model, Machine)
-        return RailReceptance(self.model.rail, self.s)
+        assert self.assembly.rail is not None
+        return RailReceptance(self.assembly.rail, self.s)
 
     @cached_property
     def base_field(self) -> RailField:
@@ -113,9 +107,9 @@ class CondensedModel:
     @cached_property
     def twist(self) -> TwistReceptance:
         """The rail's twist where the head is."""
-        assert isinstance(self.model, Machine)
-        assert self.model.rail.torsion is not None
-        return TwistReceptance(self.model.rail.torsion, self.positions, self.s)
+        torsion = self.rail.model.torsion
+        assert torsion is not None
+        return TwistReceptance(torsion, self.positions, self.s)
 
     @cached_property
     def _own(self) -> ComplexArray:
@@ -125,10 +119,7 @@ class CondensedModel:
     @cached_property
     def _receptances(self) -> list[ComplexArray]:
         """A of each interface motion, which bending and twist keep apart; shape (position, frequency) each."""
-        assert isinstance(self.model, Machine)
-        guide = self.model.guide
-        bending = self._own if guide is None else self._own + guide.compliance(self.s)
-        return [bending, self.twist.value] if len(self.interface) == 2 else [bending]
+        return [self._own, self.twist.value] if len(self.interface) == 2 else [self._own]
 
     @cached_property
     def _solver(self) -> ComplexArray:
@@ -143,45 +134,18 @@ class CondensedModel:
         return two
 
     def is_rail(self, name: str) -> bool:
-        """
-        Whether a signal is one of the rail.
-
-        Parameters
-        ----------
-        name : str
-            Signal or port.
-
-        Returns
-        -------
-        bool
-            True for its modal coordinates, ends and points, and for its motion under a guide that gives.
-        """
-        if not isinstance(self.model, Machine):
+        """Whether a signal is one of the rail: its modal coordinates, ends and points."""
+        if self.assembly.rail is None:
             return False
-        if name in ("rail_left", "rail_right") or re.fullmatch(r"eta\d+|rail\(.*\)", name):
-            return True
-        return self.model.guide is not None and CUTTING_SIGNALS.get(name, name) == "base"
+        return name in ("rail_left", "rail_right") or re.fullmatch(r"eta\d+|rail\(.*\)|rail@.*", name) is not None
+
+    def shaken(self, name: str) -> bool:
+        """Whether a signal is the acceleration of a shaker under the structure."""
+        return name == "force" and self.model.influence is not None
 
     def answer(self, name: str) -> Answer:
-        """
-        What a unit force at a signal's port does.
-
-        Parameters
-        ----------
-        name : str
-            Signal or port.
-
-        Returns
-        -------
-        Answer
-            Motion of the head and of the rail; its parts are computed when they are asked for.
-
-        Raises
-        ------
-        ParameterError
-            If there is no such signal.
-        """
-        port = CUTTING_SIGNALS.get(name, name) if isinstance(self.model, Machine) else name
+        """What a unit force at a signal's port does; its parts are computed when they are asked for."""
+        port = name if self.shaken(name) else self.model.port_of(name)
         if port not in self._answers:
             on_rail = self.is_rail(port)
             row = np.zeros(len(self.system.dofs)) if on_rail else self._head_row(port)
@@ -248,38 +212,25 @@ class CondensedModel:
 
     def _rail_field(self, name: str) -> RailField:
         """The rail's motion for a unit force at one of its own ports, without the head."""
-        assert isinstance(self.model, Machine)
-        if name == "base":
-            return self.base_field
         if name.startswith("eta"):
-            r = int(name[3:])
-            if not 1 <= r <= self.model.rail.parameters.n_modes:
-                raise ParameterError(f"no mode {r}: the rail has {self.model.rail.parameters.n_modes} modes")
+            r, modes = int(name[3:]), self.rail.model.parameters.n_modes
+            if not 1 <= r <= modes:
+                raise ParameterError(f"no mode {r}: the rail has {modes} modes")
             return self.rail.field(self.rail.mode(r))
         if name in ("rail_left", "rail_right"):
             return self.rail.field(self.rail.point([0.0 if name == "rail_left" else 1.0]))
-        try:
-            y = float(name[5:-1])
-        except ValueError:
-            raise ParameterError(f"signal {name!r}: write rail(0.25) for the rail at a quarter") from None
-        return self.rail.field(self.rail.point([check_position(y)]))
+        y = rail_point(name)
+        assert y is not None
+        return self.rail.field(self.rail.point([y]))
 
-    def _head_row(self, name: str) -> Row:
-        """A signal's row; it depends on frequency for a base acceleration that also shakes sprung masses."""
-        if isinstance(self.model, Structure) and name == "force":
-            if self.model.input_quantity == "acceleration":
-                return self._base_inertia()
-            return self.row(self.model.input_port)
-        if isinstance(self.model, Structure) and name in self.model.channels:
-            return self.row(self.model.channels[name].port)
-        return self.row(CUTTING_SIGNALS.get(name, name) if isinstance(self.model, Machine) else name)
-
-    def _base_inertia(self) -> ComplexArray:
-        """Force of a unit base acceleration, -M p, with what the attachments' masses add."""
-        assert isinstance(self.model, Structure)
-        carried = self.row(self.model.input_port)
+    def _head_row(self, port: str) -> Row:
+        """A port's row; of a shaker -M r, with what the masses of the elements add: it depends on frequency."""
+        if not self.shaken(port):
+            return self.row(port)
+        carried = self.model.influence
+        assert carried is not None
         load: ComplexArray = -(self.system.mass @ carried)[:, None] + 0 * self.s
-        for a in self.model.attachments:
+        for a in self.assembly.elements:
             p = self.row(a.port)
             load -= np.multiply.outer(p * (p @ carried), apparent_mass(a.element, self.s))
         return load
@@ -303,7 +254,8 @@ class CondensedModel:
         q, p = self.answer(output), self.answer(input)
         total: ComplexArray = dot(_over_frequency(q.row), p.blocked)[None]
         if not self.interface:
-            return total
+            share = self.model.base_share(output) if self.shaken(input) else 0.0
+            return total + share / self.s**2 if share else total
         total = total + dot(q.to_base, p.motion)
         if q.field is not None and q.at_head is not None:
             total = total + q.at_head * p.force[0]

@@ -16,24 +16,22 @@ product for all values of what sits at r.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TypeAlias, cast
 
 import numpy as np
 
-from cutvib_ss.machine import CUTTING_SIGNALS, Machine
-from cutvib_ss.paths import Path, value_at
+from cutvib_ss.model.coupling import Changes
+from cutvib_ss.model.elements import SpringDamperMass, SprungMass
+from cutvib_ss.model.paths import Path
 from cutvib_ss.response.condensed import CondensedModel, Row
 from cutvib_ss.response.rail_derivatives import RailPair
 from cutvib_ss.response.rail_receptance import RailField
 from cutvib_ss.response.stacked import dot, mixed
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import SpringDamperMass, SprungMass
-from cutvib_ss.subsystems.head import head_row_derivatives
 
-Rows: TypeAlias = dict[str, FloatArray]
+Rows: TypeAlias = Mapping[str, FloatArray]
 # A part of dE: its factor over frequency, and a symmetric matrix or the row r of r rᵀ.
 Part: TypeAlias = tuple[ComplexArray | float, FloatArray]
 
@@ -59,7 +57,7 @@ class ResponseDerivatives:
         condensed: CondensedModel,
         outputs: Sequence[str],
         input: str,
-        factors: Sequence[ComplexArray] | None = None,
+        factors: Sequence[ComplexArray] | ComplexArray | None = None,
     ) -> None:
         self.condensed, self.outputs, self.input = condensed, tuple(outputs), input
         self.model, self.s = condensed.model, condensed.s
@@ -100,14 +98,15 @@ class ResponseDerivatives:
         ndarray, shape (position, output, frequency)
             The derivative.
         """
-        d_rows = self._row_changes(path)
+        changes = self.model.core_changes(path)
+        d_rows = {} if changes is None else changes.rows
         moves = [
             (c, move)
             for c, name in enumerate(self.outputs)
             if (move := self._row_change(path, name, d_rows)) is not None
         ]
         driven = self._row_change(path, self.input, d_rows)
-        parts = self._stiffness_parts(path, d_rows)
+        parts = self._stiffness_parts(path, changes)
         out: ComplexArray | None = None
         if len(parts) == 1 and parts[0][1].ndim == 1 and not moves and driven is None:
             out = self._by_element(*parts[0])
@@ -116,7 +115,12 @@ class ResponseDerivatives:
         if self.condensed.interface:
             out = self._with_rail(out, path)
         shape = len(self.condensed.positions), len(self.outputs), self.s.size
-        return np.zeros(shape, dtype=np.complex128) if out is None else out
+        if out is None:
+            out = np.zeros(shape, dtype=np.complex128)
+        if path == ("s",) and self.condensed.shaken(self.input):
+            for c, name in enumerate(self.outputs):
+                out[:, c] -= self.factors[c] * 2 * self.model.base_share(name) / self.s**3
+        return out
 
     def _by_element(self, factor: ComplexArray | float, row: FloatArray) -> ComplexArray:
         """-z (rᵀX_q)(rᵀX_p); a new array."""
@@ -168,79 +172,42 @@ class ResponseDerivatives:
 
     # -- the head -----------------------------------------------------------------------------------------------------------
 
-    def _row_changes(self, path: Path) -> Rows:
-        """How the head's rows move with a value."""
-        model = self.model
-        if not isinstance(model, Machine):
-            return {}
-        torsion = model.rail.torsion
-        twist, e = torsion is not None, torsion.eccentricity if torsion else 0.0
-        if path[0] == "head":
-            return head_row_derivatives(model.head, str(path[1]), twist, e)
-        if path == ("rail", "torsion", "eccentricity"):
-            rows = self.condensed.rows.items()
-            return {name: np.array([0.0, 0.0, 0.0, row[2]]) for name, row in rows if row[2] and name != "base"}
-        return {}
-
     def _row_change(self, path: Path, name: str, d_rows: Rows) -> Row | None:
-        if isinstance(self.model, Structure) and name == "force" and self.model.input_quantity == "acceleration":
-            return self._base_inertia_change(self.model, path)
-        if not d_rows or self.condensed.is_rail(name):
-            return None
-        return d_rows.get(CUTTING_SIGNALS.get(name, name))
+        if self.condensed.shaken(name):
+            return self._base_inertia_change(path)
+        return None if self.condensed.is_rail(name) else d_rows.get(self.model.port_of(name))
 
-    def _base_inertia_change(self, model: Structure, path: Path) -> Row | None:
-        carried = self.condensed.row(model.input_port)
-        if path == ("scales", 0):
-            return -(model.system.mass @ carried)
-        if path[0] != "attachments" and path != ("s",):
-            return None
+    def _base_inertia_change(self, path: Path) -> Row | None:
+        carried = self.model.influence
+        assert carried is not None
+        changes, assembly = self.model.core_changes(path), self.condensed.assembly
+        if changes is not None:
+            masses = [part for power, part in changes.stiffness if power == 2]
+            return -(masses[0] @ carried) if masses else None
         out = np.zeros((carried.size, self.s.size), dtype=np.complex128)
-        for k, a in enumerate(model.attachments):
-            if path == ("s",) or path[1] == k:
-                p, name = self.condensed.row(a.port), "s" if path == ("s",) else str(path[-1])
-                out -= np.multiply.outer(p * (p @ carried), _apparent_mass_change(a.element, name, self.s))
+        for a, at in zip(assembly.elements, assembly.paths, strict=True):
+            if path == ("s",) or path[: len(at)] == at:
+                p = self.condensed.row(a.port)
+                out -= np.multiply.outer(p * (p @ carried), _apparent_mass_change(a.element, str(path[-1]), self.s))
         return out
 
-    def _stiffness_parts(self, path: Path, d_rows: Rows) -> list[Part]:
-        """dE, how the head's dynamic stiffness moves with a value."""
-        model, s = self.model, self.s
-        system = self.condensed.system
+    def _stiffness_parts(self, path: Path, changes: Changes | None) -> list[Part]:
+        """dE, how the dynamic stiffness of the head, or of a structure, moves with a value."""
+        s, assembly = self.s, self.condensed.assembly
         parts: list[Part] = []
         if path == ("s",):
-            parts += [(1.0, system.damping), (2 * s, system.mass)]
-        elif path[0] == "scales" and isinstance(model, Structure):
-            matrix = (model.system.mass, model.system.damping, model.system.stiffness)[int(path[1])]
-            parts.append(((s * s, s, 1.0)[int(path[1])], matrix))
-        elif path[0] == "head" and isinstance(model, Machine):
-            parts += self._head_parts(model, str(path[1]), d_rows)
-        elif path == ("rail", "torsion", "eccentricity"):
-            parts.append((s * s, self._mass_change(d_rows)))
-        for k, a in enumerate(model.attachments):
+            parts += [(1.0, assembly.core.damping), (2 * s, assembly.core.mass)]
+        d_rows: Rows = {}
+        if changes is not None:
+            d_rows = changes.rows
+            parts += [((1.0, s, s * s)[power], part) for power, part in changes.stiffness]
+        for a, at in zip(assembly.elements, assembly.paths, strict=True):
             p, dp = self.condensed.row(a.port), d_rows.get(a.port)
-            if path == ("s",) or path[:2] == ("attachments", k):
-                parts.append((a.element.derivative("s" if path == ("s",) else str(path[-1]), s), p))
+            if path == ("s",) or path[: len(at)] == at:
+                parts.append((a.element.derivative(str(path[-1]), s), p))
             if dp is not None:
                 parts.append((a.element.dynamic_stiffness(s), np.outer(dp, p) + np.outer(p, dp)))
         return parts
-
-    def _head_parts(self, model: Machine, name: str, d_rows: Rows) -> list[Part]:
-        s, rows = self.s, self.condensed.rows
-        if name in ("k1", "k2", "c1", "c2"):
-            return [(s if name[0] == "c" else 1.0, rows["joint" + name[1]])]
-        if name in ("m1", "m2"):
-            x, z = ("head_x", "head_z") if name == "m1" else ("tool_x", "tool_z")
-            return [(s * s, np.outer(rows[x], rows[x]) + np.outer(rows[z], rows[z]))]
-        return [(s * s, self._mass_change(d_rows))]
-
-    def _mass_change(self, d_rows: Rows) -> FloatArray:
-        assert isinstance(self.model, Machine)
-        h, rows = self.model.head, self.condensed.rows
-        total = np.zeros((len(self.condensed.system.dofs),) * 2)
-        for mass, port in ((h.m1, "head_x"), (h.m1, "head_z"), (h.m2, "tool_x"), (h.m2, "tool_z")):
-            if port in d_rows:
-                total += mass * (np.outer(d_rows[port], rows[port]) + np.outer(rows[port], d_rows[port]))
-        return total
 
     # -- the rail -----------------------------------------------------------------------------------------------------------
 
@@ -263,18 +230,14 @@ class ResponseDerivatives:
         return self._pairs[left, right]
 
     def _with_rail(self, out: ComplexArray | None, path: Path) -> ComplexArray | None:
-        """The head's part and what the guide, the rail and its twist add."""
-        model = self.model
-        assert isinstance(model, Machine)
-        every = path == ("s",)
+        """The head's part and what the rail and its twist add."""
+        rail, every = self.condensed.rail.model, path == ("s",)
         d_bending: ComplexArray | None = None
         direct: list[tuple[int, ComplexArray]] = []
-        if model.guide is not None and (every or path[0] == "guide"):
-            d_bending = model.guide.derivative(str(path[-1]), self.s)[None]
         if every or (path[0] == "rail" and path[1] != "torsion"):
             name = path if every else _rail_name(path)
             driven, base = len(self.outputs), len(self.outputs) + 1
-            d_bending = _plus(d_bending, self._under_head.derivative(name))
+            d_bending = self._under_head.derivative(name)
             # One field carries each port: what reaches it through the head's base, plus its own.
             by_input = self._derivative(base, driven, name)
             if by_input is not None:
@@ -287,11 +250,11 @@ class ResponseDerivatives:
                     direct.append((c, both))
         if d_bending is not None:
             out = _plus(out, self._force[0] * (d_bending * self._driven.force[0])[:, None])
-        if model.rail.torsion and (every or (path[:2] == ("rail", "torsion") and path[2] != "eccentricity")):
+        if rail.torsion and (every or (path[:2] == ("rail", "torsion") and path[2] != "eccentricity")):
             d_twist = self.condensed.twist.derivative(str(path[-1])) * self._driven.force[1]
             out = _plus(out, self._force[1] * d_twist[:, None])
         if path == ("rail", "parameters", "mass"):
-            direct += self._normalisation(value_at(model, path))
+            direct += self._normalisation(rail.parameters.mass)
         if out is not None:
             for c, change in direct:
                 out[:, c] += self.factors[c] * change

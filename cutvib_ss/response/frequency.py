@@ -7,27 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
-from cutvib_ss.paths import Path
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import Path
+from cutvib_ss.model.structure import Structure
+from cutvib_ss.parameters import check_choice, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.condensed import CondensedModel
 from cutvib_ss.response.derivatives import ResponseDerivatives
-from cutvib_ss.response.signals import displacement_unit, input_unit, port_name
-from cutvib_ss.results import (
-    QUANTITY_OF_FORM,
-    ComplexArray,
-    Form,
-    FrequencyResponse,
-    Quantity,
-    as_names,
-    check_choice,
-)
-from cutvib_ss.structure import Structure
+from cutvib_ss.response.signals import displacement_unit, input_unit
+from cutvib_ss.results import QUANTITY_OF_FORM, ComplexArray, Form, FrequencyResponse, Quantity
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 _BLOCK = 24_000
 """Positions times frequencies that are computed at once: arrays of 0.4 MB."""
+_STILL = 1e-6j
+"""s in place of 0 on a shaker, whose absolute displacement is infinite there but not its acceleration [rad/s]."""
 
 
 def frequency_response(
@@ -77,22 +71,20 @@ def frequency_response(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> frf = frequency_response(published_machine(), [0.5], [217.0], outputs=["tool_x"])
     >>> frf.data.shape, frf.unit
     ((1, 1, 1, 1), 'm/s^2/N')
     """
-    outputs = tuple(machine.channels) if outputs is None else as_names(outputs)
-    inputs = as_names(inputs)
+    inputs, outputs = names_of(inputs), names_of(machine.channels if outputs is None else outputs)
     quantities = output_quantities(machine, outputs, form)
     places = as_positions(machine, positions)
     f, s = as_laplace(freq, decay_rate)
     data = np.empty((places.size, len(outputs), len(inputs), s.size), dtype=np.complex128)
-    ports_out, ports_in = tuple(map(port_name, outputs)), tuple(map(port_name, inputs))
     # By blocks of frequencies whose intermediate arrays stay in the processor's cache; nothing is computed twice.
     lines = max(1, _BLOCK // places.size)
     for k in range(0, s.size, lines):
-        part = ChainedResponse(machine, places, s[k : k + lines], quantities, ports_out, ports_in)
+        part = ChainedResponse(machine, places, s[k : k + lines], quantities, outputs, inputs)
         data[..., k : k + lines] = part.data()
     data.flags.writeable = False  # given away: the result need not copy it
     return FrequencyResponse(
@@ -128,8 +120,7 @@ def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form
     if form is not None:
         check_choice("form", form, tuple(QUANTITY_OF_FORM))
         return (QUANTITY_OF_FORM[form],) * len(outputs)
-    other: Quantity = "acceleration" if isinstance(machine, Machine) else "displacement"
-    return tuple(machine.channels[o].quantity if o in machine.channels else other for o in outputs)
+    return tuple(machine.channels[o].quantity if o in machine.channels else machine.default_quantity for o in outputs)
 
 
 class ChainedResponse:
@@ -149,9 +140,6 @@ class ChainedResponse:
     outputs, inputs : sequence of str
         Signals.
 
-    Notes
-    -----
-    H = g e^(-sτ) s^k (H_own + cross · H_tool_x), at s shifted by the rate of a window that was never taken out.
     """
 
     def __init__(
@@ -164,101 +152,46 @@ class ChainedResponse:
         inputs: Sequence[str],
     ) -> None:
         self.machine, self.outputs, self.inputs = machine, tuple(outputs), tuple(inputs)
-        self.chain = machine.chain
-        self.s = s + self.chain.decay_rate
+        if machine.influence is not None:
+            s = np.where(s == 0.0, _STILL, s)
+        self._lines = machine.chain.at(outputs, [DERIVATIVE_ORDER[q] for q in quantities], s)
+        self.s, self._places = self._lines.s, positions.size
         self.model = CondensedModel(machine, positions, self.s)
-        self.orders = [DERIVATIVE_ORDER[q] for q in quantities]
-        self._shape = (positions.size, len(self.outputs), len(self.inputs), s.size)
         self._bare: dict[tuple[str, str], ComplexArray] = {}
         self._changes: dict[str, ResponseDerivatives] = {}
-        self._factors = [self._factor(k) for k in range(len(self.outputs))]
 
     def _receptance(self, output: str, input: str) -> ComplexArray:
         if (output, input) not in self._bare:
             self._bare[output, input] = self.model.receptance(output, input)
         return self._bare[output, input]
 
-    def _leaks(self, output: str) -> bool:
-        return output == "tool_z" and self.chain.cross_axis != 0.0
-
-    def _factor(self, k: int) -> ComplexArray:
-        channel = self.chain.channel(self.outputs[k])
-        factor: ComplexArray = channel.gain * self.s ** self.orders[k]
-        return factor * np.exp(-self.s * channel.delay) if channel.delay else factor
-
     def data(self) -> ComplexArray:
-        """
-        The responses.
-
-        Returns
-        -------
-        ndarray, shape (position, output, input, frequency)
-            In the wanted quantities.
-        """
-        out = np.empty(self._shape, dtype=np.complex128)
-        for k, output in enumerate(self.outputs):
+        """The responses, shape (position, output, input, frequency), in the wanted quantities."""
+        signals = self._lines.signals
+        out = np.empty((self._places, len(signals), len(self.inputs), self.s.size), dtype=np.complex128)
+        for k, signal in enumerate(signals):
             for i, input in enumerate(self.inputs):
-                value = self._receptance(output, input)
-                if self._leaks(output):
-                    value = value + self.chain.cross_axis * self._receptance("tool_x", input)
-                np.multiply(self._factors[k], value, out=out[:, k, i])
-        return out
+                np.multiply(self._lines.factors[k], self._receptance(signal, input), out=out[:, k, i])
+        return self._lines.gathered(out, axis=1)
 
     def derivative(self, path: Path) -> ComplexArray:
-        """
-        Derivative of the responses to one of the model's values.
-
-        Parameters
-        ----------
-        path : tuple of str and int
-            The value's path, as `slots.value_at` takes it.
-
-        Returns
-        -------
-        ndarray, shape (position, output, input, frequency)
-            The derivative.
-
-        Raises
-        ------
-        ParameterError
-            If the response has no derivative to that value.
-        """
+        """Derivative of the responses to one of the model's values, shape (position, output, input, frequency)."""
         if path[0] != "chain":
             parts = [self._mechanical(path, input) for input in self.inputs]
-            return parts[0][:, :, None] if len(parts) == 1 else np.stack(parts, axis=2)
-        out = np.zeros(self._shape, dtype=np.complex128)
-        for k, output in enumerate(self.outputs):
-            for i, input in enumerate(self.inputs):
-                out[:, k, i] = self._by_chain(path, k, output, input)
-        return out
+        else:
+            parts = [self._by_chain(path, input) for input in self.inputs]
+        return parts[0][:, :, None] if len(parts) == 1 else np.stack(parts, axis=2)
 
     def _mechanical(self, path: Path, input: str) -> ComplexArray:
         """Derivative of one input's responses to a value of the mechanics, shape (position, output, frequency)."""
-        # What leaks into an output is one more output, with that one's factor.
-        leaks = [k for k, output in enumerate(self.outputs) if self._leaks(output)]
         if input not in self._changes:
-            factors = self._factors + [self.chain.cross_axis * self._factors[k] for k in leaks]
-            signals = self.outputs + ("tool_x",) * len(leaks)
-            self._changes[input] = ResponseDerivatives(self.model, signals, input, factors)
-        change, count = self._changes[input].derivative(path), len(self.outputs)
-        for extra, k in enumerate(leaks, start=count):
-            change[:, k] += change[:, extra]
-        return change[:, :count]
+            self._changes[input] = ResponseDerivatives(self.model, self._lines.signals, input, self._lines.factors)
+        return self._lines.gathered(self._changes[input].derivative(path))
 
-    def _by_chain(self, path: Path, k: int, output: str, input: str) -> ComplexArray | float:
-        """Derivative of one response to a value of the chain, shape (position, frequency)."""
-        if path == ("chain", "cross_axis"):
-            return self._factors[k] * self._receptance("tool_x", input) if output == "tool_z" else 0.0
-        value = self._receptance(output, input)
-        if self._leaks(output):
-            value = value + self.chain.cross_axis * self._receptance("tool_x", input)
-        value = self._factors[k] * value
-        channel = self.chain.channel(output)
-        if path == ("chain", "decay_rate"):
-            order: ComplexArray = self.orders[k] / self.s if self.orders[k] else 0 * self.s
-            return self._mechanical(("s",), input)[:, k] + (order - channel.delay) * value
-        if path[:2] == ("chain", "channels"):
-            if path[2] != output:
-                return 0.0
-            return -self.s * value if path[3] == "delay" else value / channel.gain
-        raise ParameterError(f"the response has no derivative to {'.'.join(map(str, path))}")
+    def _by_chain(self, path: Path, input: str) -> ComplexArray:
+        """Derivative of one input's responses to a value of the chain, shape (position, output, frequency)."""
+
+        def motion(signal: str) -> ComplexArray:
+            return np.broadcast_to(self._receptance(signal, input), (self._places, self.s.size))
+
+        return self._lines.derivative(path, motion, lambda: self._mechanical(("s",), input))

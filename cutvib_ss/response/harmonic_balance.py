@@ -23,17 +23,17 @@ from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.laws import LAWS
-from cutvib_ss.machine import Machine
-from cutvib_ss.parameters import check_number
-from cutvib_ss.paths import Path
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import Path
+from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.structure import Structure
+from cutvib_ss.parameters import check_number, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.frequency import ChainedResponse, output_quantities
 from cutvib_ss.response.modal_form import modal_form
 from cutvib_ss.response.port_motion import PortMotion, harmonic_tables
 from cutvib_ss.response.signals import displacement_unit, input_unit
-from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity, as_names
-from cutvib_ss.slots import NonlinearElement
-from cutvib_ss.structure import Structure
+from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
 
 _SAMPLES = 32
 """Samples of a period for each harmonic kept; corners of a law alias less the more there are."""
@@ -98,7 +98,7 @@ def sine_response(
     Examples
     --------
     >>> from cutvib_ss.effects.cubic_stiffness import CubicStiffness
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> machine = CubicStiffness("joint2", 8e9).apply(published_machine())
     >>> frf = sine_response(machine, [0.5], [200.0, 215.0, 230.0], 20.0, outputs=["tool_x"])
     >>> frf.data.shape, frf.unit
@@ -155,7 +155,7 @@ class SineSweep:
             raise ParameterError(f"harmonics = {harmonics} must be at least 1")
         self.direction, self.harmonics, self._viscous_at = direction, harmonics, viscous_at
         self.elements: tuple[NonlinearElement, ...] = machine.nonlinear
-        self.outputs = tuple(machine.channels) if outputs is None else as_names(outputs)
+        self.outputs = tuple(machine.channels) if outputs is None else names_of(outputs)
         self.quantities = output_quantities(machine, self.outputs, None)
         ports = tuple(e.port for e in self.elements)
         still: list[Quantity] = ["displacement"] * len(ports)

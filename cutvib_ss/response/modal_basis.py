@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.errors import CouplingError
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.results import ComplexArray, FloatArray
 
 _RIGID = 1e-10

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,11 +9,12 @@ from functools import cached_property
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import CUTTING_SIGNALS, Machine
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.model.rail import rail_points
+from cutvib_ss.model.second_order import SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.modal_basis import modal_basis
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
-from cutvib_ss.structure import Structure
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 
@@ -39,6 +39,8 @@ class ModalForm:
         Modes of an initial displacement and velocity of the degrees of freedom.
     dofs : tuple of str
         Names of the degrees of freedom.
+    base_shares : tuple of float
+        How the channels move with a shaker's base, where they read absolute motion; the sum over the modes is relative to it.
     """
 
     poles: ComplexArray
@@ -49,11 +51,18 @@ class ModalForm:
     ports: tuple[str, ...]
     from_state: ComplexArray
     dofs: tuple[str, ...]
+    base_shares: tuple[float, ...] = ()
 
     @cached_property
     def orders(self) -> tuple[int, ...]:
         """How often each channel differentiates displacement."""
         return tuple(DERIVATIVE_ORDER[q] for q in self.quantities)
+
+    def add_base(self, responses: FloatArray, acceleration: FloatArray, fs: float) -> None:
+        """Add a shaker's own motion, at rest at first, to responses of shape (blow, channel, sample)."""
+        for k, (share, order) in enumerate(zip(self.base_shares, self.orders, strict=False)):
+            if share:
+                responses[:, k] += share * base_motion(acceleration, fs, order)
 
     def receptance(self, s: ComplexArray) -> ComplexArray:
         """
@@ -140,89 +149,47 @@ def modal_form(
     reads = [machine.channels[n].port if n in machine.channels else n for n in names]
     system = system_with(machine, position, viscous_at, (*reads, *at))
     rows = np.array([row_of(system, r) for r in (*reads, *at)])
-    forces = np.array([drive_of(machine, system), *(row_of(system, p) for p in at)]).T
+    forces = np.array([machine.drive(system), *(row_of(system, p) for p in at)]).T
     m = modal_basis(system, classical_above)
-    return ModalForm(m.poles, m.drives @ forces, rows @ m.shapes, read, names, at, m.from_state, system.dofs)
+    shares = tuple(machine.base_share(n) for n in names)
+    return ModalForm(m.poles, m.drives @ forces, rows @ m.shapes, read, names, at, m.from_state, system.dofs, shares)
 
 
-def drive_of(machine: Machine | Structure, system: SecondOrder) -> FloatArray:
+def base_motion(acceleration: FloatArray, fs: float, order: int, periodic: bool = False) -> FloatArray:
     """
-    How a unit of the ``force`` channel pushes each degree of freedom.
+    A base's displacement, velocity or acceleration (order 0 to 2) of an acceleration that is linear between its samples.
 
-    Parameters
-    ----------
-    machine : Machine or Structure
-        The model.
-    system : SecondOrder
-        Its second-order form.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Row of the input port; for a structure on a shaker the inertia forces of a unit base acceleration.
+    From rest, or periodic: then without mean, which the acceleration must not have either.
     """
-    return machine.drive(system) if isinstance(machine, Structure) else system.port(machine.input_port)
+    if order == 2:
+        return acceleration
+    h = 1.0 / fs
+    a = np.concatenate([acceleration, acceleration[..., :1]], axis=-1) if periodic else acceleration
+    left, right = a[..., :-1], a[..., 1:]
+
+    def summed(steps: FloatArray) -> FloatArray:
+        return np.concatenate([np.zeros((*a.shape[:-1], 1)), np.cumsum(steps, axis=-1)], axis=-1)
+
+    velocity = summed(h * (left + right) / 2)
+    if periodic:
+        if np.abs(velocity[..., -1]).max() > 1e-6 * np.abs(h * a).sum():
+            raise ParameterError(
+                "the base's acceleration has a mean: its periodic velocity does not exist; take it out"
+            )
+        travelled = np.sum(h * velocity[..., :-1] + h * h * (2 * left + right) / 6, axis=-1, keepdims=True)
+        velocity = velocity - travelled / (h * left.shape[-1])
+    out = velocity if order else summed(h * velocity[..., :-1] + h * h * (2 * left + right) / 6)
+    if not periodic:
+        return out
+    out = out[..., :-1]
+    return out if order else out - out.mean(axis=-1, keepdims=True)
 
 
 def system_with(
     machine: Machine | Structure, position: float | None, viscous_at: float | None, names: Sequence[str]
 ) -> SecondOrder:
-    """
-    The second-order form of a model with the ports that some signals need.
-
-    Parameters
-    ----------
-    machine : Machine or Structure
-        The model.
-    position : float or None
-        y_b / L of the head; None for a structure.
-    viscous_at : float or None
-        Frequency [Hz] at which hysteretic damping is made viscous.
-    names : sequence of str
-        Signals; points of the rail as ``rail(0.25)``.
-
-    Returns
-    -------
-    SecondOrder
-        The joined system.
-
-    Raises
-    ------
-    ParameterError
-        If a model with positions is given none, or a point of the rail is no number.
-    """
-    if isinstance(machine, Structure):
-        return machine.second_order(position, viscous_at)
+    """The second-order form of a model with the ports that some signals need; points of the rail as ``rail(0.25)``."""
     return machine.second_order(position, viscous_at, rail_points(names))
-
-
-def rail_points(names: Sequence[str]) -> dict[str, float]:
-    """
-    Points of the rail among signals.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Signals; points of the rail as ``rail(0.25)``.
-
-    Returns
-    -------
-    dict of str to float
-        The name of each point, and its y / L.
-
-    Raises
-    ------
-    ParameterError
-        If a point of the rail is no number.
-    """
-    points = {}
-    for name in names:
-        if found := re.fullmatch(r"rail\((.*)\)", name):
-            try:
-                points[name] = float(found[1])
-            except ValueError:
-                raise ParameterError(f"signal {name!r}: write rail(0.25) for the rail at a quarter") from None
-    return points
 
 
 def row_of(system: SecondOrder, name: str) -> FloatArray:

@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg, optimize
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.machine import Machine
-from cutvib_ss.mechanical import SecondOrder
-from cutvib_ss.paths import ModelT
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import ModelT
+from cutvib_ss.model.second_order import SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.results import ComplexArray, FloatArray, Modes, TrackedModes
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import SpringDamperMass
 
 _RIGID = 1e-12
 """Squared natural frequencies below this part of the largest are a free body's."""
@@ -54,7 +54,7 @@ def modes(machine: Machine | Structure, position: float | None = None) -> Modes:
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> modes(published_machine(), 0.5).natural_freq.round(1)
     array([ 24.5, 126.8, 210.6, 220.6, 409.1, 507.2])
     """

@@ -14,18 +14,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cutvib_ss.affine import AffineMachine, affine_machine
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.machine import CUTTING_SIGNALS, Machine
-from cutvib_ss.parameters import check_number
+from cutvib_ss.model.coupling import Coupling
+from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.model.rail import EndSupports, rail_points
+from cutvib_ss.parameters import check_choice, check_number, names_of
 from cutvib_ss.response.compiled_travel import NODES, RULES, travel_steps
-from cutvib_ss.response.modal_form import rail_points
 from cutvib_ss.response.output_rows import END_FORCES
 from cutvib_ss.response.riding import RidingCourse, RidingState, Rows
 from cutvib_ss.response.signals import displacement_unit
 from cutvib_ss.response.travel import Travel
-from cutvib_ss.results import Energies, FloatArray, MovingResponse, Quantity, as_names, check_choice
-from cutvib_ss.subsystems.rail import EndSupports
+from cutvib_ss.results import Energies, FloatArray, MovingResponse, Quantity
 from cutvib_ss.units import DERIVATIVE_ORDER, rate_unit
 
 _BLOCK = 8192
@@ -89,7 +88,7 @@ def moving_response(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> from cutvib_ss.response.travel import trapezoid
     >>> way = trapezoid(0.3, 0.4, speed=1.0, acceleration=10.0, length=2.5)
     >>> moving_response(published_machine(), way, np.ones(100), 2000.0).data.shape
@@ -101,7 +100,7 @@ def moving_response(
     check_number("fs", fs, 0.0, strict=True)
     if check_number("substeps", substeps, 1) != int(substeps):
         raise ParameterError(f"substeps = {substeps} must be a whole number")
-    names = tuple(machine.channels) if outputs is None else as_names(outputs)
+    names = tuple(machine.channels) if outputs is None else names_of(outputs)
     wanted = (quantity,) * len(names) if quantity is None or isinstance(quantity, str) else tuple(quantity)
     if len(wanted) != len(names):
         raise ParameterError(f"{len(names)} outputs need as many quantities, not {len(wanted)}")
@@ -132,7 +131,7 @@ def moving_response(
     )
 
 
-def _checked(machine: Machine, viscous_at: float | None, points: Mapping[str, float]) -> AffineMachine:
+def _checked(machine: Machine, viscous_at: float | None, points: Mapping[str, float]) -> Coupling:
     if machine.rail.torsion is not None:
         raise CouplingError(
             "the rail's twist is linear between the nodes of its mesh: a head cannot travel over such kinks; leave it out"
@@ -141,7 +140,7 @@ def _checked(machine: Machine, viscous_at: float | None, points: Mapping[str, fl
         raise CouplingError(
             "nonlinear elements are not stepped while the head travels; leave them out, or let it stand"
         )
-    return affine_machine(machine, viscous_at, points)
+    return machine.coupling(viscous_at, points)
 
 
 def _end_force(
@@ -149,14 +148,14 @@ def _end_force(
     state: RidingState, rows_at: Callable[[RidingCourse], Rows],
 ) -> FloatArray:  # fmt: skip
     """Force of the rail on what holds an end: of spring and damper, or what the equation of the released end lacks at rest."""
-    end, dofs = name.removesuffix("_force"), affine_machine(machine, viscous_at).dofs
+    end, dofs = name.removesuffix("_force"), machine.coupling(viscous_at).dofs
     supports = machine.rail.supports
     if supports is not None:
         k, c = (supports.k_left, supports.c_left) if end == "rail_left" else (supports.k_right, supports.c_right)
         q, v, _ = (part[:, dofs.index(end)] for part in state.motion)
         return k * q + c * v
     released = replace(machine, rail=replace(machine.rail, supports=EndSupports(1.0, 1.0)))
-    free = RidingCourse.of(affine_machine(released, viscous_at, points), ports)
+    free = RidingCourse.of(released.coupling(viscous_at, points), ports)
     place = np.zeros((len(dofs), len(free.exact.dofs)))
     place[np.arange(len(dofs)), [free.exact.dofs.index(dof) for dof in dofs]] = 1.0
     q, v, a = (part @ place for part in state.motion)

@@ -10,11 +10,11 @@ import control
 import numpy as np
 
 from cutvib_ss.laws import LAWS
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number
-from cutvib_ss.response.modal_form import drive_of, row_of, system_with
+from cutvib_ss.response.modal_form import row_of, system_with
 from cutvib_ss.results import FloatArray, Quantity
-from cutvib_ss.structure import Structure
 
 
 def nonlinear_system(
@@ -63,7 +63,7 @@ def nonlinear_system(
     Examples
     --------
     >>> from cutvib_ss.effects.cubic_stiffness import CubicStiffness
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> nonlinear_system(CubicStiffness("joint2", 8e9).apply(published_machine()), 0.5).nstates
     12
     """
@@ -71,7 +71,7 @@ def nonlinear_system(
     names = tuple(machine.channels) if outputs is None else tuple(outputs)
     elements = machine.nonlinear
     system = system_with(machine, position, viscous_at, [n for n in names if n not in machine.channels])
-    ports = {"force": drive_of(machine, system)}
+    ports = {"force": machine.drive(system)}
     reads: dict[str, tuple[str, Quantity]] = {}
     for name in names:
         channel = machine.channels.get(name)

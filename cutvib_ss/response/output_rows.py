@@ -8,14 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import EndSupports
+from cutvib_ss.model.second_order import SecondOrder
+from cutvib_ss.model.structure import Structure
+from cutvib_ss.parameters import check_choice
 from cutvib_ss.response.modal_basis import ModalBasis
 from cutvib_ss.response.modal_form import row_of
 from cutvib_ss.response.signals import displacement_unit
-from cutvib_ss.results import ComplexArray, FloatArray, Quantity, check_choice
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.rail import EndSupports
+from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 from cutvib_ss.units import DERIVATIVE_ORDER, rate_unit
 
 END_FORCES = ("rail_left_force", "rail_right_force")
@@ -123,7 +124,7 @@ def output_rows(
     rows = []
     for name, quantity in zip(names, quantities, strict=True):
         if name in END_FORCES:
-            if not isinstance(machine, Machine):
+            if isinstance(machine, Structure):
                 raise ParameterError(f"output {name!r} needs a cutting machine; this model has no rail")
             rows.append(_end_force(machine, system, position, viscous_at, name, inputs))
             continue

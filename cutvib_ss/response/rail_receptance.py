@@ -20,9 +20,9 @@ from functools import cached_property
 
 import numpy as np
 
+from cutvib_ss.model.rail import Rail
 from cutvib_ss.response.stacked import dot, inverse, mixed
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.subsystems.rail import Rail
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,11 @@ class RailReceptance:
         self.model, self.s, self.modes = model, s, model.modes
         self.half = p.mass / 2
         self.w: FloatArray = 2 * np.pi * p.first_frequency * self.modes.frequency
-        below = np.multiply.outer(2 * self.half * p.damping_ratio * self.w, s)
+        self.damped_w: FloatArray = model.damping_weight * self.w
+        self.strained: ComplexArray = 1.0 + p.strain_damping * s  # stiffness, with what the rate of strain adds
+        below = np.multiply.outer(2 * self.half * p.damping_ratio * self.damped_w, s)
         below += self.half * s * s
-        below += (self.half * self.w**2)[:, None]
+        below += np.multiply.outer(self.half * self.w**2, self.strained)
         self.flexibility: ComplexArray = np.reciprocal(below)
         self.released = 2 if model.supports is not None else 0
         self.attached = tuple(self._attachment_port(k) for k in range(len(model.attachments)))
@@ -133,7 +135,7 @@ class RailReceptance:
                 factors.append(self.half * s * s)
                 unknowns.append(j)
                 if supports.rigid_damping:
-                    vectors.append(vectors[-1] * self.w)
+                    vectors.append(vectors[-1] * self.damped_w)
                     factors.append(supports.rigid_damping * self.model.parameters.damping_ratio * 2 * self.half * s)
                     unknowns.append(j)
         for k, at in enumerate(self.attached):
@@ -155,7 +157,7 @@ class RailReceptance:
             schur[1, 1] += supports.k_right + s * supports.c_right
             if supports.rigid_damping:
                 shared = 2 * supports.rigid_damping * self.modes.coupling
-                resisting = (shared * self.w[:, None]).T @ shared
+                resisting = (shared * self.damped_w[:, None]).T @ shared
                 schur[:2, :2] += resisting[:, :, None] * (2 * self.half * p.damping_ratio * s)
         for k, (at, attachment) in enumerate(zip(self.attached, self.model.attachments, strict=True)):
             i = self.released + k

@@ -7,7 +7,7 @@ The base follows the rail under it, x_b(t) = φ(y_b(t))ᵀ η(t) (Eq. 6 with a p
     ẍ_b = pᵀη̈ + 2ṗᵀη̇ + p̈ᵀη,            p̈ = φ'' ẏ_b² + φ' ÿ_b:
 
 the convective terms, Coriolis' and centripetal among them. Virtual displacements are taken at a frozen instant,
-δx_b = pᵀ δη. What rides has the coordinates u = T(t) q of the affine form (`cutvib_ss.affine`), so that it adds
+δx_b = pᵀ δη. What rides has the coordinates u = T(t) q of the constraint (`cutvib_ss.model.coupling`), so that it adds
 Tᵀ(M_c ü + C_c u̇ + K_c u) to the rail's equations, and
 
     M q̈ + (C + 2TᵀM_cṪ) q̇ + (K + TᵀC_cṪ + TᵀM_cT̈) q = Tᵀ f,     M, C, K those of the machine standing at y_b(t).
@@ -28,7 +28,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from cutvib_ss.affine import AffineMachine
+from cutvib_ss.model.coupling import Coupling
 from cutvib_ss.response.compiled_travel import NODES, STAGES, TWICE, WEIGHTS
 from cutvib_ss.response.travel import Travel
 from cutvib_ss.results import FloatArray, Quantity
@@ -47,7 +47,7 @@ class RidingState:
     motion : tuple of ndarray, shape (instant, n)
         q, q̇ and q̈.
     rows : tuple of ndarray, shape (instant, n)
-        p, ṗ and p̈, with the sign of the riding coordinate.
+        p, ṗ and p̈.
     forces : ndarray, shape (instant, input)
         The forces.
     """
@@ -70,7 +70,7 @@ class RidingCourse:
 
     Parameters
     ----------
-    exact : AffineMachine
+    exact : Coupling
         The machine.
     fixed : ndarray, shape (3, n, n)
         Constant parts of M, C and K.
@@ -84,7 +84,7 @@ class RidingCourse:
         Force on the riding coordinate per unit of each input.
     """
 
-    exact: AffineMachine
+    exact: Coupling
     fixed: FloatArray
     rows: FloatArray
     own: FloatArray
@@ -92,13 +92,13 @@ class RidingCourse:
     own_pushes: FloatArray
 
     @classmethod
-    def of(cls, exact: AffineMachine, ports: Sequence[str]) -> RidingCourse:
+    def of(cls, exact: Coupling, ports: Sequence[str]) -> RidingCourse:
         """
         The constants of a machine under forces at ports.
 
         Parameters
         ----------
-        exact : AffineMachine
+        exact : Coupling
             The machine; its rail must not twist.
         ports : sequence of str
             Where forces act.
@@ -108,10 +108,9 @@ class RidingCourse:
         RidingCourse
             The constants.
         """
-        [rider] = exact.riders
-        t, e = exact.still, rider.dof
+        t, e = exact.constant, exact.head.dofs.index("base")
         names = ("mass", "damping", "stiffness")
-        riding = [getattr(exact.carried, name) for name in names]
+        riding = [getattr(exact.head, name) for name in names]
         fixed = np.array([getattr(exact.fixed, name) + t.T @ x @ t for name, x in zip(names, riding, strict=True)])
         rows, own = np.array([x[e] @ t for x in riding]), np.array([x[e, e] for x in riding])
         reads = [_reading(exact, port) for port in ports]
@@ -134,9 +133,8 @@ class RidingCourse:
         p, d, dd : ndarray, shape (instant, n)
             p, ṗ and p̈.
         """
-        [rider] = self.exact.riders
         y, rate, acceleration = travel.at(time)
-        p, first, second = (rider.sign * self.exact.rail_rows(y, order=order) for order in range(3))
+        p, first, second = (self.exact.rows(y, order) for order in range(3))
         return p, first * rate[:, None], second * rate[:, None] ** 2 + first * acceleration[:, None]
 
     def state(self, travel: Travel, time: FloatArray, motion: FloatArray, forces: FloatArray) -> RidingState:
@@ -296,15 +294,12 @@ class RidingCourse:
         return felt
 
 
-def _reading(exact: AffineMachine, port: str) -> tuple[FloatArray, float]:
+def _reading(exact: Coupling, port: str) -> tuple[FloatArray, float]:
     """A port's motion: a constant row over q, and its part in the riding coordinate."""
-    [rider] = exact.riders
-    if port in ("base", "at_head"):
-        return np.zeros(len(exact.dofs)), rider.sign
-    if port in exact.fixed.ports:
+    if exact.on_rail(port):
         return np.array(exact.fixed.port(port)), 0.0
-    carried = exact.carried.port(port)
-    return carried @ exact.still, float(carried[rider.dof])
+    row = exact.head.port(port)
+    return row @ exact.constant, float(row[exact.head.dofs.index("base")])
 
 
 def _along(rows: FloatArray, motion: FloatArray) -> FloatArray:

@@ -19,10 +19,10 @@ from scipy import fft
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.laws import LAWS
+from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.response.modal_basis import linear_course, parts, reading
 from cutvib_ss.response.modal_form import ModalForm, modal_form
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.slots import NonlinearElement
 
 __all__ = ["ModalForm", "Stepped", "modal_form", "step"]
 
@@ -115,9 +115,9 @@ def step(
         raise ParameterError(f"fs = {fs} and oversample = {oversample} must be positive")
     if [e.port for e in elements] != list(form.ports):
         raise ParameterError(f"the elements sit at {[e.port for e in elements]}, the form's ports are {form.ports}")
-    return _Run(
-        form, f, fs, tuple(elements), oversample, _initial(form, initial, len(f)), dynamic_below, steps
-    ).result()
+    run = _Run(form, f, fs, tuple(elements), oversample, _initial(form, initial, len(f)), dynamic_below, steps).result()
+    form.add_base(run.responses, f, fs)
+    return run
 
 
 def _initial(form: ModalForm, initial: ArrayLike | None, blows: int) -> ComplexArray | None:

@@ -19,15 +19,17 @@ from scipy import optimize
 
 from cutvib_ss.errors import ConvergenceError, ParameterError
 from cutvib_ss.laws import LAWS
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.structure import Structure
+from cutvib_ss.parameters import names_of
 from cutvib_ss.response.compiled import interact
 from cutvib_ss.response.compiled_modes import advance
 from cutvib_ss.response.modal_basis import linear_course, modal_basis, parts, reading
-from cutvib_ss.response.modal_form import drive_of, row_of, system_with
+from cutvib_ss.response.modal_form import base_motion, row_of, system_with
 from cutvib_ss.response.output_rows import END_FORCES, output_rows
 from cutvib_ss.response.signals import input_unit
-from cutvib_ss.results import ComplexArray, FloatArray, Quantity, TimeResponse, as_names
-from cutvib_ss.structure import Structure
+from cutvib_ss.results import ComplexArray, FloatArray, Quantity, TimeResponse
+from cutvib_ss.units import DERIVATIVE_ORDER
 
 _STEPS = 40
 """Steps that a period at the mean frequency of a nonlinear element's port gets, at least; twice as many with friction."""
@@ -101,7 +103,7 @@ def time_response(
 
     Examples
     --------
-    >>> from cutvib_ss.machine import published_machine
+    >>> from cutvib_ss.model.machine import published_machine
     >>> from cutvib_ss.response.pulses import pulse_train
     >>> force = pulse_train(fs=217 * 64, duration=1 / 217, amplitude=100.0)
     >>> steady = time_response(published_machine(), 0.5, force, 217 * 64, start="periodic")
@@ -113,7 +115,7 @@ def time_response(
         raise ParameterError(f"force has shape {f.shape}; give a history of finite numbers, two samples or more")
     if not fs > 0.0 or (oversample is not None and oversample < 1):
         raise ParameterError(f"fs = {fs} and oversample = {oversample} must be positive")
-    names = tuple(machine.channels) if outputs is None else as_names(outputs)
+    names = tuple(machine.channels) if outputs is None else names_of(outputs)
     wanted = (quantity,) * len(names) if quantity is None or isinstance(quantity, str) else tuple(quantity)
     if len(wanted) != len(names):
         raise ParameterError(f"{len(names)} outputs need as many quantities, not {len(wanted)}")
@@ -130,6 +132,11 @@ def time_response(
             )
         begin = run.modes.from_state @ state
     data = run.periodic(f, oversample) if periodic else run.histories(f, begin, oversample)
+    shaken = machine.influence is not None and input == "force"
+    for row, name, asked in zip(data, names, wanted, strict=True):
+        if shaken and (share := machine.base_share(name)):
+            order = DERIVATIVE_ORDER[asked or machine.channels[name].quantity]
+            row += share * base_motion(f, fs, order, periodic)
     place = float("nan") if position is None else position
     return TimeResponse(data, f, fs, names, run.units, place, periodic, input_unit(machine, input))
 
@@ -153,7 +160,7 @@ class _Run:
         system = system_with(machine, position, viscous_at, points)
         self.dofs = system.dofs
         self.modes = modal_basis(system)
-        first = drive_of(machine, system) if input == "force" else row_of(system, input)
+        first = machine.drive(system) if input == "force" else row_of(system, input)
         signs = np.array([1.0, *(-1.0 for _ in ports)])  # forces of elements act against their ports' motion
         drives = signs * np.array([first, *(row_of(system, p) for p in ports)]).T
         rows = output_rows(machine, system, position, viscous_at, names, quantities, (input, *ports))

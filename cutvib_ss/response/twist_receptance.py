@@ -6,10 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
+from cutvib_ss.model.rail import Torsion
+from cutvib_ss.model.twist import twist_modes, twist_shapes
 from cutvib_ss.response.stacked import mixed
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.subsystems.rail import Torsion
-from cutvib_ss.subsystems.twist import twist_modes, twist_shapes
 
 
 class TwistReceptance:
@@ -27,7 +27,7 @@ class TwistReceptance:
 
     Notes
     -----
-    Σ ψ_k² / (J/2 (m_k s² + g_k (2ζω_1 s + ω_1²))) [rad/(N m)], as in `cutvib_ss.subsystems.twist`.
+    Σ ψ_k² / (J/2 (m_k s² + g_k (2ζω_1 s + ω_1²))) [rad/(N m)], as in `cutvib_ss.model.twist`.
     """
 
     def __init__(self, torsion: Torsion, positions: FloatArray, s: ComplexArray) -> None:

@@ -7,8 +7,6 @@ from cutvib_ss.results.arrays import (
     FloatArray,
     Form,
     Quantity,
-    as_names,
-    check_choice,
     read_only,
 )
 from cutvib_ss.results.display import Displayed, Drawn, Table, span
@@ -34,8 +32,6 @@ __all__ = [
     "Table",
     "TimeResponse",
     "TrackedModes",
-    "as_names",
-    "check_choice",
     "read_only",
     "span",
 ]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.parameters import names_of
 
 Quantity: TypeAlias = Literal["displacement", "velocity", "acceleration"]
 Form: TypeAlias = Literal["receptance", "mobility", "accelerance"]
@@ -46,25 +47,14 @@ def read_only(values: ArrayLike, dtype: Any = None) -> NDArray[Any]:
     return array
 
 
-def as_names(wanted: str | Sequence[str]) -> tuple[str, ...]:
-    """Names as a tuple; a string is one name."""
-    return (wanted,) if isinstance(wanted, str) else tuple(wanted)
-
-
-def check_choice(name: str, value: Any, choices: Sequence[str]) -> None:
-    """Refuse a value that is not one of a few; the message lists them."""
-    if value not in choices:
-        raise ParameterError(f"{name} = {value!r} is not one of {', '.join(choices)}")
-
-
 def label_indices(labels: tuple[str, ...], wanted: str | Sequence[str] | None, what: str) -> list[int]:
     """Indices of wanted labels, all by default; the message of the error lists those that are there."""
     if wanted is None:
         return list(range(len(labels)))
-    for name in as_names(wanted):
+    for name in names_of(wanted):
         if name not in labels:
             raise ParameterError(f"no {what} {name!r}; there are {', '.join(labels)}")
-    return [labels.index(name) for name in as_names(wanted)]
+    return [labels.index(name) for name in names_of(wanted)]
 
 
 def position_indices(positions: FloatArray, wanted: float | Sequence[float] | None) -> NDArray[np.intp]:

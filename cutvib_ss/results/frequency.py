@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.parameters import check_choice
 from cutvib_ss.results.arrays import (
     QUANTITY_OF_FORM,
     ComplexArray,
     FloatArray,
     Form,
     Quantity,
-    check_choice,
     label_indices,
     position_indices,
     read_only,

@@ -8,7 +8,7 @@ import control
 import numpy as np
 import pytest
 
-from cutvib_ss.machine import Machine, published_machine
+from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.response.frequency import frequency_response
 
 OUTPUTS = ("tool_x", "tool_z", "base_x")

@@ -8,11 +8,11 @@ import control
 import numpy as np
 import pytest
 
-from cutvib_ss.machine import Machine, published_machine
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.response.pulses import pulse_train
 from cutvib_ss.response.stepping import modal_form, step
 from cutvib_ss.response.time_response import time_response
-from cutvib_ss.slots import NonlinearElement
 
 LEAST_RATIO = 20.0
 

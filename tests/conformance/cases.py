@@ -32,10 +32,10 @@ from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.effects.window_damping import WindowDamping
-from cutvib_ss.machine import Machine, published_machine
-from cutvib_ss.mechanical import Channel, SecondOrder
-from cutvib_ss.paths import with_value
-from cutvib_ss.structure import Structure
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.paths import with_value
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 
 CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "rail_torsion": (("rail",), ("eccentricity", "inertia", "torsion_frequency", "damping_ratio", "elements")),

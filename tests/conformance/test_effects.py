@@ -20,13 +20,13 @@ from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.gap.problem import tuning_paths
-from cutvib_ss.machine import Machine, published_machine
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.paths import value_at, with_value
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.model_files import read_machine, write_machine
-from cutvib_ss.paths import value_at, with_value
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.response.frequency import ChainedResponse, frequency_response, output_quantities
 from cutvib_ss.results import ComplexArray
-from cutvib_ss.structure import Structure
 from tests.conformance.cases import (
     ANYWHERE,
     AT_PORTS,

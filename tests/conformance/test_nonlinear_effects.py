@@ -10,8 +10,8 @@ import pytest
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.gap.unknowns import tuning_paths
-from cutvib_ss.machine import Machine
-from cutvib_ss.paths import value_at, with_value
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.paths import value_at, with_value
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import Stepped, modal_form, step
 from tests.conformance.cases import Case, cases, loaded, with_parameter

@@ -17,7 +17,7 @@ from cutvib_ss.identification import (
 )
 from cutvib_ss.identification.bounded_fit import head_of, vector
 from cutvib_ss.identification.first_guess import PAPER_PEAKS
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.paper import paper_tables
 from cutvib_ss.paper.objective import eq_21, least_of_eq_21
 from cutvib_ss.parameters import TABLE_7_PRINTED, table_1, table_2, table_3, table_7

@@ -3,7 +3,7 @@
 import pytest
 
 from cutvib_ss.absorber import check_absorber, misprinted_absorber, parametric_study
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.parameters import table_7
 
 

@@ -8,7 +8,7 @@ import pytest
 from scipy import signal
 
 from cutvib_ss.cli import main
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.paper import PaperCurves, paper_curves
 from cutvib_ss.plot.paper import figure_18, figure_19
 from cutvib_ss.response.modes import modes

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from cutvib_ss.model.rail import Rail, natural_frequencies, rail
 from cutvib_ss.parameters import recovered_rail, table_5
-from cutvib_ss.subsystems.rail import natural_frequencies, rail_state_space
 
 
 def test_every_frequency_within_two_per_mille() -> None:
@@ -12,6 +12,7 @@ def test_every_frequency_within_two_per_mille() -> None:
 
 
 def test_the_state_space_rail_has_them_too() -> None:
-    poles = np.linalg.eigvals(rail_state_space(recovered_rail(), 0.3).A)
+    beam = rail(Rail(recovered_rail()), {"base": 0.3})
+    poles = beam.state_space({"rail_force": "base"}, {"base_x": ("base", "displacement")}).poles()
     natural = np.sort(np.abs(poles[poles.imag > 0])) / (2 * np.pi)
     assert natural == pytest.approx(table_5(), rel=2e-3)

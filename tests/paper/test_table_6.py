@@ -5,7 +5,7 @@ import pytest
 
 from cutvib_ss.errors import IdentificationError
 from cutvib_ss.identification import recover_rail_mass
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.parameters import recovered_rail, table_6
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.modes import modes
@@ -39,7 +39,7 @@ def test_least_squares_over_the_table_gives_the_mass() -> None:
 def test_the_mass_is_found_again_from_frequencies_computed_with_another() -> None:
     from dataclasses import replace
 
-    from cutvib_ss.machine import cutting_machine
+    from cutvib_ss.model.machine import cutting_machine
     from cutvib_ss.parameters import table_3
 
     heavier = cutting_machine(table_3(), replace(recovered_rail(), mass=101.0))

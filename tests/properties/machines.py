@@ -5,13 +5,13 @@ from math import radians
 import numpy as np
 from hypothesis import strategies as st
 
-from cutvib_ss.machine import Machine
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.elements import Attachment, Guide, SpringDamperMass, SprungMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.measurement_chain import ChannelChain, MeasurementChain
+from cutvib_ss.model.rail import EndSupports, Rail, RailAttachment, Shear, Torsion
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import HeadParameters, RailParameters
-from cutvib_ss.slots import ChannelChain, MeasurementChain
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, Guide, SpringDamperMass, SprungMass
-from cutvib_ss.subsystems.rail import EndSupports, Rail, RailAttachment, Shear, Torsion
 
 FREQ = np.array([3.0, 24.6, 77.7, 151.3, 211.9, 240.4, 333.3, 480.1])
 """Frequencies of the comparisons [Hz]."""
@@ -49,11 +49,14 @@ def heads(draw: st.DrawFn) -> HeadParameters:
 
 
 @st.composite
-def rail_parameters(draw: st.DrawFn) -> RailParameters:
-    """Rails around the published one, wide."""
+def rail_parameters(draw: st.DrawFn, strained: bool = False) -> RailParameters:
+    """Rails around the published one, wide; damped alike, mode by mode, or by the rate of strain too."""
+    modes = draw(st.integers(1, 7))
+    ratio = reals(0.002, 0.08)
     return RailParameters(
         length=draw(reals(0.8, 6.0)), mass=draw(reals(15.0, 300.0)), first_frequency=draw(reals(12.0, 80.0)),
-        damping_ratio=draw(reals(0.002, 0.08)), n_modes=draw(st.integers(1, 7)),
+        damping_ratio=draw(ratio | st.lists(ratio, min_size=modes, max_size=modes)), n_modes=modes,
+        strain_damping=draw(st.just(0.0) | reals(1e-6, 1e-4)) if not strained else draw(reals(1e-6, 1e-4)),
     )  # fmt: skip
 
 
@@ -114,11 +117,11 @@ def full_machines(draw: st.DrawFn) -> Machine:
     some = SpringDamperMass(
         draw(reals(1e2, 1e5)), draw(reals(0.1, 30.0)), draw(reals(0.001, 0.5)), draw(reals(1.0, 1e3))
     )
-    chain = st.builds(ChannelChain, st.floats(0.8, 1.2), st.floats(1e-5, 3e-4))
+    chain = st.builds(ChannelChain, st.floats(0.8, 1.2), st.floats(1e-5, 3e-4), st.floats(-0.3, 0.3))
     return Machine(
         head=draw(heads()),
         rail=Rail(
-            draw(rail_parameters()),
+            draw(rail_parameters(strained=True)),
             EndSupports(*(draw(reals(1e6, 1e8)) for _ in "lr"), *(draw(reals(1.0, 1e4)) for _ in "lr"), draw(SHARES)),
             Torsion(
                 draw(st.floats(0.02, 0.1)), draw(reals(0.1, 3.0)), draw(reals(40.0, 400.0)), draw(reals(0.003, 0.1))

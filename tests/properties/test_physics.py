@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import given
 
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.head import head
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import table_1
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.modes import modes
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.head import head
 from tests.properties.machines import FREQ, POSITIONS, bare_machines, machines, structures
 
 PORTS = ("tool_x", "tool_z", "head_x", "joint1", "joint2", "base", "rail(0.3)")

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from cutvib_ss.machine import Machine
-from cutvib_ss.subsystems.elements import SpringDamperMass, SprungMass
+from cutvib_ss.model.elements import SpringDamperMass, SprungMass
+from cutvib_ss.model.machine import Machine
 
 
 def _still(element: SpringDamperMass | SprungMass) -> SpringDamperMass | SprungMass:

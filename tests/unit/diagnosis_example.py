@@ -15,12 +15,12 @@ from cutvib_ss.gap.result import (
     Verdict,
     Where,
 )
-from cutvib_ss.machine import Machine, published_machine
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.rail import EndSupports
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import MeasuredFrequencyResponse
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.rail import EndSupports
 
 POSITIONS = (0.06, 0.27, 0.46, 0.68, 0.9)
 

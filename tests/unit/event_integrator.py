@@ -8,8 +8,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from cutvib_ss.laws import LAWS
-from cutvib_ss.mechanical import SecondOrder
-from cutvib_ss.slots import NonlinearElement
+from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.second_order import SecondOrder
 
 TIGHT = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-14}
 

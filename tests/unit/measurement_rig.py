@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from scipy import signal
 
-from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement import Campaign, History, Record
-from cutvib_ss.mechanical import Channel
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.second_order import Channel
 
 FS = 2000.0
 MASS, FREQ, ZETA = 2.0, 60.0, 0.01

@@ -17,7 +17,7 @@ from cutvib_ss.absorber import (
 )
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.parameters import AbsorberParameters, table_7
 from cutvib_ss.response.frequency import frequency_response

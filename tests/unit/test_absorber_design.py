@@ -21,12 +21,12 @@ from cutvib_ss.absorber.minimax import minimax
 from cutvib_ss.absorber.workspace import WORKSPACE, Workspace, sprung_stiffness
 from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.elements import SprungMass
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.parameters import AbsorberParameters, table_7
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.pulses import pulse_train
 from cutvib_ss.results import FloatArray
-from cutvib_ss.subsystems.elements import SprungMass
 
 MACHINE = published_machine()
 PULSES = HarmonicForce.pulses()

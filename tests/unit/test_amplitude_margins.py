@@ -16,9 +16,9 @@ from cutvib_ss.control_design import (
     quasi_linear,
 )
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import Machine, published_machine
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.response.nonlinear_system import nonlinear_system
-from cutvib_ss.slots import NonlinearElement
 
 POSITION = 0.5
 

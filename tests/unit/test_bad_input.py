@@ -10,7 +10,7 @@ import pytest
 
 from cutvib_ss.cli import campaigns, main
 from cutvib_ss.interchange import write_frf
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 
 DEMO = Path(campaigns.__file__).parents[1] / "data" / "demo"

@@ -12,7 +12,7 @@ from cutvib_ss.blind.cases import read_cases
 from cutvib_ss.blind.draw import between
 from cutvib_ss.blind.files import digest, packed, read_json, write_json
 from cutvib_ss.blind.seal import SealError, Trial
-from cutvib_ss.machine import Machine, published_machine
+from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.model_files import write_machine
 from cutvib_ss.response.frequency import frequency_response
 from tests.unit.blind_example import diagnosis, label, opened_trial

@@ -30,7 +30,7 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.ranking import Ranked
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import read_machine
 from cutvib_ss.response.frequency import frequency_response
 from tests.unit.blind_example import diagnosis, label, opened_trial

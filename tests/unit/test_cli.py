@@ -12,12 +12,12 @@ import pytest
 from cutvib_ss.absorber import check_absorber
 from cutvib_ss.cli import campaigns, main
 from cutvib_ss.interchange import read_frf
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.head import HEAD_PARAMETERS
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.parameters import table_7
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.modes import modes
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS
 from tests.unit.diagnosis_example import example_diagnosis, example_structure
 
 DEMO = Path(campaigns.__file__).parents[1] / "data" / "demo"

@@ -9,7 +9,7 @@ import pytest
 
 from cutvib_ss.absorber import AbsorberTolerance, MountedAbsorber, workspace_check
 from cutvib_ss.cli import main
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import read_machine
 from cutvib_ss.parameters import table_7
 from cutvib_ss.response.frequency import frequency_response

@@ -9,7 +9,7 @@ from scipy import io
 
 from cutvib_ss import plot
 from cutvib_ss.cli import main
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 
 FEW = ["schedule", "--positions", "9", "--freq", "20:300:20"]

@@ -37,7 +37,7 @@ from cutvib_ss.control_design import (
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.errors import DataFormatError, DesignError, ParameterError
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import write_machine
 
 MACHINE = published_machine()

@@ -25,7 +25,7 @@ from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.errors import DesignError, ParameterError
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.parameters import table_7
 from cutvib_ss.response.frequency import frequency_response
 

@@ -16,7 +16,7 @@ from cutvib_ss.control_design import (
 )
 from cutvib_ss.control_design.weights import generalised_plant, tone, working_gains
 from cutvib_ss.errors import DesignError
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 
 KIT = PROTOTYPES["h2"].hardware("head_x", Sampling())
 PLANT = control_plant(published_machine(), 0.3, KIT)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import cutvib_ss
-from cutvib_ss.machine import Machine
 from cutvib_ss.measurement import read_campaign
+from cutvib_ss.model.elements import Attachment, SprungMass
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.rail import Rail
 from cutvib_ss.parameters import HeadParameters, RailParameters
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.subsystems.elements import Attachment, SprungMass
-from cutvib_ss.subsystems.rail import Rail
 
 GENERATOR = Path(__file__).parents[1] / "demo_campaign" / "make_demo_campaign.py"
 DEMO = Path(cutvib_ss.__file__).parent / "data" / "demo"

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import cutvib_ss
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 from cutvib_ss.model_files import read_machine
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from cutvib_ss.gap.metrics import Sides
 from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.records import Entry, Records
 from cutvib_ss.gap.shrinkage import judged
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.units import STANDARD_GRAVITY
 

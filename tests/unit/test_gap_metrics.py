@@ -8,9 +8,9 @@ import pytest
 
 from cutvib_ss.gap import metrics
 from cutvib_ss.gap.winding import winding_number
-from cutvib_ss.mechanical import Channel, SecondOrder
-from cutvib_ss.slots import ChannelChain
-from cutvib_ss.structure import Structure
+from cutvib_ss.model.measurement_chain import ChannelChain
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 
 RNG = np.random.default_rng(3)
 

@@ -11,8 +11,8 @@ from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
 from cutvib_ss.gap.next_test import next_test
 from cutvib_ss.gap.records import Entry
-from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement.replay import assumed_blow
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 
 MACHINE = published_machine()

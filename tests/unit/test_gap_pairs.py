@@ -14,8 +14,8 @@ from cutvib_ss.gap.ranking import on_all_lines
 from cutvib_ss.gap.records import Entry, Records
 from cutvib_ss.gap.scan import Scan
 from cutvib_ss.gap.workers import Workers
-from cutvib_ss.machine import published_machine
-from cutvib_ss.paths import with_values
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.paths import with_values
 
 FREQ = np.arange(18.0, 400.0, 2.0)
 S = 2j * np.pi * FREQ

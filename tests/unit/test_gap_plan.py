@@ -17,7 +17,7 @@ from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.plan import PlannedCampaign, plan
 from cutvib_ss.gap.records import Entry, Records
 from cutvib_ss.gap.severity import runs
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 
 MACHINE = published_machine()

@@ -8,8 +8,8 @@ from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.gap.prediction import Prediction
 from cutvib_ss.gap.records import Group
-from cutvib_ss.machine import published_machine
-from cutvib_ss.paths import value_at, with_value
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.paths import value_at, with_value
 
 CHANNELS = ("tool_x", "tool_z", "base_x")
 BLOCK, BLOW_AT = 2.0, 0.0525

@@ -17,7 +17,7 @@ from cutvib_ss.gap.ranking import Ranked
 from cutvib_ss.gap.records import Entry, Records, merged
 from cutvib_ss.gap.simulation import SimulatedProblem, simulated
 from cutvib_ss.gap.workers import Workers
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from tests.unit.test_gap_simulation import records as with_forces
 

@@ -18,8 +18,8 @@ from cutvib_ss.gap.records import Entry, Records, merged
 from cutvib_ss.gap.scan import Scan
 from cutvib_ss.gap.shrinkage import judged, predicted
 from cutvib_ss.gap.simulation import LOUDNESS, SimulatedProblem, _window, problem_for, simulated
-from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement.replay import assumed_blow
+from cutvib_ss.model.machine import published_machine
 
 MACHINE = published_machine()
 FREQ = np.arange(20.0, 400.0, 2.0)

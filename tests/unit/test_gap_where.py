@@ -12,8 +12,8 @@ from cutvib_ss.gap.hum import hums, mains
 from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.place import locate
 from cutvib_ss.gap.records import Entry, Records
-from cutvib_ss.machine import published_machine
-from cutvib_ss.paths import with_values
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.paths import with_values
 
 FREQ = np.arange(18.0, 400.0, 4.0)
 S = 2j * np.pi * FREQ

@@ -12,8 +12,8 @@ import pytest
 from cutvib_ss.effects.end_fixity import EndFixity
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.gap.workers import Workers
-from cutvib_ss.machine import published_machine
-from cutvib_ss.paths import value_at
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.paths import value_at
 
 
 def test_order_and_results_are_those_of_one_process():

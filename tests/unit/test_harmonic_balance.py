@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.machine import Machine, published_machine
-from cutvib_ss.mechanical import Channel, SecondOrder
-from cutvib_ss.paths import Path, value_at, with_value
+from cutvib_ss.model.elements import Attachment, SpringDamperMass
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.measurement_chain import ChannelChain, MeasurementChain
+from cutvib_ss.model.paths import Path, value_at, with_value
+from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.harmonic_balance import SineSweep, sine_response
 from cutvib_ss.response.stepping import modal_form, step
-from cutvib_ss.slots import ChannelChain, MeasurementChain, NonlinearElement
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
 
 W0, ZETA = 2 * np.pi * 50.0, 0.01
 LAWS = {

@@ -21,12 +21,12 @@ from cutvib_ss.identification import (
 from cutvib_ss.identification.bounded_fit import HeadModel, head_of, vector
 from cutvib_ss.identification.held_head import HeldHead
 from cutvib_ss.identification.tool_side import tool_side_gradient
-from cutvib_ss.machine import cutting_machine, published_machine
 from cutvib_ss.measurement import read_campaign
+from cutvib_ss.model.head import HEAD_PARAMETERS
+from cutvib_ss.model.machine import cutting_machine, published_machine
 from cutvib_ss.parameters import HeadParameters, RailParameters, table_2, table_3
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, FrequencyResponse, MeasuredFrequencyResponse
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS
 
 FREQ = np.arange(150.0, 300.5, 0.5)
 TRUE = table_3()

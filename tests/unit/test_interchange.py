@@ -9,8 +9,8 @@ from scipy.io import loadmat
 
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.interchange import frf_csv, read_frf, staged, write_frf
-from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement import read_campaign
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 from tests.unit.diagnosis_example import example_structure, measured

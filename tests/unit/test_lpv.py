@@ -18,7 +18,7 @@ from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.interchange import write_plant
 from cutvib_ss.lpv import PlantSchedule, schedule
-from cutvib_ss.machine import Machine
+from cutvib_ss.model.machine import Machine
 from tests.properties.machines import machines
 
 MACHINE = cv.published_machine()

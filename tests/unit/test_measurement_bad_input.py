@@ -7,12 +7,12 @@ import pyuff
 from scipy.io import savemat
 
 from cutvib_ss.errors import DataFormatError
-from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement import Campaign, Record, read_campaign
 from cutvib_ss.measurement.campaign import write_campaign
 from cutvib_ss.measurement.formats import FORMATS
 from cutvib_ss.measurement.formats.raw import Contents, Layout
-from cutvib_ss.mechanical import Channel
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.second_order import Channel
 from tests.unit.measurement_rig import OneMass, lvm_text, small_campaign
 
 RECORD = '[[record]]\nfile = "r.csv"\nkind = "impact"\nposition = 0.3\n'

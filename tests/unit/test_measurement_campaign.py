@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement import Campaign, History, Record, estimate, read_campaign
 from cutvib_ss.measurement.campaign import write_campaign
+from cutvib_ss.model.machine import published_machine
 from tests.unit.measurement_rig import small_campaign
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from cutvib_ss.errors import DataFormatError
-from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement import History, Record, estimate, read_campaign
 from cutvib_ss.measurement.checks import check_record, overloaded, second_hit
 from cutvib_ss.measurement.signs import sign_at_driving_point
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import MeasuredFrequencyResponse
 from tests.unit.measurement_rig import FS, OneMass, blow, impact

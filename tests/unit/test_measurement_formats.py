@@ -12,7 +12,6 @@ from hypothesis.extra.numpy import arrays
 from scipy.io import savemat
 
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement import Campaign, History, Record, read_campaign
 from cutvib_ss.measurement.campaign import write_campaign
 from cutvib_ss.measurement.formats import FORMATS, read_file
@@ -26,7 +25,8 @@ from cutvib_ss.measurement.formats.raw import (
     sampling_frequency,
 )
 from cutvib_ss.measurement.layout import layout_of
-from cutvib_ss.mechanical import Channel
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.second_order import Channel
 from cutvib_ss.results import MeasuredFrequencyResponse
 from tests.unit.measurement_rig import lvm_text, small_campaign
 

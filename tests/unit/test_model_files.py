@@ -12,13 +12,13 @@ import pytest
 from cutvib_ss.effects.base import Effect, parameter_fields
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.errors import CutvibError, DataFormatError, ParameterError
-from cutvib_ss.machine import Machine, published_machine
+from cutvib_ss.model.elements import Attachment, SpringDamperMass
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.paths import with_value
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.parameters import Tolerances, recovered_rail, table_3
-from cutvib_ss.paths import with_value
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
 
 STRUCTURE = """
 [model]

@@ -8,12 +8,12 @@ from scipy import linalg
 
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import published_machine
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.elements import Attachment, SpringDamperMass
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.modes import mac, modes, track_modes
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
 
 MACHINE = published_machine()
 

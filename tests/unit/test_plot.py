@@ -11,13 +11,13 @@ from PIL import Image
 from cutvib_ss import plot
 from cutvib_ss.absorber import check_absorber
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.rail import mode_shapes
 from cutvib_ss.parameters import table_7
 from cutvib_ss.plot.diagnosis import error_over_noise
 from cutvib_ss.plot.shapes import deflections
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.modes import modes, track_modes
-from cutvib_ss.subsystems.rail import mode_shapes
 from tests.unit.diagnosis_example import example_diagnosis, example_structure
 
 FREQ = np.arange(20.0, 400.0, 1.0)

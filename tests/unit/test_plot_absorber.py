@@ -5,7 +5,7 @@ import pytest
 
 from cutvib_ss import plot
 from cutvib_ss.absorber import AbsorberTolerance, MountedAbsorber, mass_front, parametric_study, workspace_check
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.parameters import table_7
 
 MACHINE = published_machine()

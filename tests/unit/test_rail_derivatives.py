@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutvib_ss.machine import published_machine
-from cutvib_ss.paths import with_value
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.paths import with_value
+from cutvib_ss.model.rail import EndSupports, RailAttachment, Shear
 from cutvib_ss.response.frequency import ChainedResponse
-from cutvib_ss.subsystems.elements import SpringDamperMass
-from cutvib_ss.subsystems.rail import EndSupports, RailAttachment, Shear
 
 CHANNELS = ("tool_x", "tool_z", "base_x")
 S = 2j * np.pi * np.linspace(10.0, 400.0, 150)

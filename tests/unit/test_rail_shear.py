@@ -12,13 +12,13 @@ from scipy import linalg
 
 from cutvib_ss.effects.rail_shear import RailShear
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.head import head
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.pinned_modes import SHEAR_TO_EXTENSION, timoshenko
+from cutvib_ss.model.rail import EndSupports, Rail, RailAttachment, Shear, rail
 from cutvib_ss.parameters import RailParameters
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.subsystems.elements import SpringDamperMass
-from cutvib_ss.subsystems.head import head
-from cutvib_ss.subsystems.pinned_modes import SHEAR_TO_EXTENSION, timoshenko
-from cutvib_ss.subsystems.rail import EndSupports, Rail, RailAttachment, Shear, rail
 
 P = RailParameters(length=2.5, mass=76.5, first_frequency=31.7, damping_ratio=0.01, n_modes=60)
 PLACE = 0.3

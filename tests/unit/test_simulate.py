@@ -12,7 +12,7 @@ from cutvib_ss.cli import main
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.interchange import read_time_response, write_time_response
-from cutvib_ss.machine import published_machine
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import write_machine
 from cutvib_ss.plot import time_histories
 from cutvib_ss.response.pulses import harmonic_force, pulse_train

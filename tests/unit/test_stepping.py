@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.machine import Machine, published_machine
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.elements import Attachment, SpringDamperMass
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step
-from cutvib_ss.slots import NonlinearElement
-from cutvib_ss.structure import Structure
-from cutvib_ss.subsystems.elements import Attachment, SpringDamperMass
 from tests.unit.event_integrator import integrate
 
 FS = 8000.0

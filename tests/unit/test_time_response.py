@@ -14,15 +14,15 @@ from cutvib_ss.effects.rail_torsion import RailTorsion
 from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.errors import ConvergenceError, CouplingError, ParameterError
-from cutvib_ss.machine import Machine, published_machine
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.nonlinear_system import nonlinear_system
 from cutvib_ss.response.pulses import harmonic_force, pulse_train
 from cutvib_ss.response.time_response import time_response
 from cutvib_ss.results import TimeResponse
-from cutvib_ss.slots import NonlinearElement
-from cutvib_ss.structure import Structure
 from tests.unit.event_integrator import integrate
 
 MACHINE = published_machine()

@@ -7,14 +7,15 @@ parameters and to s, and - where it has one - its finite second-order form. Zero
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from math import pi
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
-from cutvib_ss.errors import CouplingError
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.parameters import check_number
 from cutvib_ss.results import ComplexArray
 
@@ -287,48 +288,35 @@ class Guide:
         k [N/m].
     damping : float
         c [N s/m].
+    sensor_side : {"head", "rail"}
+        On which side of the guide ``base_x`` sits.
     """
 
     stiffness: float
     damping: float = 0.0
+    sensor_side: Literal["head", "rail"] = "head"
 
     def __post_init__(self) -> None:
         check_number("guide stiffness", self.stiffness, 0.0, strict=True)
         check_number("guide damping", self.damping, 0.0)
+        if self.sensor_side not in ("head", "rail"):
+            raise ParameterError(f'guide sensor_side = {self.sensor_side!r} must be "head" or "rail"')
 
-    def compliance(self, s: ComplexArray) -> ComplexArray:
-        """
-        Displacement across the guide per force through it.
+    @property
+    def element(self) -> SpringDamperMass:
+        """The spring and damper between the head's base and the rail."""
+        return SpringDamperMass(self.stiffness, self.damping)
 
-        Parameters
-        ----------
-        s : ndarray of complex
-            Laplace variable [rad/s].
 
-        Returns
-        -------
-        ndarray
-            1 / (k + s c).
-        """
-        out: ComplexArray = 1.0 / (self.stiffness + s * self.damping)
-        return out
-
-    def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
-        """
-        Derivative of the compliance to a parameter, or to s.
-
-        Parameters
-        ----------
-        name : str
-            ``"stiffness"``, ``"damping"`` or ``"s"``.
-        s : ndarray of complex
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        ndarray
-            The derivative.
-        """
-        inner = {"stiffness": 1.0 + 0j * s, "damping": s, "s": self.damping + 0j * s}[name]
-        out: ComplexArray = -inner * self.compliance(s) ** 2
-        return out
+def viscous_attachments(attachments: Iterable[Attachment], viscous_at: float | None) -> tuple[Attachment, ...]:
+    """The attachments with c = kη/ω in place of hysteretic loss, which dissipates as much at one frequency [Hz]."""
+    if viscous_at is None:
+        return tuple(attachments)
+    omega = 2 * pi * check_number("viscous_at", viscous_at, 0.0, strict=True)
+    out = []
+    for a in attachments:
+        e = a.element
+        if isinstance(e, SpringDamperMass) and e.loss_stiffness:
+            e = replace(e, damping=e.damping + e.loss_stiffness / omega, loss_stiffness=0.0)
+        out.append(replace(a, element=e))
+    return tuple(out)

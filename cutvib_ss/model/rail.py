@@ -9,26 +9,26 @@ coupled to the modes, with the end springs on u. Sines and rigid motions togethe
 the limit of rigid springs. Of a mode's damping a stated share resists what the rigid motions have of its shape,
 2 ∫ sin(rπy/L) h dy/L · u, as well as the elastic part. Ends that resist turning are springs on the end slopes
 Σ (rπ/L) a_r (and the alternating sum at y = L). A rail that also shears has two modes for each sine, and cross-sections
-that turn by less than the slope (`cutvib_ss.subsystems.pinned_modes`). Twist is a field of its own, held at the ends
-(`cutvib_ss.subsystems.twist`).
+that turn by less than the slope (`cutvib_ss.model.pinned_modes`). Twist is a field of its own, held at the ends
+(`cutvib_ss.model.twist`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cutvib_ss.errors import ParameterError
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.pinned_modes import PinnedModes, euler_bernoulli, timoshenko
+from cutvib_ss.model.second_order import SecondOrder
+from cutvib_ss.model.twist import TWIST_ELEMENTS, twist_modes, twist_shapes
 from cutvib_ss.parameters import RailParameters, check_number, check_position
 from cutvib_ss.results import FloatArray
-from cutvib_ss.subsystems.elements import SpringDamperMass
-from cutvib_ss.subsystems.pinned_modes import PinnedModes, euler_bernoulli, timoshenko
-from cutvib_ss.subsystems.twist import TWIST_ELEMENTS, twist_modes, twist_shapes
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Torsion:
         Damping ratio of the first torsion mode; damping goes with the rate of strain, so that of mode s is s times as
         large.
     elements : int
-        Elements of the mesh, a convention (`cutvib_ss.subsystems.twist`).
+        Elements of the mesh, a convention (`cutvib_ss.model.twist`).
     """
 
     eccentricity: float
@@ -172,6 +172,12 @@ class Rail:
         return timoshenko(self.parameters.n_modes, self.shear.ratio)[0]
 
     @property
+    def damping_weight(self) -> FloatArray:
+        """ζ over the rail's ``damping_ratio`` of each of `modes`; of a uniform rotation that of the first."""
+        profile = np.array(self.parameters.damping_profile or (1.0,))
+        return np.asarray(profile[np.clip(self.modes.number.astype(int) - 1, 0, profile.size - 1)])
+
+    @property
     def modes_by_shear(self) -> PinnedModes:
         """Derivatives of their values to the shear ratio; only where the rail shears."""
         assert self.shear is not None
@@ -216,6 +222,66 @@ def natural_frequencies(p: RailParameters) -> FloatArray:
     return frequencies
 
 
+def rail_point(name: str) -> float | None:
+    """y / L of a signal ``rail(0.25)`` or ``rail@0.25``; None for another name."""
+    found = re.fullmatch(r"rail(?:\((.*)\)|@(.*))", name)
+    if found is None:
+        return None
+    try:
+        return check_position(float(found[1] or found[2]))
+    except (TypeError, ValueError) as error:
+        if isinstance(error, ParameterError):
+            raise
+        raise ParameterError(f"signal {name!r}: write rail(0.25) for the rail at a quarter") from None
+
+
+def rail_points(names: Iterable[str]) -> dict[str, float]:
+    """Points of the rail among signals, to y / L."""
+    return {name: y for name in names if (y := rail_point(name)) is not None}
+
+
+def rail_rows(model: Rail, positions: ArrayLike, order: int = 0, twist: bool = False) -> FloatArray:
+    """
+    φ(y): how the rail moves at points, or a derivative of that to y / L, over all its coordinates; shape (position, n).
+
+    dᵏ/dyᵏ sin(rπy) = (rπ)ᵏ sin(rπy + kπ/2); ends that give add 1 - y and y. The twist has kinks at the nodes of its mesh.
+    """
+    y = np.atleast_1d(np.asarray(positions, dtype=float))
+    rows = np.zeros((y.size, _size(model)))
+    if twist:
+        if order:
+            raise CouplingError(
+                "the rail's twist is linear between the nodes of its mesh and has no derivatives along the rail"
+            )
+        assert model.torsion is not None
+        _, inertia = twist_modes(model.torsion.elements)
+        shapes = twist_shapes(y, model.torsion.elements) / np.sqrt(model.torsion.inertia / 2 * inertia)
+        rows[:, -shapes.shape[1] :] = shapes
+        return rows
+    modes, scale = model.modes, np.sqrt(2.0 / model.parameters.mass)
+    turn = np.pi * modes.number
+    m = turn.size
+    rows[:, :m] = scale * modes.deflection * turn**order * np.sin(np.outer(y, turn) + order * np.pi / 2)
+    if model.supports is not None and order < 2:
+        rows[:, m], rows[:, m + 1] = (1.0 - y, y) if order == 0 else (-1.0, 1.0)
+    return rows
+
+
+def rail_rows_bound(model: Rail, order: int) -> FloatArray:
+    """Largest moduli over the whole rail of the entries of `rail_rows`, for the deflection."""
+    row, modes = np.zeros(_size(model)), model.modes
+    m = modes.number.size
+    row[:m] = np.sqrt(2.0 / model.parameters.mass) * np.abs(modes.deflection) * (np.pi * modes.number) ** order
+    if model.supports is not None:
+        row[m : m + 2] = float(order < 2)
+    return row
+
+
+def _size(model: Rail) -> int:
+    twists = 0 if model.torsion is None else int(model.torsion.elements) - 1
+    return model.modes.number.size + (2 if model.supports else 0) + twists
+
+
 def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     """
     The rail as a second-order system in modal coordinates, with ports at points along it.
@@ -239,6 +305,9 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     its shape: with g_r = e_r + κ √(μL/2) 2 c_r on the ends, c_r the row of `PinnedModes.coupling`, C = Σ 2ζω_r g_r g_rᵀ.
     For κ > 0 the sum on the ends' own motion grows with the number of modes, so that ``c_left`` and ``c_right`` also stand for what
     the modes above n_modes would add there.
+
+    Eq. 4's c_s I ∂⁵w/∂y⁴∂t is its E I ∂⁴w/∂y⁴ with c_s/E ∂/∂t before it. It adds (c_s/E) ω_r² to the damping of each mode, as much
+    as ζ_r = (c_s/E) ω_r / 2, and resists no rigid motion. With shear the strain of either kind is damped alike.
     """
     p = model.parameters
     modes = model.modes
@@ -251,7 +320,8 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     n = m + len(ends) + len(twists)
     mass, damping, stiffness = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
     elastic = np.arange(m)
-    damping[elastic, elastic] = 2 * p.damping_ratio * w
+    modal = 2 * p.damping_ratio * model.damping_weight * w
+    damping[elastic, elastic] = modal + p.strain_damping * w**2
     stiffness[elastic, elastic] = w**2
     if model.supports:
         u = slice(m, m + 2)
@@ -259,7 +329,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         mass[:m, u] = scale * p.mass * modes.coupling
         mass[u, :m] = mass[:m, u].T
         share = model.supports.rigid_damping
-        damping[:m, u] = share * (damping[:m, :m] @ mass[:m, u])
+        damping[:m, u] = share * modal[:, None] * mass[:m, u]
         damping[u, :m] = damping[:m, u].T
         damping[u, u] = np.diag([model.supports.c_left, model.supports.c_right]) + share * (
             mass[u, :m] @ damping[:m, u]
@@ -273,57 +343,18 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         damping[t, t] = 2 * model.torsion.damping_ratio * wt * squares
         stiffness[t, t] = wt**2 * squares
 
-    def row(y: float, slope: bool = False) -> FloatArray:
-        elastic_part = modes.rotations(y) / p.length if slope else modes.deflections(y)[0]
-        rigid_part = np.array([-1.0, 1.0]) / p.length if slope else np.array([1.0 - y, y])
-        return np.concatenate([scale * elastic_part, rigid_part[: len(ends)], np.zeros(len(twists))])
-
-    ports = {name: row(y) for name, y in points.items()}
+    ports = {name: rail_rows(model, y)[0] for name, y in points.items()}
     if model.torsion:
-        for name, y in points.items():
-            shapes = twist_shapes(y, model.torsion.elements)[0] / np.sqrt(model.torsion.inertia / 2 * relative_inertia)
-            ports[f"{name}_twist"] = np.concatenate([np.zeros(n - len(twists)), shapes])
+        ports |= {f"{name}_twist": rail_rows(model, y, twist=True)[0] for name, y in points.items()}
     unit = np.eye(n)
     ports |= {dof: unit[i] for i, dof in enumerate(dofs)}
     for i, end in enumerate(("rail_left", "rail_right")):
         ports[end] = unit[m + i] if model.supports else np.zeros(n)
     for attachment in model.attachments:
-        e, at = attachment.element, row(attachment.position, attachment.slope)
+        e, at = attachment.element, rail_rows(model, attachment.position)[0]
+        if attachment.slope:
+            slope = np.concatenate([scale * modes.rotations(attachment.position), [-1.0, 1.0][: len(ends)]]) / p.length
+            at = np.pad(slope, (0, n - slope.size))
         block = np.outer(at, at)
         mass, damping, stiffness = mass + e.mass * block, damping + e.damping * block, stiffness + e.stiffness * block
     return SecondOrder(mass, damping, stiffness, tuple(dofs + ends + twists), ports)
-
-
-def rail_state_space(p: RailParameters, position: float) -> control.StateSpace:
-    """
-    The pinned rail from base force to base motion (Eqs. 5, 6 and 9).
-
-    Parameters
-    ----------
-    p : RailParameters
-        The rail.
-    position : float
-        y_b / L, strictly inside (0, 1).
-
-    Returns
-    -------
-    control.StateSpace
-        2m states. Input ``rail_force`` R_bx [N]; outputs ``base_x`` [m], ``base_velocity`` [m/s], ``base_acceleration``
-        [m/s^2].
-
-    Examples
-    --------
-    >>> from cutvib_ss.parameters import recovered_rail
-    >>> rail_state_space(recovered_rail(), 0.5).nstates
-    8
-    """
-    system = rail(Rail(p), {"base": check_position(position)})
-    return system.state_space(
-        {"rail_force": "base"},
-        {
-            "base_x": ("base", "displacement"),
-            "base_velocity": ("base", "velocity"),
-            "base_acceleration": ("base", "acceleration"),
-        },
-        name="rail",
-    )

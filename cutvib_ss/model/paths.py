@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import is_dataclass, replace
-from typing import Any, TypeAlias, TypeVar
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeAlias, TypeVar, cast
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.slots import ChannelChain
+from cutvib_ss.model.measurement_chain import ChannelChain
 
 Path: TypeAlias = tuple[str | int, ...]
 ModelT = TypeVar("ModelT")
@@ -116,3 +116,46 @@ def _rebuilt(node: Any, changes: Mapping[Path, tuple[Path, float]]) -> Any:
     if not is_dataclass(node) or isinstance(node, type):
         raise ParameterError(f"the model has no value at {'.'.join(map(str, whole))}")
     return replace(node, **{str(step): value for step, value in inner.items()})
+
+
+def replaced(model: ModelT, values: Mapping[str, Any], homes: Mapping[str, Path]) -> ModelT:
+    """
+    A copy of a model with values changed by their names.
+
+    ``homes`` are the paths of the parameter sets whose fields go by their own names; those of ``tolerance`` are
+    ``tolerance_<name>``, and the model's own fields replace whole slots.
+    """
+    homes = {**homes, "tolerance": ("tolerance",)}
+    sets = {name: _at(model, path) for name, path in homes.items()}
+    slots = [f.name for f in fields(model) if f.name not in ("effects", "bare")]  # type: ignore[arg-type]
+    known: dict[str, tuple[str, str]] = {}
+    for name, node in sets.items():
+        for f in fields(node):
+            if f.compare:
+                known[f"tolerance_{f.name}" if name == "tolerance" else f.name] = (name, f.name)
+    for name in values:
+        if name not in known and name not in slots:
+            raise ParameterError(f"there is no value {name!r}; there are {', '.join([*known, *slots])}")
+    # Of a corrected model the nominal values change, and its effects are applied anew.
+    changed: Any = model if model.bare is None else model.bare  # type: ignore[attr-defined]
+    changed = replace(changed, **{n: v for n, v in values.items() if n in slots})
+    for home, path in homes.items():
+        own = {known[n][1]: v for n, v in values.items() if n not in slots and known[n][0] == home}
+        if own:
+            changed = _with_node(changed, path, replace(_at(changed, path), **own))
+    for effect in model.effects:  # type: ignore[attr-defined]
+        changed = effect.apply(changed)
+    return cast(ModelT, changed)
+
+
+def _at(node: Any, path: Path) -> Any:
+    for step in path:
+        node = getattr(node, str(step))
+    return node
+
+
+def _with_node(node: Any, path: Path, value: Any) -> Any:
+    if not path:
+        return value
+    step = str(path[0])
+    return replace(node, **{step: _with_node(getattr(node, step), path[1:], value)})

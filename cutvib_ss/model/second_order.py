@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import control
 import numpy as np
@@ -32,10 +33,17 @@ class Channel:
         Name of the port whose motion is read.
     quantity : {"displacement", "velocity", "acceleration"}
         Which motion.
+    absolute : bool, optional
+        On a shaker: whether it reads absolute motion, or that relative to the base. Left out: absolute for accelerations.
     """
 
     port: str
     quantity: Quantity
+    absolute: bool | None = None
+
+    def __post_init__(self) -> None:
+        if self.absolute is None:
+            object.__setattr__(self, "absolute", self.quantity == "acceleration")
 
 
 @dataclass(frozen=True)
@@ -129,10 +137,14 @@ class SecondOrder:
         return dense
 
     def state_space(
-        self, inputs: Mapping[str, str], outputs: Mapping[str, tuple[str, Quantity]], name: str = "system"
+        self,
+        inputs: Mapping[str, str],
+        outputs: Mapping[str, tuple[str, Quantity]],
+        name: str = "system",
+        driven: Sequence[str] = (),
     ) -> control.StateSpace:
         """
-        The system as a python-control object, force in and motion out, in balanced coordinates.
+        The system as a python-control object, forces in and motion out, some degrees of freedom perhaps driven.
 
         Parameters
         ----------
@@ -142,59 +154,85 @@ class SecondOrder:
             Signal name to port and motion quantity.
         name : str
             Name of the system.
+        driven : sequence of str
+            Degrees of freedom u whose motion is prescribed. Each adds the inputs ``<dof>_displacement``, ``<dof>_velocity`` and
+            ``<dof>_acceleration``, and the output ``<dof>_reaction``: the force with which the system acts on what drives it.
 
         Returns
         -------
         control.StateSpace
-            2n states, signals named.
+            Two states for each free degree of freedom: ``x`` is √M_xx times the displacement x, then ``d_x`` √M_xx/ω₀ times its
+            velocity (`state_scales`).
 
         Raises
         ------
         CouplingError
-            If the mass matrix is not positive definite.
+            If the mass matrix of the free degrees of freedom is not positive definite.
 
         Notes
         -----
-        With M = L Lᵀ and p = Lᵀ q the mass becomes the identity; the states are p and ṗ/ω₀, where ω₀ is the geometric mean
-        of the largest and smallest non-zero √eig(K). Without that scaling python-control loses seven digits on lightly
-        damped plants.
+        M_ff q̈ + C_ff q̇ + K_ff q = b_f F - M_fu ü - C_fu u̇ - K_fu u, and the reaction is
+        b_u F - (M_uf q̈ + C_uf q̇ + K_uf q) - (M_uu ü + C_uu u̇ + K_uu u). ω₀ is the geometric mean of the largest and
+        smallest non-zero natural frequency. Without that scaling python-control loses seven digits on lightly damped plants.
         """
-        b = np.column_stack([self.port(p) for p in inputs.values()]) if inputs else np.zeros((len(self.dofs), 0))
-        parts = self._first_order()
-        factor, w0, a = parts
-        n = len(self.dofs)
-        b_modal = linalg.solve_triangular(factor, b, lower=True) / w0
-        b_full = np.vstack([np.zeros_like(b_modal), b_modal])
-        c_rows, d_rows = [], []
+        u = [self.dofs.index(d) for d in driven]
+        f = [i for i in range(len(self.dofs)) if i not in u]
+        n, forces = len(f), len(inputs)
+        scale, w0, inner = self._scaled(f)
+        matrices = (self.stiffness, self.damping, self.mass)
+        drives = np.array([self.port(p) for p in inputs.values()]).reshape(forces, len(self.dofs)).T
+        moved = np.stack([m[:, u] for m in matrices], axis=-1).reshape(len(self.dofs), 3 * len(u))
+        pushes = np.hstack([drives, -moved])
+        solved = linalg.cho_solve(inner[0], pushes[f] / scale[:, None]) / w0
+        a = np.block([[np.zeros((n, n)), w0 * np.eye(n)], [-inner[1] / w0, -inner[2]]])
+        b = np.vstack([np.zeros_like(solved), solved])
+
+        def motion(row: FloatArray, order: int) -> tuple[FloatArray, FloatArray]:
+            c, d = np.concatenate([row / scale, np.zeros(n)]), np.zeros(b.shape[1])
+            for _ in range(order):
+                c, d = c @ a, c @ b
+            return c, d
+
+        found = []
         for port, quantity in outputs.values():
-            row = np.concatenate([linalg.solve_triangular(factor, self.port(port), lower=True), np.zeros(n)])
-            d = np.zeros(b.shape[1])
-            for _ in range(DERIVATIVE_ORDER[quantity]):
-                d = row @ b_full
-                row = row @ a
-            c_rows.append(row)
-            d_rows.append(d)
+            order = DERIVATIVE_ORDER[quantity]
+            c, d = motion(self.port(port)[f], order)
+            d[forces + 3 * np.arange(len(u)) + order] += self.port(port)[u]
+            found.append((c, d))
+        for i in u:
+            parts = [motion(m[i, f], order) for order, m in enumerate(matrices)]
+            found.append((-np.sum([c for c, _ in parts], axis=0), pushes[i] - np.sum([d for _, d in parts], axis=0)))
+        names = [self.dofs[i] for i in f]
         return control.ss(
-            a, b_full, np.reshape(c_rows, (len(outputs), 2 * n)), np.reshape(d_rows, (len(outputs), b.shape[1])),
-            inputs=list(inputs), outputs=list(outputs), name=name,
-            states=[f"{d}" for d in self.dofs] + [f"{d}_rate" for d in self.dofs],
+            a, b, np.reshape([c for c, _ in found], (len(found), 2 * n)),
+            np.reshape([d for _, d in found], (len(found), b.shape[1])),
+            inputs=[*inputs, *(f"{d}_{q}" for d in driven for q in DERIVATIVE_ORDER)],
+            outputs=[*outputs, *(f"{d}_reaction" for d in driven)], name=name,
+            states=names + [f"d_{d}" for d in names],
         )  # fmt: skip
 
-    def _first_order(self) -> tuple[FloatArray, float, FloatArray]:
+    def state_scales(self, driven: Sequence[str] = ()) -> dict[str, float]:
+        """What each state of `state_space` is multiplied by: √M_xx of a displacement, √M_xx/ω₀ of a velocity."""
+        f = [i for i, d in enumerate(self.dofs) if d not in driven]
+        scale, w0, _ = self._scaled(f)
+        scales = dict(zip((self.dofs[i] for i in f), scale.tolist(), strict=True))
+        return scales | {f"d_{dof}": value / w0 for dof, value in scales.items()}
+
+    def _scaled(self, f: list[int]) -> tuple[FloatArray, float, tuple[Any, FloatArray, FloatArray]]:
+        """√M_ii, ω₀, and in coordinates of that scale M's factor, M⁻¹K and M⁻¹C."""
+        among = np.ix_(f, f)
+        with np.errstate(invalid="ignore"):
+            scale = np.sqrt(np.diag(self.mass)[f])
+        both = np.outer(scale, scale)
         try:
-            factor = linalg.cholesky(self.mass, lower=True)
+            factor = linalg.cho_factor(self.mass[among] / np.where(both > 0.0, both, 1.0), lower=True)
         except linalg.LinAlgError as error:
             raise CouplingError("the mass matrix is not positive definite: there is no state-space model") from error
-        half = linalg.solve_triangular(factor, self.stiffness, lower=True)
-        k = linalg.solve_triangular(factor, half.T, lower=True)
-        half = linalg.solve_triangular(factor, self.damping, lower=True)
-        c = linalg.solve_triangular(factor, half.T, lower=True)
-        squares = linalg.eigvalsh(k)
+        k, c = (m[among] / both for m in (self.stiffness, self.damping))
+        squares = linalg.eigvalsh(k, self.mass[among] / both)
         positive = squares[squares > 1e-12 * max(float(np.abs(squares).max()), 1e-300)]
         w0 = float((positive[0] * positive[-1]) ** 0.25) if positive.size else 1.0
-        n = len(self.dofs)
-        a = np.block([[np.zeros((n, n)), w0 * np.eye(n)], [-k / w0, -c]])
-        return factor, w0, a
+        return scale, w0, (factor, linalg.cho_solve(factor, k), linalg.cho_solve(factor, c))
 
     def attach(
         self, ports: Sequence[str], other: SecondOrder, other_ports: Sequence[str], prefix: str = ""
@@ -242,33 +280,6 @@ class SecondOrder:
         return SecondOrder(
             mass, damping, stiffness, self.dofs + tuple(prefix + other.dofs[i] for i in kept), mine | theirs
         )
-
-    def joined(
-        self, ports: Sequence[str], other: SecondOrder, other_ports: Sequence[str]
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """
-        The matrices of `attach` alone, without names, ports and checks.
-
-        Parameters
-        ----------
-        ports : sequence of str
-            Ports of this system, as in `attach`.
-        other : SecondOrder
-            The system to join.
-        other_ports : sequence of str
-            Its ports.
-
-        Returns
-        -------
-        mass, damping, stiffness : ndarray
-            The joined matrices.
-
-        Raises
-        ------
-        CouplingError
-            If a port of ``other`` is not one degree of freedom.
-        """
-        return self._joined(other, self._transform(ports, other, other_ports)[0])
 
     def _transform(
         self, ports: Sequence[str], other: SecondOrder, other_ports: Sequence[str]

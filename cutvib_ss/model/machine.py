@@ -9,26 +9,30 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import control
-import numpy as np
 
-from cutvib_ss.interconnection import close_base_loop, with_quantity
-from cutvib_ss.mechanical import Channel, SecondOrder
+from cutvib_ss.model.coupling import Assembly, Changes, Coupling, Matrices, coupling, head_core_changes
+from cutvib_ss.model.elements import Attachment, Guide
+from cutvib_ss.model.head import HEAD_PARAMETERS, HEAD_UNITS
+from cutvib_ss.model.measurement_chain import MeasurementChain
+from cutvib_ss.model.paths import Path, replaced
+from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.rail import Rail, rail, rail_points
+from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.parameters import (
     HeadParameters,
     RailParameters,
     Tolerances,
+    check_choice,
     check_position,
+    names_of,
     recovered_rail,
     table_3,
 )
-from cutvib_ss.results import Displayed, FloatArray, Quantity, Table, as_names
-from cutvib_ss.slots import MeasurementChain, NonlinearElement, attach_all, through_chain, viscous_attachments
-from cutvib_ss.subsystems.elements import Attachment, Guide
-from cutvib_ss.subsystems.head import HEAD_PARAMETERS, HEAD_UNITS, head
-from cutvib_ss.subsystems.rail import Rail, rail
+from cutvib_ss.results import Displayed, FloatArray, Quantity, Table
+from cutvib_ss.units import DERIVATIVE_ORDER
 
 CUTTING_CHANNELS: Mapping[str, Channel] = MappingProxyType(
     {
@@ -117,49 +121,54 @@ class Machine(Displayed):
         effects = [(type(e).__name__, str(getattr(e, "place", "")), "effect") for e in self.effects]
         return Table("Cutting machine: head on a flexible rail", ("value", "", "unit"), head_rows + rail_rows + effects)
 
-    def head_system(self, viscous_at: float | None = None) -> SecondOrder:
-        """
-        The head with what is attached to it, its base free.
-
-        Parameters
-        ----------
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is made viscous.
-
-        Returns
-        -------
-        SecondOrder
-            Over θ1, θ2, the base's motion, the twist where there is one, and the attachments' own coordinates.
-        """
-        torsion = self.rail.torsion
-        bare = head(self.head, torsion is not None, torsion.eccentricity if torsion else 0.0)
-        return attach_all(bare, viscous_attachments(self.attachments, viscous_at))
-
-    def rail_system(self, position: float, points: Mapping[str, float] | None = None) -> SecondOrder:
-        """
-        The rail with ports ``base`` and ``at_head`` (its shear centre under the head) and perhaps ``at_head_twist``.
-
-        Parameters
-        ----------
-        position : float
-            y_b / L.
-        points : mapping of str to float, optional
-            More ports along the rail.
-
-        Returns
-        -------
-        SecondOrder
-            In modal coordinates.
-        """
-        system = rail(self.rail, {"at_head": check_position(position), **(points or {})})
-        return replace(system, ports={**system.ports, "base": system.port("at_head")})
+    @property
+    def default_quantity(self) -> Quantity:
+        """Ports are read like accelerometers."""
+        return "acceleration"
 
     @property
-    def interface(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Ports of the rail and of the head that the base constraint joins."""
-        if self.rail.torsion:
-            return ("at_head", "at_head_twist"), ("base", "twist")
-        return ("at_head",), ("base",)
+    def assembly(self) -> Assembly:
+        """The head over its own coordinates and those of the rail under it, with its attachments and guide."""
+        return Assembly.of_head(self.head, self.rail, self.attachments, self.guide)
+
+    @property
+    def influence(self) -> None:
+        """No shaker."""
+        return None
+
+    def port_of(self, signal: str) -> str:
+        """The port behind a signal: ``force`` acts on ``tool_x``, ``base_x`` is read at ``base``."""
+        return CUTTING_SIGNALS.get(signal, signal)
+
+    def base_share(self, signal: str) -> float:
+        """No shaker."""
+        return 0.0
+
+    def rotates(self, signal: str) -> bool:
+        """The joints and the rail's twist."""
+        return signal.startswith(("joint", "theta")) or "twist" in signal
+
+    def core_changes(self, path: Path) -> Changes | None:
+        """How the head moves with its parameters, and with the rail's eccentricity."""
+        if path[0] == "head" or path == ("rail", "torsion", "eccentricity"):
+            return head_core_changes(self.head, self.rail, self.guide, str(path[-1]))
+        return None
+
+    def drive(self, system: SecondOrder) -> FloatArray:
+        """The row of the tool in X."""
+        return system.port(self.input_port)
+
+    def head_system(self, viscous_at: float | None = None) -> SecondOrder:
+        """The head alone with its attachments, its base free; hysteresis made viscous at a frequency [Hz] if one is given."""
+        return replace(self, guide=None).assembly.system(viscous_at)
+
+    def rail_system(self, position: float, points: Mapping[str, float] | None = None) -> SecondOrder:
+        """The rail alone in modal coordinates, with the port ``at_head`` (and ``at_head_twist``) and more ports along it."""
+        return rail(self.rail, {"at_head": check_position(position), **(points or {})})
+
+    def coupling(self, viscous_at: float | None = None, points: Mapping[str, float] | None = None) -> Coupling:
+        """The base-force constraint: constant matrices of head and rail, and the rows φ(y)."""
+        return coupling(self.assembly, viscous_at, points)
 
     def second_order(
         self, position: float | None = None, viscous_at: float | None = None, points: Mapping[str, float] | None = None
@@ -186,54 +195,12 @@ class Machine(Displayed):
         CouplingError
             If damping is hysteretic and no ``viscous_at`` is given.
         """
-        rail_ = self.rail_system(check_position(position), points)
-        head_ = self.head_system(viscous_at)
-        ours, theirs = self.interface
-        if self.guide is None:
-            return rail_.attach(ours, head_, theirs)
-        n, k = len(rail_.dofs), len(head_.dofs)
-        gap = np.concatenate([-rail_.port(ours[0]), head_.port(theirs[0])])
-        block = np.outer(gap, gap)
+        return self.coupling(viscous_at, points).second_order(check_position(position))
 
-        def joined(name: str, along: float) -> FloatArray:
-            out = np.zeros((n + k, n + k))
-            out[:n, :n], out[n:, n:] = getattr(rail_, name), getattr(head_, name)
-            return out + along * block
-
-        ports = {p: np.concatenate([np.zeros(n), r]) for p, r in head_.ports.items() if p not in rail_.ports}
-        ports |= {p: np.concatenate([r, np.zeros(k)]) for p, r in rail_.ports.items()}
-        ports["head_base"] = np.concatenate([np.zeros(n), head_.port("base")])
-        both = SecondOrder(
-            joined("mass", 0.0), joined("damping", self.guide.damping), joined("stiffness", self.guide.stiffness),
-            rail_.dofs + tuple(f"head_{d}" if d in ("base", "twist") else d for d in head_.dofs), ports,
-        )  # fmt: skip
-        return both if len(ours) == 1 else _tie(both, ours[1], "twist")
-
-    def matrices(
-        self, positions: Sequence[float], viscous_at: float | None = None
-    ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-        """
-        Mass, damping and stiffness at several positions: the matrices of `second_order`, at less cost.
-
-        Parameters
-        ----------
-        positions : sequence of float
-            y_b / L of the head, each strictly inside (0, 1).
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-
-        Returns
-        -------
-        list of (ndarray, ndarray, ndarray)
-            One a position.
-        """
-        if self.guide is not None or not positions:
-            systems = [self.second_order(y, viscous_at) for y in positions]
-            return [(s.mass, s.damping, s.stiffness) for s in systems]
-        rail_ = self.rail_system(positions[0], {f"at{i}": check_position(y) for i, y in enumerate(positions)})
-        head_, theirs = self.head_system(viscous_at), self.interface[1]
-        ends = ("", "_twist")[: len(theirs)]
-        return [rail_.joined([f"at{i}{end}" for end in ends], head_, theirs) for i in range(len(positions))]
+    def matrices(self, positions: Sequence[float], viscous_at: float | None = None) -> list[Matrices]:
+        """Mass, damping and stiffness at several positions."""
+        joined = self.coupling(viscous_at)
+        return [joined.matrices(check_position(y)) for y in positions]
 
     def plant(
         self,
@@ -246,14 +213,14 @@ class Machine(Displayed):
         viscous_at: float | None = None,
     ) -> control.StateSpace:
         """
-        The head and the rail as state-space objects, interconnected through the base-force constraint.
+        Head and rail as python-control objects, closed through the base-force constraint.
 
         Parameters
         ----------
         position : float
             y_b / L of the head, strictly inside (0, 1).
         inputs : str or sequence of str
-            ``force`` (tool, X), or any port of the head or rail: ``head_x``, ``base``, ``rail_left`` ...
+            ``force`` (tool, X), or any port of the head or rail: ``head_x``, ``base``, ``rail(0.25)`` ...
         outputs : str or sequence of str
             ``tool_x``, ``tool_z``, ``base_x``, ``head_x``, ``head_z``, or any other port.
         quantity : {"displacement", "velocity", "acceleration"}
@@ -266,26 +233,37 @@ class Machine(Displayed):
         Returns
         -------
         control.StateSpace
-            2(2+m) states for the bare machine, signals named, balanced.
+            2(2+m) states for the bare machine. Their names: ``theta1``, ``theta2``, ``eta1`` …, then ``d_theta1`` …, then those of
+            what is attached, then delays. A displacement is scaled by √M_xx, M_xx being the mass of its coordinate in the head
+            with its base held, or in the rail; a velocity by √M_xx/ω₀, ω₀ being the geometric mean of the lowest and highest
+            natural frequency of that part. ``machine.coupling().state_scales`` lists the factors: x = state / factor.
 
         Raises
         ------
+        ParameterError
+            If a signal or the quantity is unknown; the message lists those that are.
         CouplingError
             If a delay or hysteretic damping has no finite plant and no approximation is asked for.
 
         Notes
         -----
-        Both parts have direct feedthrough from force to acceleration, so their loop is algebraic, yet well posed: its
-        return difference is 1 + φᵀφ m_eff > 0, m_eff ≥ 0 being what the head's masses leave the base once its joints are
-        free to accelerate. Closing it with `StateSpace.feedback` leaves exactly the physical states, with no constraint-drift
-        poles at zero.
+        Section 3.3, by the linear fractional transformation (`cutvib_ss.model.coupling`).
+
+        Examples
+        --------
+        >>> plant = published_machine().plant(0.5, outputs="tool_x")
+        >>> plant.state_labels[:4], plant.output_labels
+        (['theta1', 'theta2', 'eta1', 'eta2'], ['tool_x'])
         """
-        ports_in = {name: CUTTING_SIGNALS.get(name, name) for name in as_names(inputs)}
-        ports_out = {name: CUTTING_SIGNALS.get(name, name) for name in as_names(outputs)}
-        closed = close_base_loop(
-            self.head_system(viscous_at), self.rail_system(position), self.interface, self.guide, ports_in, ports_out
-        )
-        return with_quantity(through_chain(self.chain, closed, pade_order), quantity, "machine")
+        drives, reads = names_of(inputs), names_of(outputs)
+        check_choice("quantity", quantity, DERIVATIVE_ORDER)
+        joined = self.coupling(viscous_at, rail_points([*drives, *reads]))
+        pushed = {name: self.port_of(name) for name in drives}
+
+        def build(signals: Sequence[str]) -> control.StateSpace:
+            return joined.plant(position, pushed, {name: (self.port_of(name), quantity) for name in signals})
+
+        return self.chain.plant(build, reads, pade_order)
 
     def plants(
         self,
@@ -330,21 +308,32 @@ class Machine(Displayed):
             for y in positions
         )
 
+    def replace(self, **values: Any) -> Machine:
+        """
+        A machine with values of its head, rail or tolerances changed.
 
-def _tie(system: SecondOrder, port: str, dof: str) -> SecondOrder:
-    """Eliminate a degree of freedom that moves with a port (the twist, where the guide gives only in X)."""
-    index = next(i for i, d in enumerate(system.dofs) if d in (dof, f"head_{dof}"))
-    keep = [i for i in range(len(system.dofs)) if i != index]
-    transform = np.zeros((len(system.dofs), len(keep)))
-    transform[keep, np.arange(len(keep))] = 1.0
-    transform[index] = system.port(port)[keep]
-    return SecondOrder(
-        transform.T @ system.mass @ transform,
-        transform.T @ system.damping @ transform,
-        transform.T @ system.stiffness @ transform,
-        tuple(system.dofs[i] for i in keep),
-        {p: r @ transform for p, r in system.ports.items()},
-    )
+        Parameters
+        ----------
+        **values : float or object
+            Values of the head and the rail by their names: ``k2=9000.0``, ``mass=80.0``, ``n_modes=6`` …, ``theta01`` in rad;
+            tolerances as ``tolerance_k2``. ``guide``, ``chain`` and the machine's other fields replace those.
+
+        Returns
+        -------
+        Machine
+            A new machine. Of a corrected one the nominal values change, and its effects are applied anew.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such value, with the choices; or one is impossible.
+
+        Examples
+        --------
+        >>> published_machine().replace(k2=9000.0).head.k2
+        9000.0
+        """
+        return replaced(self, values, {"head": ("head",), "rail": ("rail", "parameters")})
 
 
 def published_machine() -> Machine:

@@ -16,10 +16,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import control
 import numpy as np
 
-from cutvib_ss.mechanical import SecondOrder
+from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.parameters import HeadParameters
 from cutvib_ss.results import FloatArray
 
@@ -27,6 +26,7 @@ HEAD_PARAMETERS = ("m1", "m2", "l1", "l2", "theta01", "theta02", "k1", "k2", "c1
 """Names of the head's ten parameters, in the tables' order."""
 HEAD_UNITS = ("kg", "kg", "m", "m", "rad", "rad", "N m/rad", "N m/rad", "N m s/rad", "N m s/rad")
 """Their SI units."""
+_MASSES = {"m1": ("head_x", "head_z"), "m2": ("tool_x", "tool_z")}
 
 
 def head_rows(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> dict[str, FloatArray]:
@@ -107,6 +107,32 @@ def head_row_derivatives(
     return _with_twist(rows, twist, eccentricity, port=False)
 
 
+def head_changes(
+    p: HeadParameters, name: str, twist: bool = False, eccentricity: float = 0.0
+) -> tuple[dict[str, FloatArray], list[tuple[int, FloatArray]]]:
+    """
+    How the head moves with one of its parameters, or with the ``"eccentricity"``.
+
+    Derivatives of its rows, and of its dynamic stiffness as (power of s, matrix), or (power, row r) of r rᵀ alone.
+    """
+    rows = head_rows(p, twist, eccentricity)
+    if name in ("k1", "k2", "c1", "c2"):
+        return {}, [(int(name[0] == "c"), rows["joint" + name[1]])]
+    if name in ("m1", "m2"):
+        return {}, [(2, np.sum([np.outer(rows[r], rows[r]) for r in _MASSES[name]], axis=0))]
+    if name == "eccentricity":
+        # The twist lifts what follows the base by the eccentricity.
+        moved = {port: np.array([0.0, 0.0, 0.0, row[2]]) for port, row in rows.items() if row[2] and port != "base"}
+    else:
+        moved = head_row_derivatives(p, name, twist, eccentricity)
+    change = np.zeros((len(rows["base"]),) * 2)
+    for mass, ports in _MASSES.items():
+        for port in (r for r in ports if r in moved):
+            half = getattr(p, mass) * np.outer(moved[port], rows[port])
+            change += half + half.T
+    return moved, [(2, change)]
+
+
 def _with_twist(
     rows: dict[str, FloatArray], twist: bool, eccentricity: float, port: bool = True
 ) -> dict[str, FloatArray]:
@@ -172,56 +198,3 @@ def head(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> S
         dofs=("theta1", "theta2", "base", "twist")[:n],
         ports=rows,
     )
-
-
-def head_state_space(p: HeadParameters) -> control.StateSpace:
-    """
-    The head driven by the cutting force and the acceleration of its base.
-
-    Parameters
-    ----------
-    p : HeadParameters
-        The head.
-
-    Returns
-    -------
-    control.StateSpace
-        4 states. Inputs ``force`` [N] and ``base_acceleration`` [m/s^2]; outputs ``theta1``, ``theta2`` [rad], ``tool_x``,
-        ``tool_z`` [m] *relative to the base*, and ``base_force`` [N], the F_bx of Eq. 3.
-
-    Notes
-    -----
-    The first two rows of Eq. 1 are driven by the force and by -M_θb ẍ_b; the third gives F_bx = M_bθ θ̈ + (m1 + m2) ẍ_b - F_x.
-
-    Examples
-    --------
-    >>> from cutvib_ss.parameters import table_3
-    >>> head_state_space(table_3()).nstates
-    4
-    """
-    system = head(p)
-    free = SecondOrder(
-        mass=system.mass[:2, :2],
-        damping=system.damping[:2, :2],
-        stiffness=system.stiffness[:2, :2],
-        dofs=("theta1", "theta2"),
-        ports={name: row[:2] for name, row in system.ports.items()} | {"base_inertia": -system.mass[:2, 2]},
-    )
-    plant = free.state_space(
-        {"force": "tool_x", "base_acceleration": "base_inertia"},
-        {
-            "theta1": ("joint1", "displacement"),
-            "theta2": ("joint2", "displacement"),
-            "tool_x": ("tool_x", "displacement"),
-            "tool_z": ("tool_z", "displacement"),
-            "base_force": ("base_inertia", "acceleration"),
-        },
-        name="head",
-    )
-    c, d = plant.C.copy(), plant.D.copy()
-    c[-1], d[-1] = -c[-1], -d[-1]
-    d[-1] += np.array([-1.0, p.m1 + p.m2])
-    return control.ss(
-        plant.A, plant.B, c, d, inputs=plant.input_labels, outputs=plant.output_labels, states=plant.state_labels,
-        name="head",
-    )  # fmt: skip

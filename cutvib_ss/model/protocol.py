@@ -1,0 +1,162 @@
+"""
+The slots that every kind of model has: attachments, measurement chain, nonlinear elements; all empty by default.
+
+A model is frozen data with named slots; what is absent is an empty slot, never a branch elsewhere. Effects return a new model
+with a slot filled. A value in a slot is named by its path, so that fits can move it and responses differentiate by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, Protocol, runtime_checkable
+
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.laws import LAWS
+from cutvib_ss.model.coupling import Assembly, Changes
+from cutvib_ss.model.elements import Attachment
+from cutvib_ss.model.measurement_chain import MeasurementChain
+from cutvib_ss.model.paths import Path
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.parameters import check_number
+from cutvib_ss.results import FloatArray, Quantity
+
+
+@dataclass(frozen=True)
+class NonlinearElement:
+    """
+    A nonlinear law between a port's motion and the force there, which linear analyses ignore.
+
+    Parameters
+    ----------
+    port : str
+        Name of the port.
+    law : str
+        Name of the law, one of `cutvib_ss.laws.LAWS`.
+    parameters : mapping of str to float
+        The law's parameters [SI].
+
+    Raises
+    ------
+    ParameterError
+        If there is no such law, or its parameters are not those given.
+    """
+
+    port: str
+    law: str
+    parameters: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        if self.law not in LAWS:
+            raise ParameterError(f"no law {self.law!r}; there are {', '.join(LAWS)}")
+        names = LAWS[self.law].units
+        if set(self.parameters) != set(names):
+            raise ParameterError(
+                f"{self.law} has the parameters {', '.join(names)}; {', '.join(self.parameters)} given"
+            )
+        for name in names:
+            check_number(f"{self.law}: {name}", self.parameters[name])
+        object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The parameters in the order in which the law takes them."""
+        return tuple(self.parameters[name] for name in LAWS[self.law].units)
+
+
+@runtime_checkable
+class Model(Protocol):
+    """What the response code, the measurement and the diagnosis need of a model, whichever its kind."""
+
+    @property
+    def channels(self) -> Mapping[str, Channel]:
+        """Response channels of a campaign on this model."""
+        ...
+
+    @property
+    def input_port(self) -> str:
+        """Port at which a campaign's force acts."""
+        ...
+
+    @property
+    def input_quantity(self) -> Literal["force", "acceleration"]:
+        """What a campaign's ``force`` channel holds."""
+        ...
+
+    @property
+    def has_position(self) -> bool:
+        """Whether the model depends on a position."""
+        ...
+
+    @property
+    def attachments(self) -> tuple[Attachment, ...]:
+        """Elements in parallel at ports."""
+        ...
+
+    @property
+    def chain(self) -> MeasurementChain:
+        """The measurement chain."""
+        ...
+
+    @property
+    def nonlinear(self) -> tuple[NonlinearElement, ...]:
+        """Nonlinear elements."""
+        ...
+
+    @property
+    def default_quantity(self) -> Quantity:
+        """Motion that is read of ports that are no channels."""
+        ...
+
+    @property
+    def assembly(self) -> Assembly:
+        """What stands on the rail, or the structure: core, elements, and the coordinates that follow the rail."""
+        ...
+
+    @property
+    def influence(self) -> FloatArray | None:
+        """How the core moves with the base of a shaker, r; None where the input is a force."""
+        ...
+
+    def port_of(self, signal: str) -> str:
+        """The port behind a signal or channel; any other name is its own port."""
+        ...
+
+    def base_share(self, signal: str) -> float:
+        """How a signal moves with a shaker's base, where it reads absolute motion; 0 elsewhere."""
+        ...
+
+    def rotates(self, signal: str) -> bool:
+        """Whether a signal is a rotation."""
+        ...
+
+    def core_changes(self, path: Path) -> Changes | None:
+        """How the core moves with one of the model's values; None where it does not."""
+        ...
+
+    def drive(self, system: SecondOrder) -> FloatArray:
+        """How a unit of the ``force`` channel pushes each degree of freedom of `second_order`."""
+        ...
+
+    def second_order(
+        self, position: float | None = None, viscous_at: float | None = None, points: Mapping[str, float] | None = None
+    ) -> SecondOrder:
+        """
+        The exact second-order form at a position.
+
+        Parameters
+        ----------
+        position : float, optional
+            y_b / L, where the model has one.
+        viscous_at : float, optional
+            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
+        points : mapping of str to float, optional
+            More ports along the rail: name to y / L.
+
+        Returns
+        -------
+        SecondOrder
+            The joined system.
+        """
+        ...
