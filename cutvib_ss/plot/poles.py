@@ -16,10 +16,10 @@ from cutvib_ss.plot.style import (
     POSITIONS,
     WORKING_FREQUENCY,
     colour_bar,
-    drawing,
     figure_of,
-    legend_outside,
+    legend_beside,
     on_axes,
+    on_panels,
 )
 from cutvib_ss.results import Modes, TrackedModes
 
@@ -110,22 +110,15 @@ def poles_over_position(
     ndarray of Axes, shape (2,)
         Frequency [Hz], damping [%].
     """
-    if ax is None:
-        with drawing(9.6, 4.4, title) as figure:
-            panels = figure.subplots(1, 2)
-    else:
-        panels = np.asarray(ax, dtype=object)
     colours = ["#27426b", "#2a7f9e", "#5fae8b", "#d9a441", "#c8553d", "#6a4c93", INK, GREY]
-    shown = [
-        k for k in range(tracked.natural_freq.shape[1]) if not highest or tracked.natural_freq[:, k].min() <= highest
-    ]
-    for k in shown:
-        colour = colours[k % len(colours)]
-        panels[0].plot(tracked.positions, tracked.natural_freq[:, k], color=colour, label=f"mode {k + 1}")
-        panels[1].plot(tracked.positions, 100 * tracked.damping_ratio[:, k], color=colour, label=f"mode {k + 1}")
-    panels[0].axhline(WORKING_FREQUENCY, color=GREY, linestyle=":", label=f"tool, {WORKING_FREQUENCY:g} Hz")
-    panels[0].set(xlim=(0, 1), ylim=(0, highest), xlabel="position y/L [-]", ylabel="natural frequency [Hz]")
-    panels[1].set(xlim=(0, 1), ylim=(0, None), xlabel="position y/L [-]", ylabel="damping ratio [%]")
-    if ax is None:
-        legend_outside(figure, panels[0])
-    return np.asarray(panels, dtype=object)
+    lowest = tracked.natural_freq.min(axis=0)
+    with on_panels(ax, 2, 9.6, 4.2, title) as panels:
+        for k in np.flatnonzero(lowest <= (highest or np.inf)):
+            colour = colours[k % len(colours)]
+            panels[0].plot(tracked.positions, tracked.natural_freq[:, k], color=colour, label=f"mode {k + 1}")
+            panels[1].plot(tracked.positions, 100 * tracked.damping_ratio[:, k], color=colour)
+        panels[0].axhline(WORKING_FREQUENCY, color=GREY, linestyle=":", label=f"tool, {WORKING_FREQUENCY:g} Hz")
+        panels[0].set(xlim=(0, 1), ylim=(0, highest), xlabel="position y/L [-]", ylabel="natural frequency [Hz]")
+        panels[1].set(xlim=(0, 1), ylim=(0, None), xlabel="position y/L [-]", ylabel="damping ratio [%]")
+        legend_beside(panels[0], ax is None)
+    return panels

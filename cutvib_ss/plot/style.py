@@ -91,6 +91,17 @@ def on_axes(ax: Axes | None, width: float, height: float, title: str = "") -> It
         yield ax
 
 
+@contextmanager
+def on_panels(ax: Any, columns: int, width: float, height: float, title: str = "") -> Iterator[np.ndarray]:
+    """A row of axes: those that were given, or those of a new figure."""
+    if ax is None:
+        with drawing(width, height, title) as figure:
+            yield figure.subplots(1, columns, squeeze=False)[0]
+        return
+    with mpl.rc_context(_STYLE):
+        yield np.asarray(ax, dtype=object).ravel()
+
+
 def figure_of(drawn: Any) -> Figure:
     """The figure behind what a plot function returned: a figure, axes, or an array of axes."""
     if isinstance(drawn, Figure):
