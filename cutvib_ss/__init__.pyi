@@ -1,11 +1,16 @@
 from cutvib_ss import plot as plot
 from cutvib_ss.absorber import AbsorberDesign as AbsorberDesign
 from cutvib_ss.absorber import AbsorberStudy as AbsorberStudy
+from cutvib_ss.absorber import AbsorberTolerance as AbsorberTolerance
+from cutvib_ss.absorber import HarmonicForce as HarmonicForce
 from cutvib_ss.absorber import MountedAbsorber as MountedAbsorber
+from cutvib_ss.absorber import WorkspaceCheck as WorkspaceCheck
 from cutvib_ss.absorber import attach_absorber as attach_absorber
 from cutvib_ss.absorber import check_absorber as check_absorber
 from cutvib_ss.absorber import design_absorbers as design_absorbers
+from cutvib_ss.absorber import mass_front as mass_front
 from cutvib_ss.absorber import parametric_study as parametric_study
+from cutvib_ss.absorber import workspace_check as workspace_check
 from cutvib_ss.errors import ConvergenceError as ConvergenceError
 from cutvib_ss.errors import CouplingError as CouplingError
 from cutvib_ss.errors import CutvibError as CutvibError

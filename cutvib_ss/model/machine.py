@@ -118,7 +118,9 @@ class Machine(Displayed):
             ("rail first frequency", f"{r.first_frequency:g}", "Hz"),
             ("rail damping ratio, modes", f"{r.damping_ratio}, {r.n_modes}", ""),
         ]
-        effects = [(type(e).__name__, str(getattr(e, "place", "")), "effect") for e in self.effects]
+        effects = [
+            (str(getattr(e, "effect", type(e).__name__)), str(getattr(e, "place", "")), "") for e in self.effects
+        ]
         return Table("Cutting machine: head on a flexible rail", ("value", "", "unit"), head_rows + rail_rows + effects)
 
     @property

@@ -33,7 +33,8 @@ class Modes(Drawn):
     poles : array_like of complex, shape (mode,)
         Poles [rad/s] of the upper half plane, in the order of the modes.
     mode_shapes : array_like, shape (dof, mode)
-        Undamped mode shapes, mass-normalised (φᵀ M φ = 1).
+        Undamped mode shapes, mass-normalised (φᵀ M φ = 1): of a displacement in kg^-0.5, of a rotation in rad/(kg^0.5 m), of a
+        modal coordinate without unit.
     dofs : sequence of str
         Names of the degrees of freedom.
     position : float
