@@ -28,7 +28,7 @@ def to_control(frf: FrequencyResponse, position: float | None = None) -> control
     Returns
     -------
     control.FrequencyResponseData
-        Over angular frequency [rad/s], signals named.
+        Over angular frequency [rad/s], signals named; points in names, which it does not allow, become underscores.
 
     Raises
     ------
@@ -38,9 +38,9 @@ def to_control(frf: FrequencyResponse, position: float | None = None) -> control
     import control
 
     chosen = _one_position(frf, position)
-    return control.frd(
-        np.array(chosen.data[0]), np.array(chosen.omega), inputs=list(chosen.inputs), outputs=list(chosen.outputs)
-    )
+    # python-control allows no point in a name: rail@0.25 becomes rail@0_25.
+    names = {what: [n.replace(".", "_") for n in getattr(chosen, what)] for what in ("inputs", "outputs")}
+    return control.frd(np.array(chosen.data[0]), np.array(chosen.omega), **names)
 
 
 def from_control(
