@@ -6,39 +6,17 @@ The paper is "Analysis and Control of Vibrations of a Cartesian Cutting Machine 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from math import isfinite, pi, radians, sqrt
+from types import MappingProxyType
 from typing import Any
 
 from cutvib_ss.errors import ParameterError
 
 
 def check_number(name: str, value: Any, minimum: float | None = None, strict: bool = False) -> float:
-    """
-    A finite number, at or above (``strict``: above) a minimum.
-
-    Parameters
-    ----------
-    name : str
-        What the number is, for the message.
-    value : object
-        The value to check.
-    minimum : float, optional
-        Smallest value that makes sense.
-    strict : bool
-        Whether the minimum itself is refused.
-
-    Returns
-    -------
-    float
-        The value.
-
-    Raises
-    ------
-    ParameterError
-        If it is not a number, not finite, or too small.
-    """
+    """A finite number, at or above (``strict``: above) a minimum; else a `ParameterError` that names it."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ParameterError(f"{name} = {value!r} is not a number")
     number = float(value)
@@ -50,24 +28,7 @@ def check_number(name: str, value: Any, minimum: float | None = None, strict: bo
 
 
 def check_position(position: Any) -> float:
-    """
-    A position on the rail, strictly between its ends.
-
-    Parameters
-    ----------
-    position : float
-        y_b / L of the head on the rail.
-
-    Returns
-    -------
-    float
-        The position.
-
-    Raises
-    ------
-    ParameterError
-        If it does not lie strictly inside (0, 1).
-    """
+    """A position y_b / L, strictly inside (0, 1); else a `ParameterError`."""
     number = check_number("position", position)
     if not 0.0 < number < 1.0:
         raise ParameterError(
@@ -149,10 +110,15 @@ class RailParameters:
         Mass of the whole rail, μL [kg].
     first_frequency : float
         First natural frequency with pinned ends and without the head [Hz]; mode r has r² times this (Eq. 8).
-    damping_ratio : float
-        Modal damping ratio ζ_r, the same for every mode.
+    damping_ratio : float or sequence of float
+        Modal damping ratio ζ_r, one for every mode, or one for each of ``n_modes``. Of several the attribute holds the mean.
     n_modes : int
         Number of modes m kept in the superposition (Eq. 10).
+    damping_profile : tuple of float
+        ζ_r of each mode over ``damping_ratio``; ones by default, and the last value for modes beyond. From ``damping_ratio`` where
+        that is a sequence.
+    strain_damping : float
+        c_s / E of Eq. 4 [s]: damping c_s I by the rate of strain, beside that of the damping ratios (0 by default).
     source, caveat : str
         Where the values come from, and what to know about them.
 
@@ -167,16 +133,38 @@ class RailParameters:
     first_frequency: float
     damping_ratio: float
     n_modes: int
+    damping_profile: tuple[float, ...] = ()
+    strain_damping: float = 0.0
     source: str = field(default="", compare=False)
     caveat: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         for name in ("length", "mass", "first_frequency"):
             check_number(f"rail.{name}", getattr(self, name), 0.0, strict=True)
-        if check_number("rail.damping_ratio", self.damping_ratio, 0.0) >= 1.0:
-            raise ParameterError(f"rail.damping_ratio = {self.damping_ratio} must be below 1")
         if isinstance(self.n_modes, bool) or not isinstance(self.n_modes, int) or not 1 <= self.n_modes <= 1000:
             raise ParameterError(f"rail.n_modes = {self.n_modes!r} must be a whole number from 1 to 1000")
+        if not isinstance(self.damping_ratio, int | float):
+            self._take_profile(tuple(self.damping_ratio))
+        check_number("rail.damping_ratio", self.damping_ratio, 0.0)
+        for ratio in self.damping_ratios:
+            if check_number("rail.damping_ratio", ratio, 0.0) >= 1.0:
+                raise ParameterError(f"rail.damping_ratio = {ratio} must be below 1")
+        check_number("rail.strain_damping", self.strain_damping, 0.0)
+
+    def _take_profile(self, ratios: tuple[Any, ...]) -> None:
+        """The mean of a damping ratio a mode, and what each is of it."""
+        if len(ratios) != self.n_modes:
+            raise ParameterError(f"rail.damping_ratio has {len(ratios)} values; give one, or n_modes = {self.n_modes}")
+        mean = sum(check_number("rail.damping_ratio", r, 0.0) for r in ratios) / len(ratios)
+        profile = () if all(r == ratios[0] for r in ratios) else tuple(float(r) / mean for r in ratios)
+        object.__setattr__(self, "damping_ratio", float(ratios[0]) if not profile else mean)
+        object.__setattr__(self, "damping_profile", profile)
+
+    @property
+    def damping_ratios(self) -> tuple[float, ...]:
+        """ζ_r of the modes 1 … m."""
+        profile = self.damping_profile or (1.0,)
+        return tuple(self.damping_ratio * profile[min(r, len(profile) - 1)] for r in range(self.n_modes))
 
     @property
     def bending_stiffness(self) -> float:
@@ -292,6 +280,31 @@ class AbsorberParameters:
         return 2 * self.damping_ratio * sqrt(self.stiffness * self.mass)
 
 
+PAPER_POSITIONS: Mapping[str, float] = MappingProxyType(
+    {"FC": 1 / 2, "CC": 1 / 3, "BC": 1 / 2, "FR": 0.98, "CR": 0.98, "BR": 0.98}
+)
+"""
+Positions of Fig. 11 as y_b / L: F, C, B (front, centre, back) along the machine, then C, R (centre, right) along the rail.
+
+FC, BC and CC are stated in Section 6. Those to the right are nearly over a pillar (Section 4); how near is not printed, and
+0.98 is an assumption. The model does not depend on where the rail stands along the machine.
+"""
+
+
+def position_of(text: str) -> float:
+    """A position from a number, or from a name of the paper (`PAPER_POSITIONS`), strictly inside (0, 1)."""
+    name = text.strip().upper()
+    if name in PAPER_POSITIONS:
+        return PAPER_POSITIONS[name]
+    try:
+        return check_position(float(text))
+    except ValueError as error:
+        if isinstance(error, ParameterError):
+            raise
+        names = ", ".join(PAPER_POSITIONS)
+        raise ParameterError(f"position {text!r} is neither a number y_b / L nor one of {names}") from None
+
+
 _UNITS_CAVEAT = "The paper heads k in N/m and c in N s/m; they are N m/rad and N m s/rad."
 
 
@@ -366,6 +379,18 @@ def recovered_rail() -> RailParameters:
     )  # fmt: skip
 
 
+def table_4() -> dict[str, float]:
+    """
+    Mean modulus of the model's error at 150-300 Hz, as printed in Table 4.
+
+    Returns
+    -------
+    dict
+        Position (see `PAPER_POSITIONS`) to |H_model - H_measured| [g/N].
+    """
+    return {"CC": 0.0176, "CR": 0.0207, "FC": 0.0267, "FR": 0.0292}
+
+
 def table_5() -> tuple[float, ...]:
     """
     Natural frequencies of the rail without the head, as printed in Table 5.
@@ -404,7 +429,7 @@ def table_7() -> AbsorberParameters:
     """
     return AbsorberParameters(
         frequency=212.0, damping_ratio=0.04, mass=0.08, source="Table 7",
-        caveat="The printed k_a = 14,195 N/m is a misprint: Eq. 25 gives 141,946 N/m, and Eq. 26 gives the printed "
+        caveat="The printed k_a = 14,195 N/m is a misprint: Eq. 25 gives 141,945.44 N/m, and Eq. 26 gives the printed "
         "c_a = 8.52 N s/m only with that value.",
     )  # fmt: skip
 

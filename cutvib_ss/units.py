@@ -28,6 +28,25 @@ SI_UNIT: Mapping[str, str] = MappingProxyType(
 DERIVATIVE_ORDER: Mapping[str, int] = MappingProxyType({"displacement": 0, "velocity": 1, "acceleration": 2})
 """Time derivatives of displacement behind each motion quantity."""
 
+DISPLACEMENT_UNITS = ("m", "rad", "kg^0.5 m")
+"""Units of what moves: a point, a joint or twist, a mass-normalised modal coordinate."""
+
+FORCE_OF: Mapping[str, str] = MappingProxyType({"m": "N", "rad": "N m", "kg^0.5 m": "kg^-0.5 N"})
+"""Unit of the force that does work on each displacement: force, torque, modal force."""
+
+_PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
+
+
+def rate_unit(displacement: str, quantity: str) -> str:
+    """Unit of a displacement's time derivative: ``rate_unit("rad", "velocity")`` is ``"rad/s"``."""
+    return displacement + _PER_TIME[quantity]
+
+
+def ratio_unit(numerator: str, denominator: str) -> str:
+    """Unit of one over the other, in brackets where the denominator is a product."""
+    return f"{numerator}/({denominator})" if " " in denominator else f"{numerator}/{denominator}"
+
+
 _SPELLINGS = {"m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/sec^2": "m/s^2", "newton": "N"}
 
 

@@ -26,7 +26,9 @@ pulses = HarmonicForce.pulses(rate=217.0, duty=0.3, rise=5e-4, fall=5e-4, peak=1
 box = AbsorberTolerance(frequency=0.02, damping_ratio=0.2, mass=0.01, rate=0.01)
 
 # The study behind Table 7: every tuning and damping, judged by the worst position.
-study = parametric_study(machine, rail, 0.08, np.arange(200.0, 250.5, 0.5), np.arange(10, 51) / 1000)
+study = parametric_study(
+    machine, rail, mass=0.08, tuning=np.arange(200.0, 250.5, 0.5), damping_ratio=np.arange(10, 51) / 1000
+)
 save(absorber_study(study, {"Table 7": table_7()}), "absorber_study.png")
 
 # The optimum, exactly made; within tolerances; and within tolerances in the other direction.
@@ -34,7 +36,7 @@ judged = {"positions": rail, "force": pulses}
 designs = {
     "best as designed, tool X": design_absorbers(machine, 0.08, **judged),
     "best in tolerance, tool X": design_absorbers(machine, 0.08, tolerance=box, **judged),
-    "best in tolerance, tool Z": design_absorbers(machine, 0.08, ("tool_z",), tolerance=box, **judged),
+    "best in tolerance, tool Z": design_absorbers(machine, 0.08, ports=("tool_z",), tolerance=box, **judged),
 }
 checks = {"Table 7": workspace_check(machine, [MountedAbsorber(table_7())], tolerance=box, **judged)}
 checks |= {name: workspace_check(machine, d.mounted, tolerance=box, **judged) for name, d in designs.items()}

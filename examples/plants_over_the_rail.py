@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 import cutvib_ss as cv
-from cutvib_ss.interchange import write_schedule
+from cutvib_ss.interchange import write_plant
 from cutvib_ss.model.position_dependence import affine_terms
 from cutvib_ss.plot import bode_map, interpolation_error, save, schedule
 
@@ -34,7 +34,7 @@ response = np.abs(family.frequency_response(half_way, freq).data[:, 0, 0])
 error, bound = family.error(half_way, freq)[:, 0, 0], family.error_bound(half_way, freq)[:, 0, 0]
 print(f"error at most {error.max():.1e}, bound {bound.max():.1e}, response up to {response.max():.1f} m/s^2/N")
 save(interpolation_error(freq, response, error, bound, "m/s^2/N", "33 plants, cubic between them"), "table_error.png")
-write_schedule(family, "plants.mat")
+write_plant(family, "plants.mat")
 
 # One gain for all positions, judged between the grid points too.
 tool = cv.schedule(machine, family.positions, outputs=["tool_x"], quantity="velocity")

@@ -14,15 +14,15 @@ machine = cv.published_machine()
 machines = {"without": machine, "with the absorber": attach_absorber(machine, table_7())}
 
 # One period is enough for the periodic steady state.
-period = cv.pulse_train(FS, 1 / RATE, RATE, duty=0.3, amplitude=100.0)
+period = cv.pulse_train(FS, 1 / RATE, rate=RATE, duty=0.3, amplitude=100.0)
 for name, m in machines.items():
     steady = cv.time_response(m, 0.5, period, FS, outputs=["tool_x", "rail_left_force"], start="periodic")
-    tool = steady.sel("tool_x").in_g()
-    end = steady.sel("rail_left_force").peak().item()
+    tool = steady.sel(output="tool_x").in_g()
+    end = steady.sel(output="rail_left_force").peak().item()
     print(f"{name}: tool {tool.rms().item():.2f} g RMS, {tool.peak().item():.2f} g peak; left end {end:.0f} N peak")
 
 # From rest the tool needs a while to get there; a little jitter, as valves have it, fills the gaps between the harmonics.
-force = cv.pulse_train(FS, 0.5, RATE, duty=0.3, amplitude=100.0, jitter=0.01)
+force = cv.pulse_train(FS, 0.5, rate=RATE, duty=0.3, amplitude=100.0, jitter=0.01)
 for name, m in machines.items():
     response = cv.time_response(m, 0.5, force, FS, outputs=["tool_x", "tool_z"])
     save(time_histories(response, title=name), f"pulses_{'with' if 'with ' in name else 'without'}.png")

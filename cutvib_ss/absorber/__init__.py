@@ -7,6 +7,7 @@ from cutvib_ss.absorber.coupling import (
     attach_absorber,
     attach_absorbers,
     dynamic_stiffness,
+    misprinted_absorber,
     printed_absorber,
     sherman_morrison,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "design_absorbers",
     "dynamic_stiffness",
     "mass_front",
+    "misprinted_absorber",
     "parametric_study",
     "printed_absorber",
     "sherman_morrison",

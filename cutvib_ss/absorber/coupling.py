@@ -79,6 +79,18 @@ def absorber_of(mass: float, stiffness: float, damping: float, source: str = "")
 
 def printed_absorber() -> AbsorberParameters:
     """
+    The absorber of Table 7 by its printed frequency, damping ratio and mass: what `cutvib absorber check` takes by default.
+
+    Returns
+    -------
+    AbsorberParameters
+        Tuned to 212 Hz; its stiffness is that of Eq. 25, 141,945.44 N/m, not the misprinted one.
+    """
+    return table_7()
+
+
+def misprinted_absorber() -> AbsorberParameters:
+    """
     The absorber that Table 7's printed k_a and c_a would make, were the misprint taken at its word.
 
     Returns

@@ -29,8 +29,8 @@ from cutvib_ss.absorber.workspace import (
 )
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.parameters import AbsorberParameters, check_number
-from cutvib_ss.results import FloatArray
+from cutvib_ss.parameters import AbsorberParameters, check_number, names_of
+from cutvib_ss.results import Drawn, FloatArray, Table
 
 TUNING = (150.0, 500.0)
 """Tuning frequencies among which the best is sought [Hz]."""
@@ -43,8 +43,8 @@ _LEAST_SHARE = 0.02
 """Of several absorbers, each has at least about this part of the mass."""
 
 
-@dataclass(frozen=True)
-class AbsorberDesign:
+@dataclass(frozen=True, repr=False)
+class AbsorberDesign(Drawn):
     """
     The best absorbers of a given mass.
 
@@ -65,14 +65,26 @@ class AbsorberDesign:
     objective: float
     evaluations: int
 
+    def _table(self) -> Table:
+        rows = []
+        for m in self.mounted:
+            a = m.absorber
+            rows.append((m.port, f"{a.frequency:.2f}", f"{a.damping_ratio:.4f}", f"{a.stiffness:.6g}", f"{a.mass:.4g}"))
+        before, exact, toleranced = self.check.worst
+        title = (
+            f"Absorber design: worst {exact:.4g} m/s^2 as designed, {toleranced:.4g} in tolerance, {before:.4g} without"
+        )
+        return Table(title, ("port", "tuning [Hz]", "damping", "k [N/m]", "mass [kg]"), rows)
+
 
 def design_absorbers(
     machine: Machine,
     mass: float,
-    ports: Sequence[str] = ("tool_x",),
+    *,
+    ports: str | Sequence[str] = ("tool_x",),
     positions: ArrayLike = WORKSPACE,
     force: HarmonicForce | None = None,
-    outputs: Sequence[str] = ("tool_x",),
+    outputs: str | Sequence[str] = ("tool_x",),
     criterion: Criterion = "harmonic",
     tolerance: AbsorberTolerance = EXACT,
     tuning: tuple[float, float] = TUNING,
@@ -88,13 +100,13 @@ def design_absorbers(
         The machine without them.
     mass : float
         Mass of all of them together [kg].
-    ports : sequence of str
+    ports : str or sequence of str
         Where each sits and in which direction it works; as many absorbers as names, a name may come again.
     positions : array_like, shape (position,)
         y_b / L over which the worst is taken; the whole rail by default.
     force : HarmonicForce, optional
         The force on the tool; by default 1 N at 217 Hz.
-    outputs : sequence of str
+    outputs : str or sequence of str
         Ports whose acceleration counts.
     criterion : {"harmonic", "rms"}
         What counts: the amplitude of the largest harmonic, or the RMS of all.
@@ -125,6 +137,7 @@ def design_absorbers(
     [2.78, 0.23, 0.23]
     """
     check_number("mass", mass, 0.0, strict=True)
+    ports, outputs = names_of(ports), names_of(outputs)
     if not ports:
         raise ParameterError("no port is named; an absorber needs a place")
     for name, (low, high) in (("tuning", tuning), ("damping_ratio", damping_ratio)):
@@ -161,7 +174,9 @@ def design_absorbers(
 
     x, objective = minimax(functions, found.x)
     mounted = problem.absorbers(x, ports)
-    check = workspace_check(machine, mounted, where, drive, outputs, criterion, tolerance)
+    check = workspace_check(
+        machine, mounted, where, force=drive, outputs=outputs, criterion=criterion, tolerance=tolerance
+    )
     return AbsorberDesign(mounted, check, objective, int(found.nfev))
 
 

@@ -33,26 +33,6 @@ def minimax(
     """
     Local minimum of the largest of many functions in the unit cube.
 
-    Parameters
-    ----------
-    functions : callable
-        x of shape (n,), each 0 to 1, to values of shape (function,) and derivatives of shape (function, n).
-    start : ndarray, shape (n,)
-        Where to begin.
-    iterations : int
-        Most linear programs that are solved.
-    tolerance : float
-        Relative gain below which it ends.
-
-    Returns
-    -------
-    x : ndarray, shape (n,)
-        The minimum.
-    largest : float
-        Largest value there; never more than at the start.
-
-    Examples
-    --------
     >>> def two(x):
     ...     return np.array([x[0], 1 - x[0] ** 2]), np.array([[1.0], [-2 * x[0]]])
     >>> x, largest = minimax(two, np.array([0.1]))

@@ -15,14 +15,14 @@ from cutvib_ss.absorber.workspace import Workspace
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.results import AbsorberCheck, FloatArray, FrequencyResponse, read_only
+from cutvib_ss.results import AbsorberCheck, Drawn, FloatArray, FrequencyResponse, Table, read_only
 
 _PEAK_PROMINENCE = 0.02
 """A peak stands out of its surroundings by this part of the largest value."""
 
 
-@dataclass(frozen=True)
-class AbsorberStudy:
+@dataclass(frozen=True, repr=False)
+class AbsorberStudy(Drawn):
     """
     Absorbers over a grid of tunings and dampings, each judged by its worst position.
 
@@ -56,11 +56,23 @@ class AbsorberStudy:
         for name in ("positions", "tuning", "damping_ratio", "before", "worst"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
 
+    def _table(self) -> Table:
+        rows = []
+        for j, ratio in enumerate(self.damping_ratio):
+            i = int(self.worst[:, j].argmin())
+            rows.append((f"{ratio:g}", f"{self.tuning[i]:g}", f"{self.worst[i, j]:.3f}"))
+        title = (
+            f"Absorbers of {self.best.mass:g} kg: best at {self.best.frequency:g} Hz, damping ratio "
+            f"{self.best.damping_ratio:g}; worst position {self.worst.min():.3f} m/s^2/N, without {self.before.max():.3f}"
+        )
+        return Table(title, ("damping ratio", "best tuning [Hz]", "worst [m/s^2/N]"), rows)
+
 
 def check_absorber(
     machine: Machine,
     absorber: AbsorberParameters,
     positions: ArrayLike = (1 / 3, 1 / 2),
+    *,
     working_frequency: float = WORKING_FREQUENCY,
     freq: ArrayLike | None = None,
     port: str = "tool_x",
@@ -103,6 +115,7 @@ def check_absorber(
 def parametric_study(
     machine: Machine,
     positions: ArrayLike = (1 / 3, 1 / 2),
+    *,
     mass: float = 0.08,
     tuning: Sequence[float] | FloatArray | None = None,
     damping_ratio: Sequence[float] | FloatArray | None = None,

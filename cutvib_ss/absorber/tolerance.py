@@ -94,38 +94,12 @@ EXACT = AbsorberTolerance(0.0, 0.0, 0.0, 0.0)
 
 
 def machine_as_built(machine: Machine) -> Machine:
-    """
-    A machine without its measurement chain.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-
-    Returns
-    -------
-    Machine
-        What really moves.
-    """
+    """A machine without its measurement chain."""
     return replace(machine, chain=MeasurementChain())
 
 
 def machines_within(machine: Machine, tolerance: AbsorberTolerance) -> list[Machine]:
-    """
-    Machines drawn within the machine's own tolerances.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-    tolerance : AbsorberTolerance
-        How many, and the seed.
-
-    Returns
-    -------
-    list of Machine
-        Without measurement chain; what effects have changed is drawn around its changed value.
-    """
+    """Machines drawn within the machine's own tolerances."""
     rng = np.random.default_rng(tolerance.seed)
     plain, out = machine_as_built(machine), []
     for _ in range(tolerance.machines):

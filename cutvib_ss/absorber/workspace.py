@@ -13,7 +13,7 @@ Eq. 23 for a small z, so that derivatives to tuning, damping and mass cost nothi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -24,9 +24,11 @@ from cutvib_ss.absorber.force import HarmonicForce
 from cutvib_ss.absorber.tolerance import EXACT, AbsorberTolerance, machine_as_built, machines_within
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
+from cutvib_ss.parameters import names_of
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.results import ComplexArray, FloatArray, read_only
+from cutvib_ss.results import ComplexArray, Drawn, FloatArray, Table, read_only
+from cutvib_ss.results.arrays import label_indices, position_indices
 
 Criterion: TypeAlias = Literal["harmonic", "rms"]
 
@@ -35,26 +37,7 @@ WORKSPACE = read_only(np.arange(1, 100) / 100)
 
 
 class Workspace:
-    """
-    A machine without absorbers, at all positions, harmonics and rates that matter, ready to have absorbers put on it.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine; its measurement chain is left aside, for it is the machine that is to shake less.
-    ports : sequence of str
-        Ports at which absorbers may sit, each once.
-    positions : array_like, shape (position,)
-        y_b / L.
-    force : HarmonicForce
-        The force on the tool.
-    outputs : sequence of str
-        Ports whose acceleration counts.
-    criterion : {"harmonic", "rms"}
-        What counts there: the amplitude of the largest harmonic, or the RMS of all.
-    tolerance : AbsorberTolerance
-        Rates and machines.
-    """
+    """A machine without absorbers, at all positions, harmonics and rates that matter, ready to have absorbers put on it."""
 
     def __init__(
         self,
@@ -77,7 +60,9 @@ class Workspace:
         self._s: ComplexArray = np.asarray(2j * np.pi * freq, dtype=np.complex128)
         names = (*self.outputs, *self.ports)
         data = [
-            frequency_response(m, self.positions, freq, "receptance", ("force", *self.ports), names).data
+            frequency_response(
+                m, self.positions, freq, form="receptance", inputs=("force", *self.ports), outputs=names
+            ).data
             for m in (machine_as_built(machine), *machines_within(machine, tolerance))
         ]
         # Machines stand beside positions: both only have to be tried.
@@ -85,42 +70,12 @@ class Workspace:
         self._weight = np.tile(force.amplitude, self._rates.size) * np.abs(self._s) ** 2
 
     def values(self, parameters: FloatArray, at: Sequence[int]) -> FloatArray:
-        """
-        Acceleration with absorbers.
-
-        Parameters
-        ----------
-        parameters : ndarray, shape (case, absorber, 3)
-            Tuning frequency [Hz], damping ratio and mass [kg] of each absorber.
-        at : sequence of int
-            Index of each absorber's port.
-
-        Returns
-        -------
-        ndarray, shape (case, machine and position, value)
-            What counts [m/s^2], over outputs and harmonics (or rates).
-        """
+        """Acceleration with absorbers."""
         response = self._with(parameters, at)[:, :, : len(self.outputs), 0]
         return self._judged(np.abs(response) * self._weight)
 
     def gradient(self, parameters: FloatArray, at: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """
-        Acceleration with absorbers, and its derivatives to their parameters.
-
-        Parameters
-        ----------
-        parameters : ndarray, shape (case, absorber, 3)
-            As for `values`.
-        at : sequence of int
-            Index of each absorber's port.
-
-        Returns
-        -------
-        values : ndarray, shape (case, machine and position, value)
-            As `values` gives them.
-        derivatives : ndarray, shape (case, machine and position, value, absorber, 3)
-            Their derivatives.
-        """
+        """Acceleration with absorbers, and its derivatives to their parameters."""
         n = len(self.outputs)
         x = self._with(parameters, at)
         response = x[:, :, :n, 0]
@@ -168,8 +123,8 @@ class Workspace:
         return out
 
 
-@dataclass(frozen=True)
-class WorkspaceCheck:
+@dataclass(frozen=True, repr=False)
+class WorkspaceCheck(Drawn):
     """
     Absorbers judged over the whole rail.
 
@@ -219,13 +174,61 @@ class WorkspaceCheck:
         """Largest over the rail: without absorbers, with them as designed, with them at worst within tolerance [m/s^2]."""
         return float(self.before.max()), float(self.exact.max()), float(self.toleranced.max())
 
+    def sel(
+        self,
+        *,
+        position: float | Sequence[float] | None = None,
+        output: str | Sequence[str] | None = None,
+        input: str | Sequence[str] | None = None,
+    ) -> WorkspaceCheck:
+        """
+        The check at some of its positions.
+
+        Parameters
+        ----------
+        position : float or sequence of float, optional
+            Positions y_b / L that were judged (to 1e-9).
+        output : str or sequence of str, optional
+            All of the outputs that count: what is left is of them together.
+        input : str, optional
+            The one input, ``"force"``.
+
+        Returns
+        -------
+        WorkspaceCheck
+            The part.
+
+        Raises
+        ------
+        ParameterError
+            If a label is not there; the message lists those that are.
+        """
+        label_indices(("force",), input, "input")
+        if len(label_indices(self.outputs, output, "output")) < len(self.outputs):
+            raise ParameterError(f"{', '.join(self.outputs)} are judged together; run workspace_check for fewer")
+        rows = position_indices(self.positions, position)
+        names = ("positions", "before", "exact", "toleranced")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+
+    def _table(self) -> Table:
+        rows = []
+        for name, values, worst in zip(
+            ("nothing", "as designed", "at worst in tolerance"), (self.before, self.exact, self.toleranced), self.worst,
+            strict=True,
+        ):  # fmt: skip
+            rows.append((name, f"{worst:.4g}", f"{self.positions[int(values.argmax())]:.3g}"))
+        fitted = ", ".join(f"{m.absorber.mass:g} kg at {m.absorber.frequency:.4g} Hz on {m.port}" for m in self.mounted)
+        title = f"Absorbers over the rail: {fitted or 'none'}"
+        return Table(title, ("with", "largest [m/s^2]", "at y/L"), rows)
+
 
 def workspace_check(
     machine: Machine,
     mounted: Sequence[MountedAbsorber] = (),
     positions: ArrayLike = WORKSPACE,
+    *,
     force: HarmonicForce | None = None,
-    outputs: Sequence[str] = ("tool_x",),
+    outputs: str | Sequence[str] = ("tool_x",),
     criterion: Criterion = "harmonic",
     tolerance: AbsorberTolerance = EXACT,
 ) -> WorkspaceCheck:
@@ -242,7 +245,7 @@ def workspace_check(
         y_b / L; the whole rail by default.
     force : HarmonicForce, optional
         The force on the tool; by default 1 N at 217 Hz, so that figures are accelerances.
-    outputs : sequence of str
+    outputs : str or sequence of str
         Ports whose acceleration counts.
     criterion : {"harmonic", "rms"}
         What counts: the amplitude of the largest harmonic, or the RMS of all.
@@ -262,7 +265,7 @@ def workspace_check(
     >>> [round(value, 2) for value in check.worst]
     [2.78, 0.83, 0.83]
     """
-    drive = HarmonicForce.tone() if force is None else force
+    drive, outputs = HarmonicForce.tone() if force is None else force, names_of(outputs)
     ports = tuple(dict.fromkeys(m.port for m in mounted))
     at = [ports.index(m.port) for m in mounted]
     a = [m.absorber for m in mounted]
@@ -274,29 +277,13 @@ def workspace_check(
     wide = Workspace(machine, ports, positions, drive, outputs, criterion, tolerance)
     worst = wide.values(nominal * tolerance.factors(len(a)), at).max(axis=(0, 2))
     return WorkspaceCheck(
-        tuple(mounted), drive, tuple(outputs), criterion, tolerance, plain.positions, before, exact,
+        tuple(mounted), drive, outputs, criterion, tolerance, plain.positions, before, exact,
         worst.reshape(-1, n).max(axis=0),
     )  # fmt: skip
 
 
 def sprung_stiffness(parameters: FloatArray, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """
-    Dynamic stiffness of many sprung masses at once (Eq. 24), and its derivatives.
-
-    Parameters
-    ----------
-    parameters : ndarray, shape (case, absorber, 3)
-        Tuning frequency [Hz], damping ratio and mass [kg].
-    s : ndarray of complex, shape (line,)
-        Laplace variable [rad/s].
-
-    Returns
-    -------
-    stiffness : ndarray, shape (case, absorber, line)
-        z(s) [N/m].
-    derivatives : ndarray, shape (case, absorber, 3, line)
-        Its derivatives to the three parameters.
-    """
+    """Dynamic stiffness of many sprung masses at once (Eq. 24), and its derivatives."""
     w = 2 * np.pi * parameters[..., 0, None]
     zeta, m = parameters[..., 1, None], parameters[..., 2, None]
     spring = w * w + 2 * zeta * w * s

@@ -27,7 +27,7 @@ from cutvib_ss.errors import ParameterError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
     from cutvib_ss.absorber import AbsorberDesign, AbsorberStudy, WorkspaceCheck
 
@@ -106,7 +106,18 @@ def absorber_design_command(
         "tolerance": box,
     }  # fmt: skip
     with working("designing"):
-        studies = [parametric_study(model, where, m, tunings, dampings, working_frequency, ports[0]) for m in masses]
+        studies = [
+            parametric_study(
+                model,
+                where,
+                mass=m,
+                tuning=tunings,
+                damping_ratio=dampings,
+                working_frequency=working_frequency,
+                port=ports[0],
+            )
+            for m in masses
+        ]
         study = studies[0]
         ends = {"tuning": (tunings[0], tunings[-1]), "damping_ratio": (dampings.min(), dampings.max())}
         front = mass_front(model, masses, ports=ports, seed=seed, **ends, **judged)
@@ -158,7 +169,7 @@ def _check_data(check: WorkspaceCheck) -> dict[str, Any]:
     }
 
 
-def _picture(study: AbsorberStudy, front: tuple[AbsorberDesign, ...], baseline: WorkspaceCheck) -> Figure:
+def _picture(study: AbsorberStudy, front: tuple[AbsorberDesign, ...], baseline: WorkspaceCheck) -> Axes:
     from cutvib_ss.plot.absorber import absorber_front, absorber_study, absorbers_over_the_rail
 
     if len(front) > 1:

@@ -84,9 +84,11 @@ def absorber_check_command(
     model = load_machine(machine, "cutvib absorber")
     port = f"{place.value}_{direction.value}"
     chosen = MountedAbsorber(AbsorberParameters(frequency, damping_ratio, mass), port)
-    given = check_absorber(model, chosen.absorber, position or [1 / 3, 1 / 2], working_frequency, port=port)
+    given = check_absorber(
+        model, chosen.absorber, position or [1 / 3, 1 / 2], working_frequency=working_frequency, port=port
+    )
     force, box = HarmonicForce.tone(working_frequency), tolerance_box(tolerance, rate_tolerance, machines)
-    over = workspace_check(model, [chosen], np.arange(1, 50) / 50, force, tolerance=box)
+    over = workspace_check(model, [chosen], np.arange(1, 50) / 50, force=force, tolerance=box)
     if plot is not None:
         from cutvib_ss.plot.response import absorber_effect
         from cutvib_ss.plot.style import check_picture, save

@@ -15,7 +15,7 @@ from cutvib_ss.cli.blind import blind_calibrate_command, blind_run_command, blin
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.control import control_check_command, control_design_command
 from cutvib_ss.cli.demo import demo_command
-from cutvib_ss.cli.models import bode_command, frf_command, modes_command, paper_command
+from cutvib_ss.cli.models import bode_command, figures_command, frf_command, modes_command, paper_command
 from cutvib_ss.cli.plan import plan_command
 from cutvib_ss.cli.schedule import schedule_command
 from cutvib_ss.cli.simulate import simulate_command
@@ -84,6 +84,7 @@ app.command(
 )(plan_command)
 app.command("identify", epilog="Example: cutvib identify my-campaign --save-machine fitted.toml")(identify_command)
 app.command("paper", epilog="Example: cutvib paper --json tables.json")(paper_command)
+app.command("figures", epilog="Example: cutvib figures --out my-figures")(figures_command)
 app.command("modes", epilog="Example: cutvib modes --position 0.5")(modes_command)
 app.command("frf", epilog="Example: cutvib frf --position 0.5 --position 0.3333 --freq 100:300:0.5 --out frf.csv")(
     frf_command

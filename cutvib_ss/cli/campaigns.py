@@ -183,12 +183,11 @@ def _band(text: str) -> tuple[float, float]:
 
 
 def _identify_data(found: IdentificationResult) -> dict[str, Any]:
-    from cutvib_ss.identification.uncertainty import PARAMETER_UNITS
-    from cutvib_ss.model.head import HEAD_PARAMETERS
+    from cutvib_ss.model.head import HEAD_PARAMETERS, HEAD_UNITS
 
     keys = {
         name: f"{name}_{unit.replace('/', ' per ').replace('  ', ' ').replace(' ', '_').lower()}"
-        for name, unit in zip(HEAD_PARAMETERS, PARAMETER_UNITS, strict=True)
+        for name, unit in zip(HEAD_PARAMETERS, HEAD_UNITS, strict=True)
     }
     guess = found.first_guess
     return {

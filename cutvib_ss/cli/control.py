@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, MachineOption, load_machine
+from cutvib_ss.cli.options import JsonOption, MachineOption, load_machine, position_value
 from cutvib_ss.cli.output import check_outputs, give_json, json_text, results, say, show, working, write_all
 from cutvib_ss.errors import ParameterError
 
@@ -26,7 +26,10 @@ _FORCES = (1.0, 10.0, 100.0, 1000.0)
 """Amplitudes of the cutting force [N] that set the amplitudes there."""
 
 _PositionOption = Annotated[
-    float, typer.Option("--position", metavar="Y", help="y_b / L at which a controller without @ is designed.")
+    float,
+    typer.Option(
+        "--position", metavar="Y", parser=position_value, help="y_b / L at which a controller without @ is designed."
+    ),
 ]
 _ActuatorOption = Annotated[
     str | None,

@@ -13,20 +13,29 @@ from cutvib_ss.cli.options import (
     FreqOption,
     JsonOption,
     MachineOption,
+    PositionOption,
     PositionsOption,
     check_places,
     frequencies,
+    load_machine,
     load_model,
 )
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
 from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
-    from cutvib_ss.results import FrequencyResponse
+    from cutvib_ss.model.machine import Machine
+    from cutvib_ss.results import FrequencyResponse, Modes
 
 _OutputsOption = Annotated[
     list[str] | None,
     typer.Option("--output", metavar="NAME", help="Channel or port to read; by default all channels."),
+]
+_InputOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--input", metavar="PORT", help="Where the force acts: a port, or rail@0.25; by default on the tool in X."
+    ),
 ]
 _FormOption = Annotated[
     FormName | None,
@@ -41,15 +50,22 @@ _TITLES = {
 
 
 def modes_command(
-    position: Annotated[
-        float | None,
-        typer.Option("--position", metavar="Y", help="y_b / L of the head, strictly between 0 and 1."),
+    position: PositionOption = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="Also draw the modes of rail and head.")
     ] = None,
+    poles: Annotated[
+        Path | None, typer.Option("--poles", metavar="FILE", help="Also draw the poles in the s-plane.")
+    ] = None,
+    animate: Annotated[
+        Path | None, typer.Option("--animate", metavar="FILE.gif", help="Also show one mode in motion.")
+    ] = None,
+    mode: Annotated[int, typer.Option("--mode", min=1, help="With --animate: which mode.")] = 1,
     machine: MachineOption = None,
     json: JsonOption = None,
 ) -> None:
     """Natural frequencies, damping ratios, poles and mode shapes at a position."""
-    check_outputs(json)
+    check_outputs(json, plot, poles, animate)
     import numpy as np
 
     from cutvib_ss.response.modes import modes
@@ -57,6 +73,10 @@ def modes_command(
     model = load_model(machine)
     places = check_places(model, None if position is None else [position])
     found = modes(model, None if places is None else places[0])
+    if plot is not None or poles is not None or animate is not None:
+        _draw_modes(
+            load_machine(machine, "cutvib modes --plot") if plot or animate else None, found, plot, poles, animate, mode
+        )
     data = {
         "schema": "cutvib-modes/1",
         "position": found.position,
@@ -79,14 +99,29 @@ def modes_command(
     show(results(), title, columns, rows, "rrrrl")
 
 
+def _draw_modes(
+    machine: Machine | None, found: Modes, plot: Path | None, poles: Path | None, animate: Path | None, mode: int
+) -> None:
+    from cutvib_ss.plot import animate_mode, mode_shapes, s_plane, save
+    from cutvib_ss.plot.style import check_picture
+
+    if plot is not None and machine is not None:
+        save(mode_shapes(machine, found), check_picture(plot))
+    if poles is not None:
+        save(s_plane(found), check_picture(poles))
+    if animate is not None and machine is not None:
+        animate_mode(machine, found, mode, animate)
+
+
 def frf_command(
     position: PositionsOption = None,
     freq: FreqOption = "10:500:0.5",
     form: _FormOption = None,
+    input: _InputOption = None,
     output: _OutputsOption = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Write .csv, .uff, .mat or .npz."),
+        typer.Option("--out", metavar="FILE", help="Write .csv, .uff, .mat, .nc or .npz."),
     ] = None,
     machine: MachineOption = None,
     json: JsonOption = None,
@@ -97,7 +132,7 @@ def frf_command(
     check_outputs(out, json)
     if out is not None:
         frf_writer(out)
-    frf = _response(machine, position, freq, form, output)
+    frf = _response(machine, position, freq, form, input, output)
     if out is not None:
         write_frf(frf, out)
     if give_json(_frf_data("cutvib-frf/1", frf), json):
@@ -112,6 +147,7 @@ def bode_command(
     position: PositionsOption = None,
     freq: FreqOption = "10:500:0.5",
     form: _FormOption = None,
+    input: _InputOption = None,
     output: _OutputsOption = None,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.")] = Path("bode.png"),
     machine: MachineOption = None,
@@ -119,7 +155,7 @@ def bode_command(
 ) -> None:
     """Bode plots at given positions."""
     check_outputs(out, json)
-    frf = _response(machine, position, freq, form, output)
+    frf = _response(machine, position, freq, form, input, output)
     from cutvib_ss.plot.response import bode
     from cutvib_ss.plot.style import check_picture, save
 
@@ -147,8 +183,40 @@ def paper_command(json: JsonOption = None) -> None:
         say(results(), "")
 
 
+def figures_command(
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for the pictures; made where absent.")
+    ] = Path("figures"),
+    suffix: Annotated[str, typer.Option("--format", help="png, svg or pdf.")] = "png",
+    json: JsonOption = None,
+) -> None:
+    """Figs. 15 to 20 of the paper as far as its printed values allow, each in a file of its name."""
+    check_outputs(json)
+    from cutvib_ss.interchange.files import check_target
+    from cutvib_ss.paper import paper_curves
+    from cutvib_ss.plot.paper import FIGURES
+    from cutvib_ss.plot.style import check_picture, save
+
+    files = {name: check_picture(out / f"{name}.{suffix}") for name in FIGURES}
+    check_target(out / "x") if out.is_dir() else check_target(out)
+    out.mkdir(exist_ok=True)
+    with working("drawing the paper's figures"):
+        curves = paper_curves()
+        for name, figure in FIGURES.items():
+            save(figure(curves), files[name])
+    if give_json({"schema": "cutvib-figures/1", "figures": {n: str(f) for n, f in files.items()}}, json):
+        return
+    rows = [[name, str((FIGURES[name].__doc__ or "").strip()), str(file)] for name, file in files.items()]
+    show(results(), "Figures", ["figure", "what it shows", "file"], rows, "lll")
+
+
 def _response(
-    machine: Path | None, position: list[float] | None, freq: str, form: FormName | None, output: list[str] | None
+    machine: Path | None,
+    position: list[float] | None,
+    freq: str,
+    form: FormName | None,
+    input: list[str] | None,
+    output: list[str] | None,
 ) -> FrequencyResponse:
     from cutvib_ss.response.frequency import frequency_response
 
@@ -157,7 +225,8 @@ def _response(
     if places is not None and len(set(places)) < len(places):
         raise ParameterError("--position: one position is given twice; leave one of them out")
     lines = frequencies(freq)
-    return frequency_response(model, places, lines, None if form is None else form.value, outputs=output or None)
+    signals: dict[str, Any] = {"inputs": input or "force", "outputs": output or None}
+    return frequency_response(model, places, lines, form=None if form is None else form.value, **signals)
 
 
 def _frf_data(schema: str, frf: FrequencyResponse) -> dict[str, Any]:
@@ -192,4 +261,6 @@ def _show_peaks(frf: FrequencyResponse) -> None:
 def _cell(value: object) -> str:
     if value is None:
         return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:.8g}" if abs(value) >= 1e5 else f"{value:.6g}"
+    return str(value)

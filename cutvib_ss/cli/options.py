@@ -23,10 +23,32 @@ JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the figures as JSON; - is standard output."),
 ]
+
+
+def position_value(text: str) -> float:
+    """A position as the command line takes it: a number, or FC, CC, BC, FR, CR, BR."""
+    from cutvib_ss.parameters import position_of
+
+    try:
+        return position_of(text)
+    except ParameterError as error:
+        raise typer.BadParameter(str(error)) from None
+
+
 PositionsOption = Annotated[
     list[float] | None,
-    typer.Option("--position", metavar="Y", help="y_b / L of the head, between 0 and 1; may be given several times."),
-]
+    typer.Option(
+        "--position", metavar="Y", parser=position_value,
+        help="y_b / L of the head, between 0 and 1, or FC, CC, BC, FR, CR, BR; may be given several times.",
+    ),
+]  # fmt: skip
+PositionOption = Annotated[
+    float | None,
+    typer.Option(
+        "--position", metavar="Y", parser=position_value,
+        help="y_b / L of the head, strictly between 0 and 1, or FC, CC, BC, FR, CR, BR.",
+    ),
+]  # fmt: skip
 FreqOption = Annotated[
     str, typer.Option("--freq", metavar="LO:HI:STEP", help="Frequencies from LO to HI in steps of STEP [Hz].")
 ]

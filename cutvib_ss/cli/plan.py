@@ -62,7 +62,7 @@ def plan_command(
                 noise=noise,
                 error=error,
             ),
-            laws,
+            laws=laws,
         )
     if not give_json(_data(found), json):
         _print(found, results())

@@ -61,7 +61,7 @@ def schedule_command(
     check_outputs(out, poles, bode, table, error, json)
     import numpy as np
 
-    from cutvib_ss.interchange.schedule_files import check_schedule_file, write_schedule
+    from cutvib_ss.interchange.plant_files import check_plant_file, write_plant
     from cutvib_ss.lpv import schedule as family_over
     from cutvib_ss.plot.schedule import bode_map, interpolation_error, pole_map, schedule
     from cutvib_ss.plot.style import check_picture, save
@@ -72,7 +72,7 @@ def schedule_command(
     for picture in pictures:
         check_picture(picture)
     if table is not None:
-        check_schedule_file(table)
+        check_plant_file(table)
     model = load_machine(machine, "cutvib schedule")
     lines, outputs = frequencies(freq), output or ["tool_x"]
     places = np.arange(1, positions + 1) / (positions + 1)
@@ -102,7 +102,7 @@ def schedule_command(
                 title = f"Table of {grid} plants, {interpolation.value} between them: {outputs[0]} / force"
                 save(interpolation_error(lines, response, wrong, bound, "m/s^2/N", title), error)
             if table is not None:
-                write_schedule(family, table)
+                write_plant(family, table)
         data["table"] = {
             "positions": family.positions,
             "interpolation": interpolation.value,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, MachineOption, check_places, load_model
+from cutvib_ss.cli.options import JsonOption, MachineOption, PositionOption, check_places, load_model
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working, write_all
 from cutvib_ss.errors import ParameterError
 
@@ -40,10 +40,7 @@ class _Force:
 
 
 def simulate_command(
-    position: Annotated[
-        float | None,
-        typer.Option("--position", metavar="Y", help="y_b / L of the head, strictly between 0 and 1."),
-    ] = None,
+    position: PositionOption = None,
     duration: Annotated[float, typer.Option("--duration", help="Length of the simulation [s].")] = 1.0,
     fs: Annotated[float, typer.Option("--fs", help="Sampling frequency [Hz].")] = 20_000.0,
     steady: Annotated[
@@ -179,15 +176,15 @@ def _respond(
             place,
             given.values,
             given.fs,
-            output,
-            wanted,
+            outputs=output,
+            quantity=wanted,
             start="periodic" if steady else "rest",
             viscous_at=217.0,
         )
     from cutvib_ss.response.moving import moving_response
 
     assert isinstance(model, Machine)
-    return moving_response(model, way, given.values, given.fs, output, wanted, viscous_at=217.0)
+    return moving_response(model, way, given.values, given.fs, outputs=output, quantity=wanted, viscous_at=217.0)
 
 
 def _way(

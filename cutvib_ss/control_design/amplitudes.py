@@ -175,7 +175,7 @@ def working_amplitudes(
         Amplitudes [rad or m].
     """
     linear, port = replace(machine, nonlinear=()), machine.nonlinear[element].port
-    moved = frequency_response(linear, positions, [working_frequency], "receptance", outputs=[port])
+    moved = frequency_response(linear, positions, [working_frequency], form="receptance", outputs=[port])
     return np.asarray(forces, dtype=np.float64) * float(np.abs(moved.data).max())
 
 

@@ -115,7 +115,7 @@ def check_controller(
     full = [replace(full_order(m, n_modes), chain=MeasurementChain()) for m in named.values()]
     here = [[_visit(controller, m, float(y), kit, working_frequency, lines) for y in places] for m in full]
     table = {f.name: np.array([[getattr(visit, f.name) for visit in row] for row in here]) for f in fields(_Visit)}
-    bare = [frequency_response(m, places, [working_frequency], "accelerance", outputs=MOTIONS).data for m in full]
+    bare = [frequency_response(m, places, [working_frequency], form="accelerance", outputs=MOTIONS).data for m in full]
     over_band = table.pop("over_band")
     return ControllerCheck(
         name=name,
@@ -126,7 +126,7 @@ def check_controller(
         before=np.abs(np.array([b[:, :, 0, 0].T for b in bare])),
         passive=np.swapaxes(table.pop("passive"), 1, 2),
         after=np.swapaxes(table.pop("after"), 1, 2),
-        open=tuple(frequency_response(m, places, lines, "accelerance", outputs=MOTIONS[:1]) for m in full),
+        open=tuple(frequency_response(m, places, lines, form="accelerance", outputs=MOTIONS[:1]) for m in full),
         closed=tuple(
             FrequencyResponse(data[:, None, None], lines, places, MOTIONS[:1], ("force",), ("acceleration",))
             for data in over_band

@@ -285,7 +285,7 @@ def control_plant(
                 f"a sensor reads {sensor.port}; there are the strokes {', '.join(strokes) or 'of none'}"
             )
     ports_in, ports_out = [list(dict.fromkeys(p for pair in pairs for p in pair)) for pairs in (pushed, read)]
-    bare = model.plant(position, ["force", *ports_in], ports_out, viscous_at=viscous_at)
+    bare = model.plant(position, inputs=["force", *ports_in], outputs=ports_out, viscous_at=viscous_at)
     push = np.block([[1.0, np.zeros((1, len(pushed)))], [np.zeros((len(ports_in), 1)), _against(pushed, ports_in)]])
     # States as large as the accelerations, by one factor at all positions: motions beside filters would be 1e-6 of them.
     size = (2 * np.pi * viscous_at) ** 2

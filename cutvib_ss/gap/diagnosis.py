@@ -55,6 +55,7 @@ class _Held:
 def diagnose(
     campaign: Campaign,
     machine: Model | None = None,
+    *,
     hold_out: float | None = None,
     seed: int = 0,
     jobs: int = 1,

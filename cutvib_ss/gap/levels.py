@@ -91,7 +91,9 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
         for position, (entry, *_) in zip(g.positions, g.entries, strict=True):
             at = None if np.isnan(position) else float(position)
             if entry.replay is None:
-                sweep = frequency_response(model, None if at is None else [at], g.freq, "receptance", ["force"], places)
+                sweep = frequency_response(
+                    model, None if at is None else [at], g.freq, form="receptance", inputs=["force"], outputs=places
+                )
                 size = entry.sweep * np.abs(sweep.data[0, :, 0])
                 peaks.append(size.max(axis=1))
                 rates.append((size * 2 * np.pi * g.freq).max(axis=1))

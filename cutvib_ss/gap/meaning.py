@@ -151,7 +151,7 @@ def _force(fit: Fit, records: Records, positions: FloatArray, frequency: float) 
     plain = replace(fit.model, nonlinear=())
     moved = motions(plain, records).get(port)
     places = None if np.isnan(positions).all() else positions
-    per_newton = np.abs(frequency_response(plain, places, [frequency], "receptance", outputs=[port]).data).mean()
+    per_newton = np.abs(frequency_response(plain, places, [frequency], form="receptance", outputs=[port]).data).mean()
     return float(np.sqrt(moved.low * moved.high) / per_newton) if moved is not None else 1.0
 
 

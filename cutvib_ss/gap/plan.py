@@ -28,7 +28,7 @@ from cutvib_ss.gap.levels import motions
 from cutvib_ss.gap.records import Entry, Records, merged
 from cutvib_ss.gap.severity import Run, runs
 from cutvib_ss.measurement.replay import assumed_blow
-from cutvib_ss.results import FloatArray, Quantity
+from cutvib_ss.results import Displayed, FloatArray, Quantity, Table
 
 LINES = 250
 """Lines on which the campaign is computed; each stands for several."""
@@ -114,8 +114,8 @@ class PlannedCause:
     told_apart: float
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, repr=False)
+class Plan(Displayed):
     """
     What a planned campaign could tell.
 
@@ -137,8 +137,17 @@ class Plan:
     pairs: tuple[tuple[str, str, float], ...]
     threshold: float
 
+    def _table(self) -> Table:
+        rows = []
+        for c in self.causes:
+            seen, named = ("-" if v is None else f"{v:.4g} {c.unit}".rstrip() for v in (c.seen, c.named))
+            rows.append((c.name, c.parameter, seen, named, c.rival))
+        return Table(
+            f"Plan: {len(rows)} causes", ("cause", "parameter", "seen from", "named from", "confused with"), rows
+        )
 
-def plan(model: Model, campaign: PlannedCampaign, laws: bool = True) -> Plan:
+
+def plan(model: Model, campaign: PlannedCampaign, *, laws: bool = True) -> Plan:
     """
     Which causes a planned campaign could see and tell apart, before any test.
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.findings import Findings
-from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
+from cutvib_ss.results import Drawn, FrequencyResponse, MeasuredFrequencyResponse, Table
 
 SCHEMA = "cutvib-diagnosis/1"
 Verdict: TypeAlias = Literal["no_gap", "explained", "ambiguous", "unknown"]
@@ -221,8 +221,8 @@ class Comparison:
     corrected: FrequencyResponse
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Drawn):
     """
     A diagnosis of the sim-to-real gap.
 
@@ -273,6 +273,20 @@ class Diagnosis:
     reduced_chi2: float = math.nan
     data_count: int = 0
     findings: Findings = field(default_factory=Findings)
+
+    def _table(self) -> Table:
+        g, rows = self.gap, []
+        for cause in self.causes:
+            values = [
+                f"{name} = {p.value if isinstance(p.value, str) else f'{p.value:.4g}'} {p.unit}".rstrip()
+                for name, p in cause.parameters.items()
+            ]
+            rows.append((cause.effect, cause.place, f"{cause.probability:.3f}", ", ".join(values)))
+        title = (
+            f"Diagnosis: {self.verdict}; gap {g.before:.3g}, tuned {g.tuned:.3g}, after {g.after:.3g}, "
+            f"noise floor {g.noise_floor:.3g} {g.unit}"
+        )
+        return Table(title, ("cause", "place", "probability", "parameters"), rows)
 
     def to_dict(self) -> dict[str, Any]:
         """

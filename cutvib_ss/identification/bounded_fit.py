@@ -39,16 +39,7 @@ _DOUBTFUL = 1e-3
 
 
 class HeadModel:
-    """
-    The model that is fitted: the head with its base held, or the machine at a position.
-
-    Parameters
-    ----------
-    data : FitData
-        Where and what to compute.
-    machine : Machine or None
-        The machine whose head is fitted, at the data's position; None: the base is held.
-    """
+    """The model that is fitted: the head with its base held, or the machine at a position."""
 
     def __init__(self, data: FitData, machine: Machine | None) -> None:
         self.data, self.machine = data, machine
@@ -57,21 +48,7 @@ class HeadModel:
             raise IdentificationError("a fit of the machine on its rail needs the position of the record, y_b / L")
 
     def evaluate(self, head: HeadParameters) -> tuple[ComplexArray, ComplexArray]:
-        """
-        Responses and their derivatives to the ten parameters.
-
-        Parameters
-        ----------
-        head : HeadParameters
-            The head.
-
-        Returns
-        -------
-        values : ndarray of complex, shape (output, frequency)
-            Responses in the data's quantities.
-        slopes : ndarray of complex, shape (output, frequency, parameter)
-            Their derivatives.
-        """
+        """Responses and their derivatives to the ten parameters."""
         frf = self.data.frf
         if self.machine is not None:
             machine = replace(self.machine, head=head)
@@ -86,38 +63,12 @@ class HeadModel:
 
 
 def vector(head: HeadParameters) -> FloatArray:
-    """
-    The ten parameters in the tables' order.
-
-    Parameters
-    ----------
-    head : HeadParameters
-        The head.
-
-    Returns
-    -------
-    ndarray, shape (10,)
-        Their values, angles in radians.
-    """
+    """The ten parameters in the tables' order."""
     return np.array([getattr(head, name) for name in HEAD_PARAMETERS])
 
 
 def head_of(values: FloatArray, source: str = "") -> HeadParameters:
-    """
-    A head from its ten parameters.
-
-    Parameters
-    ----------
-    values : ndarray, shape (10,)
-        As `vector` gives them.
-    source : str
-        Where the values come from.
-
-    Returns
-    -------
-    HeadParameters
-        The head.
-    """
+    """A head from its ten parameters."""
     m1, m2, l1, l2, theta01, theta02, k1, k2, c1, c2 = map(float, values)
     return HeadParameters(m1, m2, l1, l2, theta01, theta02, k1, k2, c1, c2, source=source)
 

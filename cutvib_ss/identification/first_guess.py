@@ -25,30 +25,9 @@ def stiffness_ratio(peaks: tuple[float, float], dip: float) -> float:
     """
     Ratio κ = k1/k2 that sets two resonances as far apart as two measured peaks (Eq. 19 solved for κ).
 
-    Parameters
-    ----------
-    peaks : tuple of float
-        Frequencies of the peaks [Hz], ascending.
-    dip : float
-        Frequency of the minimum between them, f_n [Hz].
-
-    Returns
-    -------
-    float
-        κ, which is also the ratio m1/m2 (Eqs. 15 and 16).
-
-    Raises
-    ------
-    ParameterError
-        If the dip does not lie between the peaks.
-
-    Notes
-    -----
     Eq. 19 is f_{1,2} = f_n √(1 ∓ ε) with ε = 1/√(κ+1). With d = (f_2 - f_1)/f_n, d² = 2 - 2√(1 - ε²), so that
     ε² = 1 - (1 - d²/2)² and κ = 1/ε² - 1.
 
-    Examples
-    --------
     >>> stiffness_ratio((215.0, 248.0), 230.0)
     47.83
     """
@@ -62,21 +41,7 @@ def stiffness_ratio(peaks: tuple[float, float], dip: float) -> float:
 
 
 def resonances(tuning: float, ratio: float) -> tuple[float, float]:
-    """
-    Natural frequencies of the two coupled systems of equal tuning (Eq. 19).
-
-    Parameters
-    ----------
-    tuning : float
-        f_n [Hz].
-    ratio : float
-        κ = k1/k2.
-
-    Returns
-    -------
-    tuple of float
-        f_1 and f_2 [Hz].
-    """
+    """Natural frequencies of the two coupled systems of equal tuning (Eq. 19)."""
     gap = 1.0 / sqrt(ratio + 1.0)
     return tuning * sqrt(1.0 - gap), tuning * sqrt(1.0 + gap)
 
@@ -84,6 +49,7 @@ def resonances(tuning: float, ratio: float) -> tuple[float, float]:
 def first_guess(
     peaks: tuple[float, float],
     dip: float,
+    *,
     length: float = 0.1,
     tool_mass: float = 0.5,
     damping_ratio: float = 0.1,

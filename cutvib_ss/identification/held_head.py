@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
+from scipy import linalg, signal
 
 from cutvib_ss.model.head import head, head_changes
 from cutvib_ss.parameters import HeadParameters
@@ -20,20 +20,9 @@ class HeldHead:
     """
     Receptances of the tool with the base held.
 
-    Parameters
-    ----------
-    parameters : HeadParameters
-        The head.
-    s : ndarray of complex, shape (frequency,)
-        Laplace variable [rad/s].
-
-    Notes
-    -----
     Eqs. 1-3 without the base's motion: H_q = t_qᵀ E⁻¹ t_x with E = K + sC + s²M over (θ1, θ2), and by symmetry
     dH_q = dt_qᵀ v_x + v_qᵀ dt_x - v_qᵀ dE v_x with v = E⁻¹ t.
 
-    Examples
-    --------
     >>> from cutvib_ss.parameters import table_3
     >>> HeldHead(table_3(), np.array([0j])).receptance("tool_x").real
     array([1.174e-07])
@@ -47,38 +36,12 @@ class HeldHead:
         self._answers = {name: self._inverse @ self._rows[name] for name in TOOL}
 
     def receptance(self, output: str) -> ComplexArray:
-        """
-        Displacement of the tool per unit cutting force.
-
-        Parameters
-        ----------
-        output : {"tool_x", "tool_z"}
-            Direction of the displacement.
-
-        Returns
-        -------
-        ndarray of complex, shape (frequency,)
-            Receptance [m/N].
-        """
+        """Displacement of the tool per unit cutting force."""
         value: ComplexArray = self._answers["tool_x"] @ self._rows[output]
         return value
 
     def derivative(self, name: str, output: str) -> ComplexArray:
-        """
-        Derivative of a receptance to one of the head's parameters.
-
-        Parameters
-        ----------
-        name : str
-            Name of the parameter.
-        output : {"tool_x", "tool_z"}
-            Direction of the displacement.
-
-        Returns
-        -------
-        ndarray of complex, shape (frequency,)
-            The derivative.
-        """
+        """Derivative of a receptance to one of the head's parameters."""
         rows, parts = head_changes(self.parameters, name)
         moved, still = {p: row[_ROTATIONS] for p, row in rows.items()}, np.zeros(2)
         v_x, v_q = self._answers["tool_x"], self._answers[output]
@@ -112,6 +75,33 @@ def held_response(parameters: HeadParameters, freq: ArrayLike) -> FrequencyRespo
     data = np.array([s**2 * model.receptance(output) for output in TOOL])
     nowhere = np.array([np.nan])
     return FrequencyResponse(data[None, :, None, :], lines, nowhere, TOOL, ("force",), ("acceleration", "acceleration"))
+
+
+def held_peaks(parameters: HeadParameters) -> tuple[float, float]:
+    """
+    Frequencies at which the accelerance XX of the head with its base held peaks: what a measurement shows of resonances.
+
+    Parameters
+    ----------
+    parameters : HeadParameters
+        The head, with two peaks.
+
+    Returns
+    -------
+    tuple of float
+        Frequencies [Hz], to a hundredth; the undamped ones where damping leaves no two peaks.
+
+    Examples
+    --------
+    >>> from cutvib_ss.parameters import table_3
+    >>> [round(f, 1) for f in held_peaks(table_3())]
+    [213.4, 242.7]
+    """
+    natural = held_natural_frequencies(parameters)
+    lines = np.arange(0.8 * natural[0], 1.2 * natural[1], 0.01)
+    peaks, _ = signal.find_peaks(np.abs(held_response(parameters, lines).data[0, 0, 0]))
+    low, high = natural if peaks.size != 2 else lines[peaks]
+    return float(low), float(high)
 
 
 def held_natural_frequencies(parameters: HeadParameters) -> FloatArray:

@@ -15,8 +15,15 @@ from cutvib_ss.identification.uncertainty import Determination, determination
 from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.parameters import HeadParameters, table_3
-from cutvib_ss.results import FloatArray, FrequencyResponse, MeasuredFrequencyResponse, read_only
+from cutvib_ss.parameters import HeadParameters, check_choice, table_3
+from cutvib_ss.results import (
+    Drawn,
+    FloatArray,
+    FrequencyResponse,
+    MeasuredFrequencyResponse,
+    Table,
+    read_only,
+)
 
 Base: TypeAlias = Literal["held", "rail"]
 
@@ -26,8 +33,8 @@ _MISFIT = 3.0
 """Mean error over what noise and calibration explain, beyond which the model is not the data's."""
 
 
-@dataclass(frozen=True)
-class IdentificationResult:
+@dataclass(frozen=True, repr=False)
+class IdentificationResult(Drawn):
     """
     The head's parameters identified from one record.
 
@@ -81,10 +88,19 @@ class IdentificationResult:
         """Position y_b / L of the record; NaN where it is not known."""
         return float(self.measured.positions[0])
 
+    def _table(self) -> Table:
+        rows = []
+        for e in self.determination.parameters:
+            low_high = "-" if e.interval is None else f"{e.interval[0]:.5g} to {e.interval[1]:.5g}"
+            rows.append((e.name, f"{e.value:.5g}", e.unit, e.status, low_high))
+        title = f"Identified head, base {self.base}" + (f", {self.record}" if self.record else "")
+        return Table(title, ("parameter", "value", "unit", "status", "interval"), rows)
+
 
 def identify(
     source: Campaign | FrequencyResponse,
     machine: Machine | None = None,
+    *,
     base: Base | None = None,
     bounds: Bounds | None = None,
     start: HeadParameters | None = None,
@@ -143,6 +159,8 @@ def identify(
         name = record.name
     else:
         frf = source
+    if base is not None:
+        check_choice("base", base, ("held", "rail"))
     where = base or ("held" if machine is None else "rail")
     if where == "rail" and machine is None:
         raise IdentificationError("a fit on the rail needs a machine; give one, or hold the base")
@@ -150,6 +168,7 @@ def identify(
         warnings.append(f"the responses hold {len(frf.positions)} positions; the first is fitted")
     calibration = 0.0 if machine is None else machine.tolerance.calibration
     known = isinstance(frf, MeasuredFrequencyResponse) and machine is not None and weights is None
+    check_choice("weighting", weighting or "paper", ("paper", "variance"))
     data = fit_data(frf, band, weighting or ("variance" if known else "paper"), weights)
     believed = table_3() if machine is None else machine.head
     guess = _guess(data.frf, believed, band, warnings)
@@ -220,7 +239,7 @@ def _guess(
 ) -> HeadParameters | None:
     try:
         peaks, dip = peaks_and_dip(frf, band=band)
-        return first_guess(peaks, dip, (believed.l1 + believed.l2) / 2, believed.m2)
+        return first_guess(peaks, dip, length=(believed.l1 + believed.l2) / 2, tool_mass=believed.m2)
     except IdentificationError as error:
         warnings.append(f"no first guess: {error}")
         return None

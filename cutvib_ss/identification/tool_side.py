@@ -70,19 +70,7 @@ def tool_side(head: HeadParameters) -> dict[str, float]:
 
 
 def tool_side_gradient(head: HeadParameters) -> dict[str, FloatArray]:
-    """
-    Derivatives of the combinations to the ten parameters.
-
-    Parameters
-    ----------
-    head : HeadParameters
-        The head.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (10,)
-        Gradients, parameters in the tables' order.
-    """
+    """Derivatives of the combinations to the ten parameters."""
     x, y = _lever(head)
     g1, g2 = x * x + y * y, head.l2**2
     dx, dy = np.zeros(len(HEAD_PARAMETERS)), np.zeros(len(HEAD_PARAMETERS))

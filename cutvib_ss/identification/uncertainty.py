@@ -24,13 +24,11 @@ from scipy import stats
 from cutvib_ss.identification.bounded_fit import HeadFit, vector
 from cutvib_ss.identification.fitted_data import FitData
 from cutvib_ss.identification.tool_side import TOOL_SIDE_UNITS, tool_side, tool_side_gradient
-from cutvib_ss.model.head import HEAD_PARAMETERS
+from cutvib_ss.model.head import HEAD_PARAMETERS, HEAD_UNITS
 from cutvib_ss.results import FloatArray, read_only
 
 Status: TypeAlias = Literal["determined", "not determined", "on lower bound", "on upper bound"]
 
-PARAMETER_UNITS = ("kg", "kg", "m", "m", "rad", "rad", "N m/rad", "N m/rad", "N m s/rad", "N m s/rad")
-"""SI units of the ten parameters, in the tables' order."""
 _BOUNDS_VARIANCE = 1.0 / 12.0
 _DETERMINED = 1.0 / 3.0
 _BORROWED = 1.0 / 3.0  # largest variance that comes from the bounds, over that which comes from the data
@@ -147,7 +145,7 @@ def determination(fit: HeadFit, data: FitData, level: float = 0.99, calibration:
         combinations.append(_estimate(name, unit, value, bound, g, covariances, len(TOOL_SIDE_UNITS), level))
     parameters = [
         _estimate(name, unit, value, fit.on_bound.get(name), w * e, covariances, n, level)
-        for name, unit, value, w, e in zip(HEAD_PARAMETERS, PARAMETER_UNITS, vector(fit.head), width, np.eye(n))
+        for name, unit, value, w, e in zip(HEAD_PARAMETERS, HEAD_UNITS, vector(fit.head), width, np.eye(n))
     ]
     return Determination(singular / np.sqrt(scale), right.T, sum(told), tuple(parameters), tuple(combinations), level)
 

@@ -51,24 +51,7 @@ def staged(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def check_target(path: str | os.PathLike[str]) -> Path:
-    """
-    A path that a file can be written to, before the work that fills it begins.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to be.
-
-    Returns
-    -------
-    Path
-        The same path.
-
-    Raises
-    ------
-    DataFormatError
-        If its folder is missing or closed, or it is a folder itself.
-    """
+    """A path that a file can be written to, before the work that fills it begins."""
     target = Path(path)
     if target.is_dir():
         raise DataFormatError(f"{target}: is a folder; give the name of a file")

@@ -1,10 +1,9 @@
 """
-Frequency responses as files: CSV and NPZ, which read back; UFF data set 58 and MAT, for other programs.
+Frequency responses as files, each of which reads back: CSV, UFF data set 58, MAT, NetCDF and NPZ.
 
 CSV has the columns ``position,freq [Hz],<channel> re [unit],<channel> im [unit],…``, one row for each position and
-frequency; the position is empty for a model that has none. UFF keeps the channels' nodes (tool 1, base 2, head 3,
-others from 4) and adds 100 for each further position. MAT holds ``freq``, ``position`` and one matrix
-(frequency × position) a channel. Only NPZ carries variance, coherence, a decay rate, or more than one input.
+frequency; the position is empty for a model that has none. CSV holds one input. CSV, UFF and MAT hold no variance, coherence
+or decay rate; NPZ and NetCDF hold everything.
 """
 
 from __future__ import annotations
@@ -18,22 +17,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.io import savemat
 
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.interchange.files import staged
-from cutvib_ss.measurement.formats import uff
-from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawResponse
+from cutvib_ss.interchange.frf_formats import (
+    UNITS,
+    read_mat,
+    read_netcdf,
+    read_uff,
+    write_mat,
+    write_netcdf,
+    write_uff,
+)
 from cutvib_ss.results import ComplexArray, FrequencyResponse, MeasuredFrequencyResponse, Quantity
-from cutvib_ss.units import SI_UNIT
 
-_QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
-_OF_UNIT = {f"{SI_UNIT[q]}/{u}": (q, u) for q in _QUANTITIES for u in ("N", "m/s^2")}
 _COLUMN = re.compile(r"^(?P<name>.+) (?P<part>re|im) \[(?P<unit>[^\]]+)\]$")
 _FIRST_LINE = "`position,freq [Hz],<channel> re [unit],<channel> im [unit],…`"
-_AXIS = {"_x": 1, "_y": 2, "_z": 3}
-_NODES = {"tool": 1, "base": 2, "head": 3}
-_NODES_A_POSITION = 100
 
 
 def write_frf(frf: FrequencyResponse, path: str | os.PathLike[str]) -> None:
@@ -45,7 +44,7 @@ def write_frf(frf: FrequencyResponse, path: str | os.PathLike[str]) -> None:
     frf : FrequencyResponse
         Computed or measured response.
     path : path-like
-        File that ends in ``.csv``, ``.uff``, ``.unv``, ``.mat`` or ``.npz``; replaced once the new is complete.
+        File that ends in ``.csv``, ``.uff``, ``.unv``, ``.mat``, ``.nc`` or ``.npz``; replaced once the new is complete.
 
     Raises
     ------
@@ -55,31 +54,14 @@ def write_frf(frf: FrequencyResponse, path: str | os.PathLike[str]) -> None:
         If the file cannot be written.
     """
     writer = frf_writer(path)
-    if writer is not _write_npz:
-        _check_plain(frf, Path(path).suffix)
+    if writer not in (_write_npz, write_netcdf) and frf.decay_rate:
+        raise ParameterError(f"{Path(path).suffix} has no place for a decay rate ({frf.decay_rate} 1/s); write .npz")
     with staged(path) as draft:
         writer(frf, draft)
 
 
 def frf_writer(path: str | os.PathLike[str]) -> Callable[[FrequencyResponse, Path], None]:
-    """
-    What writes a frequency response to a file of this name.
-
-    Parameters
-    ----------
-    path : path-like
-        The file to be.
-
-    Returns
-    -------
-    callable
-        Takes the response and the file.
-
-    Raises
-    ------
-    ParameterError
-        If the suffix is not known; the message lists those that are.
-    """
+    """What writes a frequency response to a file of this name."""
     suffix = Path(path).suffix.lower()
     if suffix not in _WRITERS:
         raise ParameterError(f"{path}: suffix {suffix!r} is not written; give one of {', '.join(_WRITERS)}")
@@ -88,17 +70,17 @@ def frf_writer(path: str | os.PathLike[str]) -> Callable[[FrequencyResponse, Pat
 
 def read_frf(path: str | os.PathLike[str]) -> FrequencyResponse:
     """
-    Read a frequency response that `write_frf` wrote as CSV or NPZ.
+    Read a frequency response that `write_frf` wrote.
 
     Parameters
     ----------
     path : path-like
-        File that ends in ``.csv`` or ``.npz``.
+        File that ends in ``.csv``, ``.uff``, ``.unv``, ``.mat``, ``.nc`` or ``.npz``.
 
     Returns
     -------
     FrequencyResponse
-        The response; of NPZ a `MeasuredFrequencyResponse` where it was one.
+        The response; of NPZ and NetCDF a `MeasuredFrequencyResponse` where it was one.
 
     Raises
     ------
@@ -106,7 +88,9 @@ def read_frf(path: str | os.PathLike[str]) -> FrequencyResponse:
         If the file is missing, of another format, cut short, or not labelled as expected.
     """
     file = Path(path)
-    readers = {".csv": _read_csv, ".npz": _read_npz}
+    readers = {
+        ".csv": _read_csv, ".npz": _read_npz, ".uff": read_uff, ".unv": read_uff, ".mat": read_mat, ".nc": read_netcdf
+    }  # fmt: skip
     if file.suffix.lower() not in readers:
         raise DataFormatError(f"{file}: suffix {file.suffix!r} does not read back; give one of {', '.join(readers)}")
     try:
@@ -145,7 +129,10 @@ def frf_csv(frf: FrequencyResponse) -> str:
     position,freq [Hz],tool_x re [m/s^2/N],tool_x im [m/s^2/N]
     0.5,10.0,1.0,2.0
     """
-    _check_plain(frf, ".csv")
+    if len(frf.inputs) != 1:
+        raise ParameterError(f".csv holds one input, not {', '.join(frf.inputs)}; write .npz or pick one with sel")
+    if frf.decay_rate:
+        raise ParameterError(f".csv has no place for a decay rate ({frf.decay_rate} 1/s); write .npz")
     header = ["position", "freq [Hz]"]
     for output, unit in zip(frf.outputs, frf.units, strict=True):
         header += [f"{output} re [{unit}]", f"{output} im [{unit}]"]
@@ -161,60 +148,8 @@ def frf_csv(frf: FrequencyResponse) -> str:
     return text.getvalue()
 
 
-def _check_plain(frf: FrequencyResponse, suffix: str) -> None:
-    if len(frf.inputs) != 1:
-        raise ParameterError(f"{suffix} holds one input, not {', '.join(frf.inputs)}; write .npz or pick one with sel")
-    if frf.decay_rate:
-        raise ParameterError(f"{suffix} has no place for a decay rate ({frf.decay_rate} 1/s); write .npz")
-
-
 def _write_csv(frf: FrequencyResponse, path: Path) -> None:
     path.write_text(frf_csv(frf), encoding="utf-8", newline="")
-
-
-def _write_uff(frf: FrequencyResponse, path: Path) -> None:
-    if len(frf.outputs) + len(_NODES) >= _NODES_A_POSITION:
-        raise ParameterError(f".uff: {len(frf.outputs)} outputs are more than {_NODES_A_POSITION} node numbers allow")
-    places = {name: _place(name) for name in frf.outputs}
-    numbers = dict(_NODES)
-    for place, _ in places.values():
-        numbers.setdefault(place, max(numbers.values()) + 1)
-    sets = []
-    for k, position in enumerate(frf.positions):
-        shift = k * _NODES_A_POSITION
-        there = "" if np.isnan(position) else f" at {position:g}"
-        names = {name: f"{name}{there}" for name in frf.outputs}
-        layout = Layout(
-            quantities={"force": "force" if frf.input_unit == "N" else "acceleration"}
-            | {names[name]: q for name, q in zip(frf.outputs, frf.quantities, strict=True)},
-            nodes={"force": (numbers["tool"] + shift, 1)}
-            | {names[name]: (numbers[place] + shift, axis) for name, (place, axis) in places.items()},
-        )
-        responses = tuple(
-            RawResponse(names[name], unit, frf.data[k, i, 0])
-            for i, (name, unit) in enumerate(zip(frf.outputs, frf.units, strict=True))
-        )
-        uff.write(path, Contents(frf=RawFrf(frf.freq, responses)), layout)
-        sets.append(path.read_bytes())
-    path.write_bytes(b"".join(sets))
-
-
-def _place(output: str) -> tuple[str, int]:
-    """Place of an output and its direction: 1, 2, 3 for X, Y, Z; X where the name tells none."""
-    axis = _AXIS.get(output[-2:])
-    return (output, 1) if axis is None else (output[:-2], axis)
-
-
-def _write_mat(frf: FrequencyResponse, path: Path) -> None:
-    variables: dict[str, Any] = {"freq": frf.freq[:, np.newaxis], "position": frf.positions[:, np.newaxis]}
-    units = {"freq": "Hz", "position": "1"}
-    for k, (output, unit) in enumerate(zip(frf.outputs, frf.units, strict=True)):
-        name = re.sub(r"\W+", "_", output, flags=re.ASCII).strip("_")
-        if name in variables:
-            raise ParameterError(f".mat: two outputs would both be the variable {name!r}; write them apart")
-        variables[name] = frf.data[:, k, 0].T
-        units[name] = unit
-    savemat(path, {**variables, "units": units}, appendmat=False, long_field_names=True)
 
 
 def _write_npz(frf: FrequencyResponse, path: Path) -> None:
@@ -227,6 +162,8 @@ def _write_npz(frf: FrequencyResponse, path: Path) -> None:
         "quantities": np.array(frf.quantities),
         "input_unit": np.array(frf.input_unit),
         "decay_rate": np.array(frf.decay_rate),
+        "displacement_units": np.array(frf.displacement_units),
+        "input_units": np.array(frf.input_units),
     }
     if isinstance(frf, MeasuredFrequencyResponse):
         arrays |= {"variance": frf.variance, "coherence": frf.coherence, "averages": np.array(frf.averages)}
@@ -236,9 +173,10 @@ def _write_npz(frf: FrequencyResponse, path: Path) -> None:
 
 _WRITERS: dict[str, Callable[[FrequencyResponse, Path], None]] = {
     ".csv": _write_csv,
-    ".uff": _write_uff,
-    ".unv": _write_uff,
-    ".mat": _write_mat,
+    ".uff": write_uff,
+    ".unv": write_uff,
+    ".mat": write_mat,
+    ".nc": write_netcdf,
     ".npz": _write_npz,
 }
 
@@ -251,7 +189,7 @@ def _read_csv(path: Path) -> FrequencyResponse:
         raise DataFormatError(f"{path}: not a CSV text file ({error}); export it again") from error
     if len(rows) < 2:
         raise DataFormatError(f"{path}: no rows under a first line {_FIRST_LINE}; export it again")
-    outputs, quantities, input_unit = _labels(path, rows[0])
+    outputs, quantities, displacement_units, input_unit = _labels(path, rows[0])
     width = len(rows[0])
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != width:
@@ -269,27 +207,29 @@ def _read_csv(path: Path) -> FrequencyResponse:
         raise DataFormatError(f"{path}: its positions have different frequencies; export all with one frequency axis")
     data: ComplexArray = np.array([(block[:, 2::2] + 1j * block[:, 3::2]).T for block in blocks])
     return FrequencyResponse(
-        data[:, :, np.newaxis], freq, table[starts, 0], outputs, ("force",), quantities, input_unit=input_unit
-    )
+        data[:, :, np.newaxis], freq, table[starts, 0], outputs, ("force",), quantities, input_unit=input_unit,
+        displacement_units=displacement_units,
+    )  # fmt: skip
 
 
-def _labels(path: Path, header: list[str]) -> tuple[tuple[str, ...], tuple[Quantity, ...], str]:
+def _labels(path: Path, header: list[str]) -> tuple[tuple[str, ...], tuple[Quantity, ...], tuple[str, ...], str]:
     if header[:2] != ["position", "freq [Hz]"] or len(header) < 4 or len(header) % 2:
         raise DataFormatError(f"{path}: the first line is not {_FIRST_LINE}; export it again")
-    outputs, quantities, below = [], [], set()
+    outputs, quantities, above, below = [], [], [], set()
     for real, imag in zip(header[2::2], header[3::2], strict=True):
         match = _COLUMN.match(real)
         if match is None or match["part"] != "re" or imag != f"{match['name']} im [{match['unit']}]":
             raise DataFormatError(f"{path}: columns {real!r} and {imag!r} are not `<channel> re [unit]` and im")
-        if match["unit"] not in _OF_UNIT:
-            raise DataFormatError(f"{path}: unit {match['unit']!r} is not read; it is one of {', '.join(_OF_UNIT)}")
-        quantity, input_unit = _OF_UNIT[match["unit"]]
+        if match["unit"] not in UNITS:
+            raise DataFormatError(f"{path}: unit {match['unit']!r} is not read; it is one of {', '.join(UNITS)}")
+        displacement, quantity, input_unit = UNITS[match["unit"]]
+        above.append(displacement)
         outputs.append(match["name"])
         quantities.append(quantity)
         below.add(input_unit)
     if len(below) > 1:
         raise DataFormatError(f"{path}: channels refer to inputs in {' and '.join(sorted(below))}; give one input")
-    return tuple(outputs), tuple(quantities), below.pop()
+    return tuple(outputs), tuple(quantities), tuple(above), below.pop()
 
 
 def _read_npz(path: Path) -> FrequencyResponse:
@@ -311,7 +251,7 @@ def _read_npz(path: Path) -> FrequencyResponse:
             "quantities": tuple(arrays["quantities"].tolist()),
             "input_unit": str(arrays["input_unit"]),
             "decay_rate": float(arrays["decay_rate"]),
-        }
+        } | {n: tuple(arrays[n].tolist()) for n in ("displacement_units", "input_units") if n in arrays}
     except KeyError as error:
         raise DataFormatError(f"{path}: holds no {error}; it is not an exported frequency response") from None
     try:

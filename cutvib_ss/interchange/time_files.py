@@ -24,24 +24,7 @@ _PATH = ("position", "y/L")
 
 
 def check_time_file(path: str | os.PathLike[str]) -> Path:
-    """
-    The name of a file for a response in time, refused where its suffix is not one that is written.
-
-    Parameters
-    ----------
-    path : path-like
-        File to be.
-
-    Returns
-    -------
-    Path
-        The same path.
-
-    Raises
-    ------
-    ParameterError
-        If the suffix is not known; the message lists those that are.
-    """
+    """The name of a file for a response in time, refused where its suffix is not one that is written."""
     file = Path(path)
     if file.suffix.lower() not in TIME_SUFFIXES:
         raise ParameterError(f"{file}: suffix {file.suffix!r} is not written; give one of {', '.join(TIME_SUFFIXES)}")

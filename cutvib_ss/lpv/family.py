@@ -32,16 +32,16 @@ from scipy import linalg
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.lpv.table import ERROR_ORDER, Interpolation, PlantMatrices, PlantTable
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.parameters import check_position
+from cutvib_ss.parameters import check_choice, check_position, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
-from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
+from cutvib_ss.results import ComplexArray, Displayed, FloatArray, FrequencyResponse, Quantity, Table, span
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 _OUTPUTS = ("tool_x", "tool_z", "base_x", "head_x", "head_z")
 
 
-@dataclass(frozen=True, eq=False)
-class PlantSchedule:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlantSchedule(Displayed):
     """
     The plants of a machine over positions, in common states.
 
@@ -64,6 +64,11 @@ class PlantSchedule:
     outputs: tuple[str, ...]
     quantity: Quantity
     pade_order: int | None = None
+
+    def _table(self) -> Table:
+        title = f"Plants at {self.positions.size} positions ({span(self.positions)}), {len(self.states)} states, {self.quantity}"
+        rows = [("inputs", ", ".join(self.inputs)), ("outputs", ", ".join(self.outputs))]
+        return Table(title, ("", ""), rows)
 
     @property
     def positions(self) -> FloatArray:
@@ -262,8 +267,9 @@ class PlantSchedule:
 def schedule(
     machine: Machine,
     positions: ArrayLike,
-    inputs: Sequence[str] = ("force",),
-    outputs: Sequence[str] = _OUTPUTS,
+    *,
+    inputs: str | Sequence[str] = ("force",),
+    outputs: str | Sequence[str] = _OUTPUTS,
     quantity: Quantity = "displacement",
     interpolation: Interpolation = "linear",
     pade_order: int | None = None,
@@ -278,7 +284,7 @@ def schedule(
         The machine.
     positions : array_like, shape (grid,)
         Grid points y_b / L, two or more.
-    inputs, outputs : sequence of str
+    inputs, outputs : str or sequence of str
         Signals, as `Machine.plant` takes them.
     quantity : {"displacement", "velocity", "acceleration"}
         Which motion the outputs give.
@@ -313,11 +319,12 @@ def schedule(
     grid = np.unique(as_positions(machine, positions))
     if grid.size < 2:
         raise ParameterError("a table over positions needs two of them at least")
-    if interpolation not in ERROR_ORDER:
-        raise ParameterError(f"interpolation {interpolation!r} is not one of {', '.join(ERROR_ORDER)}")
-    reads = tuple(dict.fromkeys(machine.chain.signals(outputs)))
-    table = PlantTable(machine.coupling(viscous_at), grid, tuple(inputs), reads, interpolation)
-    return PlantSchedule(machine, table, tuple(outputs), quantity, pade_order)
+    check_choice("interpolation", interpolation, tuple(ERROR_ORDER))
+    check_choice("quantity", quantity, tuple(DERIVATIVE_ORDER))
+    drives, signals = names_of(inputs), names_of(outputs)
+    reads = tuple(dict.fromkeys(machine.chain.signals(signals)))
+    table = PlantTable(machine.coupling(viscous_at), grid, drives, reads, interpolation)
+    return PlantSchedule(machine, table, signals, quantity, pade_order)
 
 
 def _dynamic(m: PlantMatrices, s: ComplexArray) -> ComplexArray:

@@ -66,7 +66,7 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
     return Campaign(title, file.parent, machine, tuple(records), tuple(warnings))
 
 
-def write_campaign(campaign: Campaign, folder: str | os.PathLike[str], format: _Writable = "tdms") -> Path:
+def write_campaign(campaign: Campaign, folder: str | os.PathLike[str], *, format: _Writable = "tdms") -> Path:
     """
     Write a campaign: campaign.toml, machine.toml and a file per record, in SI units.
 

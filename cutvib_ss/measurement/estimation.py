@@ -37,6 +37,7 @@ _FEWEST_REST = 32  # samples before a blow from which its noise can be told
 
 def estimate(
     record: Record,
+    *,
     estimator: Estimator = "H1",
     decay_rate: float = 0.0,
     band: tuple[float, float] | None = None,

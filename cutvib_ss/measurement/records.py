@@ -11,7 +11,7 @@ import numpy as np
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.second_order import Channel
-from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse, Quantity, read_only
+from cutvib_ss.results import Displayed, FloatArray, MeasuredFrequencyResponse, Quantity, Table, read_only
 
 Kind: TypeAlias = Literal["impact", "frf", "timeseries"]
 Use: TypeAlias = Literal["fit", "check"]
@@ -166,8 +166,8 @@ class Record:
         return "N" if self.input_quantity == "force" else "m/s^2"
 
 
-@dataclass(frozen=True)
-class Campaign:
+@dataclass(frozen=True, repr=False)
+class Campaign(Displayed):
     """
     One measurement campaign: its nominal model, its records, and what was noticed while reading them.
 
@@ -195,6 +195,17 @@ class Campaign:
         object.__setattr__(self, "folder", Path(self.folder))
         object.__setattr__(self, "records", tuple(self.records))
         object.__setattr__(self, "warnings", tuple(self.warnings))
+
+    def _table(self) -> Table:
+        rows = []
+        for r in self.records:
+            place = "-" if r.position is None else f"{r.position:.4g}"
+            level = "-" if r.peak_force is None else f"{r.peak_force:g} {r.input_unit}"
+            count = len(r.histories) or r.averages
+            rows.append((r.name, r.kind, place, level, str(count), ", ".join(r.channels)))
+        noticed = f", {len(self.warnings)} warning{'s' * (len(self.warnings) != 1)}" if self.warnings else ""
+        title = f"Campaign {self.title!r}: {len(rows)} record{'s' * (len(rows) != 1)}{noticed}"
+        return Table(title, ("record", "kind", "y/L", "level", "averages", "channels"), rows)
 
 
 def _needs(kind: str) -> str:

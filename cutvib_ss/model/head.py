@@ -24,6 +24,8 @@ from cutvib_ss.results import FloatArray
 
 HEAD_PARAMETERS = ("m1", "m2", "l1", "l2", "theta01", "theta02", "k1", "k2", "c1", "c2")
 """Names of the head's ten parameters, in the tables' order."""
+HEAD_UNITS = ("kg", "kg", "m", "m", "rad", "rad", "N m/rad", "N m/rad", "N m s/rad", "N m s/rad")
+"""Their SI units."""
 _MASSES = {"m1": ("head_x", "head_z"), "m2": ("tool_x", "tool_z")}
 
 

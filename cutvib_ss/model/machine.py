@@ -15,6 +15,7 @@ import control
 
 from cutvib_ss.model.coupling import Assembly, Changes, Coupling, Matrices, coupling, head_core_changes
 from cutvib_ss.model.elements import Attachment, Guide
+from cutvib_ss.model.head import HEAD_PARAMETERS, HEAD_UNITS
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path, replaced
 from cutvib_ss.model.protocol import NonlinearElement
@@ -30,7 +31,7 @@ from cutvib_ss.parameters import (
     recovered_rail,
     table_3,
 )
-from cutvib_ss.results import FloatArray, Quantity
+from cutvib_ss.results import Displayed, FloatArray, Quantity, Table
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 CUTTING_CHANNELS: Mapping[str, Channel] = MappingProxyType(
@@ -47,7 +48,7 @@ CUTTING_SIGNALS: Mapping[str, str] = MappingProxyType({"force": "tool_x", "base_
 
 
 @dataclass(frozen=True)
-class Machine:
+class Machine(Displayed):
     """
     The cutting machine: equivalent robot on a flexible rail.
 
@@ -107,6 +108,20 @@ class Machine:
     def has_position(self) -> bool:
         """The head travels along the rail."""
         return True
+
+    def _table(self) -> Table:
+        h, r = self.head, self.rail.parameters
+        rows = [(n, f"{getattr(h, n):.6g}", u) for n, u in zip(HEAD_PARAMETERS, HEAD_UNITS, strict=True)]
+        head_rows = [(f"{a[0]}, {b[0]}", f"{a[1]}, {b[1]}", a[2]) for a, b in zip(rows[::2], rows[1::2], strict=True)]
+        rail_rows = [
+            ("rail length, mass", f"{r.length:g} m, {r.mass:g} kg", ""),
+            ("rail first frequency", f"{r.first_frequency:g}", "Hz"),
+            ("rail damping ratio, modes", f"{r.damping_ratio}, {r.n_modes}", ""),
+        ]
+        effects = [
+            (str(getattr(e, "effect", type(e).__name__)), str(getattr(e, "place", "")), "") for e in self.effects
+        ]
+        return Table("Cutting machine: head on a flexible rail", ("value", "", "unit"), head_rows + rail_rows + effects)
 
     @property
     def default_quantity(self) -> Quantity:
@@ -192,6 +207,7 @@ class Machine:
     def plant(
         self,
         position: float,
+        *,
         inputs: str | Sequence[str] = ("force",),
         outputs: str | Sequence[str] = ("tool_x", "tool_z", "base_x", "head_x", "head_z"),
         quantity: Quantity = "displacement",
@@ -254,6 +270,7 @@ class Machine:
     def plants(
         self,
         positions: Iterable[float],
+        *,
         inputs: str | Sequence[str] = ("force",),
         outputs: str | Sequence[str] = ("tool_x", "tool_z", "base_x", "head_x", "head_z"),
         quantity: Quantity = "displacement",
@@ -286,7 +303,12 @@ class Machine:
         >>> [plant.nstates for plant in published_machine().plants([0.25, 0.5])]
         [12, 12]
         """
-        return tuple(self.plant(y, inputs, outputs, quantity, pade_order, viscous_at) for y in positions)
+        return tuple(
+            self.plant(
+                y, inputs=inputs, outputs=outputs, quantity=quantity, pade_order=pade_order, viscous_at=viscous_at
+            )
+            for y in positions
+        )
 
     def replace(self, **values: Any) -> Machine:
         """

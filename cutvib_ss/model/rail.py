@@ -161,6 +161,12 @@ class Rail:
         return timoshenko(self.parameters.n_modes, self.shear.ratio)[0]
 
     @property
+    def damping_weight(self) -> FloatArray:
+        """ζ over the rail's ``damping_ratio`` of each of `modes`; of a uniform rotation that of the first."""
+        profile = np.array(self.parameters.damping_profile or (1.0,))
+        return np.asarray(profile[np.clip(self.modes.number.astype(int) - 1, 0, profile.size - 1)])
+
+    @property
     def modes_by_shear(self) -> PinnedModes:
         """Derivatives of their values to the shear ratio; only where the rail shears."""
         assert self.shear is not None
@@ -286,6 +292,9 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     -----
     Eq. 9. Where the ends give, the rail's own damping, which goes with the rate of strain (Eq. 4), does not resist its rigid
     motions: they do not bend it.
+
+    Eq. 4's c_s I ∂⁵w/∂y⁴∂t is its E I ∂⁴w/∂y⁴ with c_s/E ∂/∂t before it. It adds (c_s/E) ω_r² to the damping of each mode, as much
+    as ζ_r = (c_s/E) ω_r / 2. With shear the strain of either kind is damped alike.
     """
     p = model.parameters
     modes = model.modes
@@ -298,7 +307,8 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     n = m + len(ends) + len(twists)
     mass, damping, stiffness = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
     elastic = np.arange(m)
-    damping[elastic, elastic] = 2 * p.damping_ratio * w
+    modal = 2 * p.damping_ratio * model.damping_weight * w
+    damping[elastic, elastic] = modal + p.strain_damping * w**2
     stiffness[elastic, elastic] = w**2
     if model.supports:
         u = slice(m, m + 2)

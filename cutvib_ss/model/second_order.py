@@ -204,7 +204,8 @@ class SecondOrder:
             found.append((-np.sum([c for c, _ in parts], axis=0), pushes[i] - np.sum([d for _, d in parts], axis=0)))
         names = [self.dofs[i] for i in f]
         return control.ss(
-            a, b, np.reshape([c for c, _ in found], (len(found), 2 * n)), np.reshape([d for _, d in found], (-1, b.shape[1])),
+            a, b, np.reshape([c for c, _ in found], (len(found), 2 * n)),
+            np.reshape([d for _, d in found], (len(found), b.shape[1])),
             inputs=[*inputs, *(f"{d}_{q}" for d in driven for q in DERIVATIVE_ORDER)],
             outputs=[*outputs, *(f"{d}_reaction" for d in driven)], name=name,
             states=names + [f"d_{d}" for d in names],

@@ -18,12 +18,12 @@ from cutvib_ss.model.paths import Path, replaced
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.parameters import StructureTolerances, check_choice, names_of
-from cutvib_ss.results import FloatArray, Quantity
+from cutvib_ss.results import Displayed, FloatArray, Quantity, Table
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 
 @dataclass(frozen=True)
-class Structure:
+class Structure(Displayed):
     """
     Any other structure: M, C, K with ports and channels (machine.toml, ``kind = "second_order"``).
 
@@ -73,6 +73,11 @@ class Structure:
         for name, channel in self.channels.items():
             if channel.port not in self.system.ports:
                 raise ParameterError(f"channel {name!r} reads port {channel.port!r}, which is not under [ports]")
+
+    def _table(self) -> Table:
+        rows = [(name, c.port, c.quantity) for name, c in self.channels.items()]
+        title = f"Structure of {len(self.system.dofs)} degrees of freedom; {self.input_quantity} at {self.input_port}"
+        return Table(title, ("channel", "port", "quantity"), rows)
 
     @property
     def has_position(self) -> bool:
@@ -155,6 +160,7 @@ class Structure:
     def plant(
         self,
         position: float | None = None,
+        *,
         inputs: str | Sequence[str] = ("force",),
         outputs: str | Sequence[str] | None = None,
         quantity: Quantity | None = None,

@@ -26,7 +26,6 @@ from cutvib_ss.parameters import AbsorberParameters, StructureTolerances, Tolera
 from cutvib_ss.results import Quantity
 
 _ANGLES = ("theta01", "theta02")
-_RAIL = ("length", "mass", "first_frequency", "damping_ratio", "n_modes")
 _MATRICES = ("mass", "damping", "stiffness")
 
 
@@ -55,8 +54,9 @@ class _RailTable(_Table):
     length: float = 0.0
     mass: float = 0.0
     first_frequency: float = 0.0
-    damping_ratio: float = 0.0
+    damping_ratio: float | list[float] = 0.0
     n_modes: int = 0
+    strain_damping: float = 0.0
 
 
 class _ToleranceTable(_Table):

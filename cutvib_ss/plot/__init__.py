@@ -1,35 +1,104 @@
 """
-Pictures of results: each function takes a result and returns a `matplotlib.figure.Figure`, and computes nothing else.
+Pictures of results: each function takes a result, draws it and computes nothing else.
 
-No window is opened and pyplot is never imported; `save` and `png` turn a figure into a file or into bytes.
+Functions of one axes take ``ax`` and return it; those of several panels return the figure. No window is opened and pyplot is
+never imported; `save` and `png` turn what was drawn into a file or into bytes.
 """
 
+from functools import singledispatch
+from typing import Any
+
+from cutvib_ss.absorber import AbsorberDesign, AbsorberStudy, WorkspaceCheck
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.gap.result import Diagnosis
+from cutvib_ss.identification import IdentificationResult
 from cutvib_ss.plot.absorber import absorber_front, absorber_study, absorbers_over_the_rail
 from cutvib_ss.plot.control import controller_overview, controller_responses
 from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map
 from cutvib_ss.plot.moving import travel_histories
-from cutvib_ss.plot.response import absorber_effect, bode
+from cutvib_ss.plot.poles import poles_over_position, s_plane
+from cutvib_ss.plot.response import absorber_effect, bode, fitted_response, magnitude, nyquist
 from cutvib_ss.plot.schedule import bode_map, interpolation_error, pole_map, schedule
+from cutvib_ss.plot.shapes import animate_mode, mode_shapes
 from cutvib_ss.plot.style import png, save
 from cutvib_ss.plot.time import time_histories
+from cutvib_ss.results import AbsorberCheck, FrequencyResponse, Modes, MovingResponse, TimeResponse, TrackedModes
 
 __all__ = [
     "absorber_effect",
     "absorber_front",
     "absorber_study",
     "absorbers_over_the_rail",
+    "animate_mode",
     "bode",
     "bode_map",
     "cause_bars",
     "comparison_grid",
     "controller_overview",
     "controller_responses",
+    "draw",
     "error_map",
+    "fitted_response",
     "interpolation_error",
+    "magnitude",
+    "mode_shapes",
+    "nyquist",
     "pole_map",
+    "poles_over_position",
     "png",
+    "s_plane",
     "save",
     "schedule",
     "time_histories",
     "travel_histories",
 ]
+
+
+@singledispatch
+def draw(result: Any, **options: Any) -> Any:
+    """
+    Draw a result with the function for its type; what a result's ``plot`` method calls.
+
+    Parameters
+    ----------
+    result : object
+        A result of the package.
+    **options : object
+        For that function.
+
+    Returns
+    -------
+    Figure, Axes or array of Axes
+        What was drawn.
+
+    Raises
+    ------
+    ParameterError
+        If there is no picture of such a result.
+    """
+    raise ParameterError(f"there is no picture of a {type(result).__name__}")
+
+
+draw.register(FrequencyResponse, bode)
+draw.register(Modes, s_plane)
+draw.register(TrackedModes, schedule)
+draw.register(TimeResponse, time_histories)
+draw.register(MovingResponse, travel_histories)
+draw.register(AbsorberCheck, absorber_effect)
+draw.register(AbsorberStudy, absorber_study)
+draw.register(IdentificationResult, fitted_response)
+
+
+@draw.register
+def _workspace(result: WorkspaceCheck, **options: Any) -> Any:
+    return absorbers_over_the_rail({"with absorbers": result}, **options)
+
+
+@draw.register
+def _design(result: AbsorberDesign, **options: Any) -> Any:
+    return absorbers_over_the_rail({"optimum": result.check}, **options)
+
+
+@draw.register
+def _diagnosis(result: Diagnosis, **options: Any) -> Any:
+    return comparison_grid(result.comparisons, **options)

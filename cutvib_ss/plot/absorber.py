@@ -5,20 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from cutvib_ss.absorber import AbsorberDesign, AbsorberStudy, WorkspaceCheck
 from cutvib_ss.parameters import AbsorberParameters
-from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, NOMINAL, TUNED, colour_bar, drawing, legend_outside
+from cutvib_ss.plot.style import (
+    CORRECTED,
+    GREY,
+    INK,
+    MEASURED,
+    NOMINAL,
+    TUNED,
+    colour_bar,
+    figure_of,
+    legend_beside,
+    on_axes,
+)
 
 _COLOURS = (NOMINAL, TUNED, CORRECTED, "#6a4c93", "#5fae8b", "#27426b")
 _MAP_COLOURS = "viridis_r"
 
 
-def absorber_study(study: AbsorberStudy, marks: Mapping[str, AbsorberParameters] | None = None) -> Figure:
+def absorber_study(
+    study: AbsorberStudy, marks: Mapping[str, AbsorberParameters] | None = None, *, ax: Axes | None = None
+) -> Axes:
     """
     Worst accelerance over the positions, for each tuning and damping.
 
@@ -28,14 +41,15 @@ def absorber_study(study: AbsorberStudy, marks: Mapping[str, AbsorberParameters]
         The study.
     marks : mapping of str to AbsorberParameters, optional
         Absorbers to mark, by what they are called.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
+    Axes
         One map.
     """
-    with drawing(7.2, 4.0, f"Absorbers of {study.best.mass:g} kg: largest accelerance over the rail") as figure:
-        axes = figure.subplots()
+    with on_axes(ax, 7.2, 4.0, f"Absorbers of {study.best.mass:g} kg: largest accelerance over the rail") as axes:
         norm = LogNorm(float(study.worst.min()), float(study.worst.max()))
         x, y = study.tuning, 100 * study.damping_ratio
         axes.pcolormesh(x, y, study.worst.T, cmap=_MAP_COLOURS, norm=norm, shading="nearest", rasterized=True)
@@ -52,12 +66,12 @@ def absorber_study(study: AbsorberStudy, marks: Mapping[str, AbsorberParameters]
         axes.grid(False)
         axes.set(xlabel="tuning frequency [Hz]", ylabel="damping ratio [%]")
         label = f"accelerance XX at {study.working_frequency:g} Hz [(m/s²)/N]"
-        _plain_ticks(colour_bar(figure, axes, _MAP_COLOURS, norm, label).ax.yaxis)
+        _plain_ticks(colour_bar(figure_of(axes), axes, _MAP_COLOURS, norm, label).ax.yaxis)
         axes.legend(loc="upper right", facecolor="white", frameon=True, framealpha=0.85)
-    return figure
+    return axes
 
 
-def absorbers_over_the_rail(checks: Mapping[str, WorkspaceCheck], title: str = "") -> Figure:
+def absorbers_over_the_rail(checks: Mapping[str, WorkspaceCheck], title: str = "", *, ax: Axes | None = None) -> Axes:
     """
     What absorbers leave at each position: as designed, and at worst within tolerance.
 
@@ -67,14 +81,15 @@ def absorbers_over_the_rail(checks: Mapping[str, WorkspaceCheck], title: str = "
         Absorbers judged under one force, by what they are called.
     title : str
         Title of the picture.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
+    Axes
         One axes: full lines as designed, dashed ones at worst within tolerance.
     """
-    with drawing(8.2, 4.2, title) as figure:
-        axes = figure.subplots()
+    with on_axes(ax, 8.2, 4.2, title) as axes:
         first = next(iter(checks.values()))
         axes.plot(first.positions, first.before, color=INK, label="no absorber")
         for (name, check), colour in zip(checks.items(), _cycle(len(checks)), strict=True):
@@ -85,13 +100,17 @@ def absorbers_over_the_rail(checks: Mapping[str, WorkspaceCheck], title: str = "
         axes.set_yscale("log")
         _plain_ticks(axes.yaxis)
         axes.set(xlim=(0.0, 1.0), xlabel="position y/L [-]", ylabel=_label(first))
-        legend_outside(figure, axes)
-    return figure
+        legend_beside(axes, ax is None)
+    return axes
 
 
 def absorber_front(
-    fronts: Mapping[str, Sequence[AbsorberDesign]], marks: Mapping[str, WorkspaceCheck] | None = None, title: str = ""
-) -> Figure:
+    fronts: Mapping[str, Sequence[AbsorberDesign]],
+    marks: Mapping[str, WorkspaceCheck] | None = None,
+    title: str = "",
+    *,
+    ax: Axes | None = None,
+) -> Axes:
     """
     Mass of the absorbers against the largest acceleration that they leave over the rail.
 
@@ -103,14 +122,15 @@ def absorber_front(
         Other absorbers to compare with, by what they are called.
     title : str
         Title of the picture.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
+    Axes
         One axes: at worst within each design's tolerance (full) and as designed (dotted).
     """
-    with drawing(8.2, 4.4, title) as figure:
-        axes = figure.subplots()
+    with on_axes(ax, 8.2, 4.4, title) as axes:
         for (name, designs), colour in zip(fronts.items(), _cycle(len(fronts)), strict=True):
             mass = [d.check.mass for d in designs]
             axes.plot(mass, [d.check.worst[2] for d in designs], "o-", color=colour, markersize=3.5, label=name)
@@ -127,8 +147,8 @@ def absorber_front(
         _plain_ticks(axes.xaxis)
         _plain_ticks(axes.yaxis)
         axes.set(xlabel="mass of all absorbers [kg]", ylabel=_label(first))
-        legend_outside(figure, axes, title="at worst within tolerance")
-    return figure
+        legend_beside(axes, ax is None, title="at worst within tolerance")
+    return axes
 
 
 def _cycle(count: int) -> list[str]:

@@ -15,19 +15,7 @@ _LEAST = 1e-3
 
 
 def reliability_diagram(score: Score) -> Figure:
-    """
-    How often answers were right against how sure they were, with the number of answers below.
-
-    Parameters
-    ----------
-    score : Score
-        A trial's score.
-
-    Returns
-    -------
-    Figure
-        Two axes.
-    """
+    """How often answers were right against how sure they were, with the number of answers below."""
     with drawing(4.6, 4.6) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3.2, 1])
         upper.plot([0, 1], [0, 1], color=GREY, lw=0.8, ls=(0, (4, 2)), label="stated = true")
@@ -47,19 +35,7 @@ def reliability_diagram(score: Score) -> Figure:
 
 
 def risk_curve(score: Score) -> Figure:
-    """
-    Part of wrong answers among the surest, against how many are counted in.
-
-    Parameters
-    ----------
-    score : Score
-        A trial's score.
-
-    Returns
-    -------
-    Figure
-        One axes.
-    """
+    """Part of wrong answers among the surest, against how many are counted in."""
     with drawing(4.6, 3.2, "") as figure:
         axes = figure.subplots()
         axes.step(score.coverage, score.risk, where="post", color=CORRECTED)
@@ -71,19 +47,7 @@ def risk_curve(score: Score) -> Figure:
 
 
 def severity_curve(score: Score) -> Figure:
-    """
-    Right answers by size of the gap, for cases with one cause.
-
-    Parameters
-    ----------
-    score : Score
-        A trial's score.
-
-    Returns
-    -------
-    Figure
-        One axes.
-    """
+    """Right answers by size of the gap, for cases with one cause."""
     groups = score.by_severity
     with drawing(4.6, 3.2) as figure:
         axes = figure.subplots()
@@ -103,21 +67,7 @@ def severity_curve(score: Score) -> Figure:
 
 
 def confusion_map(confusion: Confusion, title: str) -> Figure:
-    """
-    Truths against names: shares of each row as colours, cases as figures.
-
-    Parameters
-    ----------
-    confusion : Confusion
-        The counts.
-    title : str
-        What it is of.
-
-    Returns
-    -------
-    Figure
-        One axes.
-    """
+    """Truths against names: shares of each row as colours, cases as figures."""
     counts = confusion.counts
     rows, columns = counts.shape
     with drawing(3.2 + 0.3 * columns, 2.4 + 0.22 * rows) as figure:
@@ -145,19 +95,7 @@ def _outline_right(axes: Axes, confusion: Confusion) -> None:
 
 
 def shrinkage_scatter(score: Score) -> Figure:
-    """
-    Part of the error that is closed, as stated with its interval, against what is achieved on fresh records.
-
-    Parameters
-    ----------
-    score : Score
-        A trial's score.
-
-    Returns
-    -------
-    Figure
-        One axes; what is left of the error, on logarithmic axes.
-    """
+    """Part of the error that is closed, as stated with its interval, against what is achieved on fresh records."""
     with drawing(4.6, 4.2) as figure:
         axes = figure.subplots()
         axes.plot([_LEAST, 2], [_LEAST, 2], color=GREY, lw=0.8, ls=(0, (4, 2)))

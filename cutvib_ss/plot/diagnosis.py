@@ -149,25 +149,7 @@ def _rows(comparisons: Sequence[Comparison]) -> dict[str, list[Comparison]]:
 
 
 def error_over_noise(comparisons: Sequence[Comparison], which: str, channel: str, edges: FloatArray) -> FloatArray:
-    """
-    Root mean square of error over noise in bands of frequency.
-
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        Records to average over.
-    which : {"nominal", "tuned", "corrected"}
-        Whose error.
-    channel : str
-        Response channel; records without it are left out.
-    edges : ndarray, shape (band + 1,)
-        Limits of the bands [Hz].
-
-    Returns
-    -------
-    ndarray, shape (band,)
-        1 where only noise is left; NaN where there are no lines.
-    """
+    """Root mean square of error over noise in bands of frequency."""
     total, count = np.zeros(edges.size - 1), np.zeros(edges.size - 1)
     for comparison in comparisons:
         if channel not in comparison.measured.outputs:
@@ -224,18 +206,6 @@ def probability_text(value: float) -> str:
     """
     A probability for reading: no more digits than it deserves, and never a certainty.
 
-    Parameters
-    ----------
-    value : float
-        Probability.
-
-    Returns
-    -------
-    str
-        For instance ``"97 %"``, ``"> 99.9 %"`` or ``"< 0.1 %"``.
-
-    Examples
-    --------
     >>> [probability_text(p) for p in (1.0, 0.973, 0.04, 1e-9)]
     ['> 99.9 %', '97 %', '4.0 %', '< 0.1 %']
     """

@@ -16,10 +16,13 @@ from cutvib_ss.plot.style import (
     INK,
     NOMINAL,
     POSITIONS,
+    WORKING_FREQUENCY,
     colour_bar,
     drawing,
-    legend_outside,
+    figure_of,
+    legend_beside,
     modulus_limits,
+    on_axes,
     unit_text,
 )
 from cutvib_ss.results import FrequencyResponse, TrackedModes
@@ -29,7 +32,7 @@ _MAP_COLOURS = "magma"
 _PHASE_COLOURS = "twilight"
 
 
-def pole_map(tracked: TrackedModes, highest: float | None = None, title: str = "") -> Figure:
+def pole_map(tracked: TrackedModes, highest: float | None = None, title: str = "", *, ax: Axes | None = None) -> Axes:
     """
     Damping ratio against natural frequency, each mode's way as the head travels, coloured by position.
 
@@ -41,16 +44,17 @@ def pole_map(tracked: TrackedModes, highest: float | None = None, title: str = "
         Highest frequency shown [Hz]; all by default.
     title : str
         Title of the picture.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
+    Axes
         One axes.
     """
     shown = _below(tracked, highest)
     norm = Normalize(0.0, 1.0)
-    with drawing(7.2, 4.2, title) as figure:
-        axes = figure.subplots()
+    with on_axes(ax, 7.2, 4.2, title) as axes:
         for k in shown:
             freq, damping = tracked.natural_freq[:, k], 100 * tracked.damping_ratio[:, k]
             axes.plot(freq, damping, color=GREY, linewidth=0.5, zorder=1)
@@ -59,12 +63,19 @@ def pole_map(tracked: TrackedModes, highest: float | None = None, title: str = "
         axes.set_ylabel("damping ratio [%]")
         axes.set_xlim(left=0.0)
         axes.set_ylim(bottom=0.0)
-        colour_bar(figure, axes, POSITIONS, norm, "position y/L [-]")
-    return figure
+        axes.axvline(WORKING_FREQUENCY, color=GREY, linestyle=":", linewidth=1.0)
+        axes.annotate(
+            f"{WORKING_FREQUENCY:g} Hz", (WORKING_FREQUENCY, 0.0), color=GREY, fontsize=7, ha="left", va="bottom"
+        )
+        colour_bar(figure_of(axes), axes, POSITIONS, norm, "position y/L [-]")
+    return axes
 
 
 def schedule(
-    tracked: TrackedModes, frf: FrequencyResponse | None = None, title: str = "", marks: Sequence[float] = ()
+    tracked: TrackedModes,
+    frf: FrequencyResponse | None = None,
+    title: str = "",
+    marks: Sequence[float] = (WORKING_FREQUENCY,),
 ) -> Figure:
     """
     Natural frequencies over the rail, coloured by damping; beside them the map of a response over the rail.
@@ -78,7 +89,7 @@ def schedule(
     title : str
         Title of the picture.
     marks : sequence of float
-        Frequencies to mark, such as the tool's harmonics [Hz].
+        Frequencies to mark [Hz]: the tool's, by default its fundamental.
 
     Returns
     -------
@@ -138,8 +149,15 @@ def bode_map(frf: FrequencyResponse, input: str | None = None, title: str = "") 
 
 
 def interpolation_error(
-    freq: ArrayLike, response: ArrayLike, error: ArrayLike, bound: ArrayLike, unit: str, title: str = ""
-) -> Figure:
+    freq: ArrayLike,
+    response: ArrayLike,
+    error: ArrayLike,
+    bound: ArrayLike,
+    unit: str,
+    title: str = "",
+    *,
+    ax: Axes | None = None,
+) -> Axes:
     """
     What a table over positions makes of a response: largest response, error and bound over positions, against frequency.
 
@@ -153,14 +171,15 @@ def interpolation_error(
         Unit of all three.
     title : str
         Title of the picture.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
+    Axes
         One axes.
     """
-    with drawing(7.6, 4.0, title) as figure:
-        axes = figure.subplots()
+    with on_axes(ax, 7.6, 4.0, title) as axes:
         for values, colour, label in (
             (response, INK, "response"),
             (bound, GREY, "bound on the error"),
@@ -170,8 +189,8 @@ def interpolation_error(
             axes.semilogy(freq, np.where(np.isfinite(largest), largest, np.nan), color=colour, label=label)
         axes.set(xlabel="frequency [Hz]", ylabel=f"largest over positions [{unit_text(unit)}]")
         axes.set_xlim(np.min(freq), np.max(freq))
-        legend_outside(figure, axes)
-    return figure
+        legend_beside(axes, ax is None)
+    return axes
 
 
 def _below(tracked: TrackedModes, highest: float | None) -> list[int]:

@@ -19,20 +19,7 @@ _SEEN = 0.6
 
 
 def stiffness_grid(functions: Sequence[DynamicStiffness]) -> Figure:
-    """
-    Free functions over frequency, real beside imaginary part, with the law that their shape suggests.
-
-    Parameters
-    ----------
-    functions : sequence of DynamicStiffness
-        What to show, a row each.
-
-    Returns
-    -------
-    Figure
-        Points with a band of one standard deviation; colours by level, from low to high. Where the records hardly see the place
-        the points scatter out of the axes.
-    """
+    """Free functions over frequency, real beside imaginary part, with the law that their shape suggests."""
     with drawing(9.6, 0.5 + 2.2 * len(functions)) as figure:
         panels = figure.subplots(len(functions), 2, sharex=True, squeeze=False)
         for row, z in zip(panels, functions, strict=True):

@@ -28,6 +28,9 @@ MEASURED, NOMINAL, TUNED, CORRECTED = "#b0b9c2", "#c8553d", "#d9a441", "#1f6f8f"
 POSITIONS = LinearSegmentedColormap.from_list("positions", ["#27426b", "#2a7f9e", "#5fae8b", "#d9a441", "#c8553d"])
 """Colours along the rail, from y = 0 to y = L."""
 
+WORKING_FREQUENCY = 217.0
+"""Fundamental frequency of the tool's force (Section 2), marked where it matters [Hz]."""
+
 FORMATS = (".png", ".svg", ".pdf")
 """Suffixes of pictures."""
 
@@ -66,21 +69,7 @@ _STYLE: Any = {
 
 @contextmanager
 def drawing(width: float, height: float, title: str = "") -> Iterator[Figure]:
-    """
-    A figure in the house style; artists made inside the block take its settings.
-
-    Parameters
-    ----------
-    width, height : float
-        Size [inch].
-    title : str
-        Title of the whole figure.
-
-    Yields
-    ------
-    Figure
-        An empty figure with an Agg canvas, known to no window manager.
-    """
+    """A figure in the house style; artists made inside the block take its settings."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
@@ -89,14 +78,48 @@ def drawing(width: float, height: float, title: str = "") -> Iterator[Figure]:
         yield figure
 
 
-def save(figure: Figure, path: str | os.PathLike[str], dpi: float = 150.0) -> None:
+@contextmanager
+def on_axes(ax: Axes | None, width: float, height: float, title: str = "") -> Iterator[Axes]:
+    """The axes that were given, or those of a new figure; the title goes above whichever it is."""
+    if ax is None:
+        with drawing(width, height, title) as figure:
+            yield figure.subplots()
+        return
+    with mpl.rc_context(_STYLE):
+        if title:
+            ax.set_title(title)
+        yield ax
+
+
+@contextmanager
+def on_panels(ax: Any, columns: int, width: float, height: float, title: str = "") -> Iterator[np.ndarray]:
+    """A row of axes: those that were given, or those of a new figure."""
+    if ax is None:
+        with drawing(width, height, title) as figure:
+            yield figure.subplots(1, columns, squeeze=False)[0]
+        return
+    with mpl.rc_context(_STYLE):
+        yield np.asarray(ax, dtype=object).ravel()
+
+
+def figure_of(drawn: Any) -> Figure:
+    """The figure behind what a plot function returned: a figure, axes, or an array of axes."""
+    if isinstance(drawn, Figure):
+        return drawn
+    first: Axes = np.asarray(drawn, dtype=object).ravel()[0]
+    figure = first.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
+
+
+def save(figure: Figure | Axes | np.ndarray, path: str | os.PathLike[str], dpi: float = 150.0) -> None:
     """
     Write a figure to a file; the suffix tells the format.
 
     Parameters
     ----------
-    figure : Figure
-        The picture.
+    figure : Figure, Axes or array of Axes
+        The picture, as a plot function returns it.
     path : path-like
         File that ends in ``.png``, ``.svg`` or ``.pdf``.
     dpi : float
@@ -113,35 +136,18 @@ def save(figure: Figure, path: str | os.PathLike[str], dpi: float = 150.0) -> No
     # no date inside: the same result makes the same file
     metadata = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[suffix]
     with staged(path) as draft, mpl.rc_context(_STYLE):
-        figure.savefig(draft, dpi=dpi, format=suffix[1:], metadata=metadata)
+        figure_of(figure).savefig(draft, dpi=dpi, format=suffix[1:], metadata=metadata)
 
 
 def check_picture(path: str | os.PathLike[str]) -> Path:
-    """
-    The name of a picture, refused where its suffix is not one that can be drawn.
-
-    Parameters
-    ----------
-    path : path-like
-        File to be.
-
-    Returns
-    -------
-    Path
-        The same path.
-
-    Raises
-    ------
-    ParameterError
-        If the suffix is not known; the message lists those that are.
-    """
+    """The name of a picture, refused where its suffix is not one that can be drawn."""
     file = Path(path)
     if file.suffix.lower() not in FORMATS:
         raise ParameterError(f"{file}: suffix {file.suffix!r} is no picture; give one of {', '.join(FORMATS)}")
     return file
 
 
-def png(figure: Figure, dpi: float = 150.0, colours: int = 256) -> bytes:
+def png(figure: Figure | Axes | np.ndarray, dpi: float = 150.0, colours: int = 256) -> bytes:
     """
     A figure as a small PNG for a page, its colours reduced to a palette.
 
@@ -159,6 +165,7 @@ def png(figure: Figure, dpi: float = 150.0, colours: int = 256) -> bytes:
     bytes
         The PNG file.
     """
+    figure = figure_of(figure)
     canvas: Any = FigureCanvasAgg(figure)  # matplotlib does not annotate its canvases
     before = figure.dpi
     with mpl.rc_context(_STYLE):
@@ -174,19 +181,7 @@ def png(figure: Figure, dpi: float = 150.0, colours: int = 256) -> bytes:
 
 
 def svg(figure: Figure) -> str:
-    """
-    A figure as SVG for a page: sharp at any size, and small where it has few lines.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture.
-
-    Returns
-    -------
-    str
-        The SVG file; the same figure gives the same text.
-    """
+    """A figure as SVG for a page: sharp at any size, and small where it has few lines."""
     text = io.StringIO()
     with mpl.rc_context(_STYLE):
         figure.savefig(text, format="svg", metadata={"Date": None})
@@ -194,19 +189,7 @@ def svg(figure: Figure) -> str:
 
 
 def position_colours(positions: Sequence[float]) -> list[Any]:
-    """
-    A colour for each position along the rail, spread over those that there are; one for all where there is none.
-
-    Parameters
-    ----------
-    positions : sequence of float
-        y_b / L, NaN where the model has none.
-
-    Returns
-    -------
-    list
-        Colours that matplotlib knows.
-    """
+    """A colour for each position along the rail, spread over those that there are; one for all where there is none."""
     places = sorted(set(positions))
     last = max(len(places) - 1, 1)
     return [CORRECTED if np.isnan(p) else POSITIONS(places.index(p) / last) for p in positions]
@@ -216,65 +199,30 @@ def unit_text(unit: str) -> str:
     """
     A unit as it is printed on an axis.
 
-    Parameters
-    ----------
-    unit : str
-        Unit in plain text.
-
-    Returns
-    -------
-    str
-        With raised powers.
-
-    Examples
-    --------
     >>> unit_text("m/s^2/N")
     '(m/s²)/N'
     """
-    raised = unit.replace("^2", "²").replace("^3", "³")
+    raised = unit.replace("^2", "²").replace("^3", "³").replace("^0.5", "^½").replace("^-0.5", "^-½")
     return raised.replace("m/s²/", "(m/s²)/").replace("m/s/", "(m/s)/")
 
 
 def legend_outside(figure: Figure, axes: Axes, **options: Any) -> None:
-    """
-    A legend to the right of the data.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture.
-    axes : Axes
-        Axes whose artists have labels.
-    **options : object
-        For `Figure.legend`.
-    """
+    """A legend to the right of the data."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, loc="outside right upper", **options)
 
 
+def legend_beside(axes: Axes, outside: bool, **options: Any) -> None:
+    """A legend to the right of the data in a figure of one's own, inside the axes of another's."""
+    if outside:
+        legend_outside(figure_of(axes), axes, **options)
+    else:
+        axes.legend(**options)
+
+
 def colour_bar(figure: Figure, axes: Any, colours: Colormap | str, norm: Normalize, label: str) -> Any:
-    """
-    A slim colour bar.
-
-    Parameters
-    ----------
-    figure : Figure
-        The picture.
-    axes : Axes or sequence of Axes
-        Beside which it stands.
-    colours : Colormap or str
-        The map.
-    norm : Normalize
-        Its range.
-    label : str
-        What the colours mean, with unit.
-
-    Returns
-    -------
-    Colorbar
-        The bar.
-    """
+    """A slim colour bar."""
     bar = figure.colorbar(ScalarMappable(norm, colours), ax=axes, aspect=30, pad=0.015, fraction=0.05)
     bar.set_label(label)
     bar.outline.set_linewidth(0.5)
@@ -282,40 +230,12 @@ def colour_bar(figure: Figure, axes: Any, colours: Colormap | str, norm: Normali
 
 
 def position_name(position: float, label: str = "") -> str:
-    """
-    How a picture calls a position.
-
-    Parameters
-    ----------
-    position : float
-        y_b / L; NaN where the model has none.
-    label : str
-        What to say instead where there is none.
-
-    Returns
-    -------
-    str
-        For instance ``"y/L = 0.5"``.
-    """
+    """How a picture calls a position."""
     return label if np.isnan(position) else f"y/L = {position:.3g}"
 
 
 def modulus_limits(values: np.ndarray, decades: float = 4.0) -> tuple[float, float]:
-    """
-    Limits of a logarithmic axis that leave deep notches out.
-
-    Parameters
-    ----------
-    values : ndarray
-        Moduli.
-    decades : float
-        How far below the largest value the axis may reach.
-
-    Returns
-    -------
-    low, high : float
-        The limits.
-    """
+    """Limits of a logarithmic axis that leave deep notches out."""
     there = values[np.isfinite(values) & (values > 0)]
     if there.size == 0:
         return 1e-3, 1.0

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.structure import Structure
-from cutvib_ss.parameters import names_of
+from cutvib_ss.parameters import check_choice, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.condensed import CondensedModel
 from cutvib_ss.response.derivatives import ResponseDerivatives
+from cutvib_ss.response.signals import displacement_unit, input_unit
 from cutvib_ss.results import QUANTITY_OF_FORM, ComplexArray, Form, FrequencyResponse, Quantity
 from cutvib_ss.units import DERIVATIVE_ORDER
 
@@ -28,6 +28,7 @@ def frequency_response(
     machine: Machine | Structure,
     positions: ArrayLike | None,
     freq: ArrayLike,
+    *,
     form: Form | None = None,
     inputs: str | Sequence[str] = ("force",),
     outputs: str | Sequence[str] | None = None,
@@ -47,9 +48,9 @@ def frequency_response(
     form : {"receptance", "mobility", "accelerance"}, optional
         Form of every output. By default accelerance for a cutting machine, each channel's own for a structure.
     inputs : str or sequence of str
-        ``force`` (the cutting force, tool X) or any port: ``head_x``, ``base``, ``tool_z``, ``rail(0.25)``.
+        ``force`` (the cutting force, tool X) or any port: ``head_x``, ``base``, ``tool_z``, ``rail@0.25`` (a hammer on the rail).
     outputs : str or sequence of str, optional
-        Channels and ports: ``tool_x``, ``tool_z``, ``base_x``, ``head_x``, ``joint2``, ``rail(0.25)``, or modal coordinates
+        Channels and ports: ``tool_x``, ``tool_z``, ``base_x``, ``head_x``, ``joint2``, ``rail@0.25``, or modal coordinates
         ``eta1`` … (Fig. 18). By default the model's channels.
     decay_rate : float
         σ [1/s]: the response at s = σ + jω, what an FRF estimated under an exponential window shows.
@@ -85,9 +86,12 @@ def frequency_response(
     for k in range(0, s.size, lines):
         part = ChainedResponse(machine, places, s[k : k + lines], quantities, outputs, inputs)
         data[..., k : k + lines] = part.data()
-    unit = "m/s^2" if machine.input_quantity == "acceleration" else "N"
     data.flags.writeable = False  # given away: the result need not copy it
-    return FrequencyResponse(data, f, places, outputs, inputs, quantities, input_unit=unit, decay_rate=decay_rate)
+    return FrequencyResponse(
+        data, f, places, outputs, inputs, quantities, decay_rate=decay_rate,
+        displacement_units=tuple(displacement_unit(machine, o) for o in outputs),
+        input_units=tuple(input_unit(machine, i) for i in inputs),
+    )  # fmt: skip
 
 
 def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form: Form | None) -> tuple[Quantity, ...]:
@@ -114,8 +118,7 @@ def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form
         If the form is unknown.
     """
     if form is not None:
-        if form not in QUANTITY_OF_FORM:
-            raise ParameterError(f"form {form!r} is not one of {', '.join(QUANTITY_OF_FORM)}")
+        check_choice("form", form, tuple(QUANTITY_OF_FORM))
         return (QUANTITY_OF_FORM[form],) * len(outputs)
     return tuple(machine.channels[o].quantity if o in machine.channels else machine.default_quantity for o in outputs)
 

@@ -27,11 +27,12 @@ from cutvib_ss.model.paths import Path
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.model.restoring_forces import RestoringForce
 from cutvib_ss.model.structure import Structure
-from cutvib_ss.parameters import check_number
+from cutvib_ss.parameters import check_number, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.frequency import ChainedResponse, output_quantities
 from cutvib_ss.response.modal_form import modal_form
 from cutvib_ss.response.port_motion import PortMotion, harmonic_tables
+from cutvib_ss.response.signals import displacement_unit, input_unit
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
 
 _SAMPLES = 32
@@ -43,9 +44,10 @@ def sine_response(
     positions: ArrayLike | None,
     freq: ArrayLike,
     amplitude: float,
+    *,
     direction: Literal["up", "down"] = "up",
     harmonics: int = 7,
-    outputs: Sequence[str] | None = None,
+    outputs: str | Sequence[str] | None = None,
     viscous_at: float | None = None,
 ) -> FrequencyResponse:
     """
@@ -133,7 +135,7 @@ class SineSweep:
         amplitude: float,
         direction: Literal["up", "down"] = "up",
         harmonics: int = 7,
-        outputs: Sequence[str] | None = None,
+        outputs: str | Sequence[str] | None = None,
         viscous_at: float | None = None,
     ) -> None:
         # A window's decay belongs to estimates from transients.
@@ -149,7 +151,7 @@ class SineSweep:
             raise ParameterError(f"harmonics = {harmonics} must be at least 1")
         self.direction, self.harmonics, self._viscous_at = direction, harmonics, viscous_at
         self.elements: tuple[NonlinearElement, ...] = machine.nonlinear
-        self.outputs = tuple(machine.channels) if outputs is None else tuple(outputs)
+        self.outputs = tuple(machine.channels) if outputs is None else names_of(outputs)
         self.quantities = output_quantities(machine, self.outputs, None)
         ports = tuple(e.port for e in self.elements)
         still: list[Quantity] = ["displacement"] * len(ports)
@@ -221,10 +223,11 @@ class SineSweep:
     @property
     def response(self) -> FrequencyResponse:
         """The responses as a result."""
-        unit = "m/s^2" if self.machine.input_quantity == "acceleration" else "N"
         return FrequencyResponse(
-            self.data[:, :, None], self.freq, self.positions, self.outputs, ("force",), self.quantities, input_unit=unit
-        )
+            self.data[:, :, None], self.freq, self.positions, self.outputs, ("force",), self.quantities,
+            input_unit=input_unit(self.machine, "force"),
+            displacement_units=tuple(displacement_unit(self.machine, o) for o in self.outputs),
+        )  # fmt: skip
 
     def derivative(self, path: Path) -> ComplexArray:
         """

@@ -150,7 +150,7 @@ def _square_norm(shapes: NDArray[Any], weight: NDArray[Any]) -> FloatArray:
     return np.asarray(np.einsum("ik,ij,jk->k", shapes.conj(), weight, shapes).real)
 
 
-def track_modes(machine: Machine, positions: ArrayLike, halvings: int = 8) -> TrackedModes:
+def track_modes(machine: Machine, positions: ArrayLike, *, halvings: int = 8) -> TrackedModes:
     """
     Modes followed over positions by the modal assurance criterion.
 

@@ -18,12 +18,14 @@ from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.coupling import Coupling
 from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
 from cutvib_ss.model.rail import EndSupports, rail_points
-from cutvib_ss.parameters import check_number
+from cutvib_ss.parameters import check_choice, check_number, names_of
 from cutvib_ss.response.compiled_travel import NODES, RULES, travel_steps
-from cutvib_ss.response.output_rows import END_FORCES, motion_unit
+from cutvib_ss.response.output_rows import END_FORCES
 from cutvib_ss.response.riding import RidingCourse, RidingState, Rows
+from cutvib_ss.response.signals import displacement_unit
 from cutvib_ss.response.travel import Travel
 from cutvib_ss.results import Energies, FloatArray, MovingResponse, Quantity
+from cutvib_ss.units import DERIVATIVE_ORDER, rate_unit
 
 _BLOCK = 8192
 """Steps whose rows are computed at once."""
@@ -34,7 +36,8 @@ def moving_response(
     travel: Travel,
     force: ArrayLike,
     fs: float,
-    outputs: Sequence[str] | None = None,
+    *,
+    outputs: str | Sequence[str] | None = None,
     quantity: Quantity | Sequence[Quantity | None] | None = None,
     input: str = "force",
     loads: Mapping[str, float] | None = None,
@@ -54,7 +57,7 @@ def moving_response(
         The force [N], linear between samples.
     fs : float
         Sampling frequency [Hz].
-    outputs : sequence of str, optional
+    outputs : str or sequence of str, optional
         Channels, ports, ``rail(0.25)``, and ``rail_left_force``, ``rail_right_force``: what the rail's ends pass on. By default
         the channels.
     quantity : {"displacement", "velocity", "acceleration"}, or a sequence of these, optional
@@ -98,7 +101,7 @@ def moving_response(
     check_number("fs", fs, 0.0, strict=True)
     if check_number("substeps", substeps, 1) != int(substeps):
         raise ParameterError(f"substeps = {substeps} must be a whole number")
-    names = tuple(machine.channels) if outputs is None else tuple(outputs)
+    names = tuple(machine.channels) if outputs is None else names_of(outputs)
     wanted = (quantity,) * len(names) if quantity is None or isinstance(quantity, str) else tuple(quantity)
     if len(wanted) != len(names):
         raise ParameterError(f"{len(names)} outputs need as many quantities, not {len(wanted)}")
@@ -119,8 +122,9 @@ def moving_response(
             continue
         channel = machine.channels.get(name)
         read = asked or (channel.quantity if channel else "displacement")
+        check_choice("quantity", read, tuple(DERIVATIVE_ORDER))
         data.append(course.read(channel.port if channel else CUTTING_SIGNALS.get(name, name), state, read))
-        units.append(motion_unit(machine, name, read))
+        units.append(rate_unit(displacement_unit(machine, name), read))
     energies = Energies(course.stored(state), *work[::substeps].T)
     path = travel.at(time)[0]
     return MovingResponse(

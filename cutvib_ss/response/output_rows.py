@@ -12,10 +12,12 @@ from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import EndSupports
 from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.model.structure import Structure
+from cutvib_ss.parameters import check_choice
 from cutvib_ss.response.modal_basis import ModalBasis
 from cutvib_ss.response.modal_form import row_of
+from cutvib_ss.response.signals import displacement_unit
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
-from cutvib_ss.units import DERIVATIVE_ORDER, SI_UNIT
+from cutvib_ss.units import DERIVATIVE_ORDER, rate_unit
 
 END_FORCES = ("rail_left_force", "rail_right_force")
 """Outputs that are forces of the rail on what holds its ends, in X [N]."""
@@ -128,32 +130,11 @@ def output_rows(
             continue
         channel = machine.channels.get(name)
         read: Quantity = quantity or (channel.quantity if channel else "displacement")
+        check_choice("quantity", read, tuple(DERIVATIVE_ORDER))
         motion = np.zeros((3, len(system.dofs)))
         motion[DERIVATIVE_ORDER[read]] = row_of(system, channel.port if channel else name)
-        rows.append(OutputRow(name, motion_unit(machine, name, read), motion, np.zeros(len(inputs))))
+        rows.append(OutputRow(name, rate_unit(displacement_unit(machine, name), read), motion, np.zeros(len(inputs))))
     return rows
-
-
-def motion_unit(machine: Machine | Structure, name: str, quantity: Quantity) -> str:
-    """
-    Unit of an output that reads motion.
-
-    Parameters
-    ----------
-    machine : Machine or Structure
-        The model.
-    name : str
-        Channel or port.
-    quantity : {"displacement", "velocity", "acceleration"}
-        Which motion.
-
-    Returns
-    -------
-    str
-        Of displacement, or of rotation for the joints and the twist of a cutting machine.
-    """
-    unit = SI_UNIT[quantity]
-    return unit.replace("m", "rad", 1) if machine.rotates(name) else unit
 
 
 def _end_force(

@@ -16,6 +16,7 @@ PULSE_RATE = 217.0
 def pulse_train(
     fs: float,
     duration: float,
+    *,
     rate: float = PULSE_RATE,
     duty: float = 0.3,
     rise: float = 5e-4,

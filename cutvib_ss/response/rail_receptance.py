@@ -62,9 +62,11 @@ class RailReceptance:
         self.model, self.s, self.modes = model, s, model.modes
         self.half = p.mass / 2
         self.w: FloatArray = 2 * np.pi * p.first_frequency * self.modes.frequency
-        below = np.multiply.outer(2 * self.half * p.damping_ratio * self.w, s)
+        self.damped_w: FloatArray = model.damping_weight * self.w
+        self.strained: ComplexArray = 1.0 + p.strain_damping * s  # stiffness, with what the rate of strain adds
+        below = np.multiply.outer(2 * self.half * p.damping_ratio * self.damped_w, s)
         below += self.half * s * s
-        below += (self.half * self.w**2)[:, None]
+        below += np.multiply.outer(self.half * self.w**2, self.strained)
         self.flexibility: ComplexArray = np.reciprocal(below)
         self.released = 2 if model.supports is not None else 0
         self.attached = tuple(self._attachment_port(k) for k in range(len(model.attachments)))

@@ -21,11 +21,13 @@ from cutvib_ss.errors import ConvergenceError, ParameterError
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.restoring_forces import packed
 from cutvib_ss.model.structure import Structure
+from cutvib_ss.parameters import names_of
 from cutvib_ss.response.compiled import interact
 from cutvib_ss.response.compiled_modes import advance
 from cutvib_ss.response.modal_basis import linear_course, modal_basis, parts, reading
 from cutvib_ss.response.modal_form import base_motion, row_of, system_with
 from cutvib_ss.response.output_rows import END_FORCES, output_rows
+from cutvib_ss.response.signals import input_unit
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity, TimeResponse
 from cutvib_ss.units import DERIVATIVE_ORDER
 
@@ -49,7 +51,8 @@ def time_response(
     position: float | None,
     force: ArrayLike,
     fs: float,
-    outputs: Sequence[str] | None = None,
+    *,
+    outputs: str | Sequence[str] | None = None,
     quantity: Quantity | Sequence[Quantity | None] | None = None,
     start: Literal["rest", "periodic"] | ArrayLike = "rest",
     input: str = "force",
@@ -69,7 +72,7 @@ def time_response(
         The force [N], or for a structure on a shaker the base's acceleration [m/s^2].
     fs : float
         Sampling frequency [Hz].
-    outputs : sequence of str, optional
+    outputs : str or sequence of str, optional
         Channels, ports (``tool_x``, ``head_z``, ``joint2``, ``rail(0.25)`` …), and ``rail_left_force``, ``rail_right_force``: what
         the rail's ends pass on. By default the channels.
     quantity : {"displacement", "velocity", "acceleration"}, or a sequence of these, optional
@@ -104,7 +107,7 @@ def time_response(
     >>> from cutvib_ss.response.pulses import pulse_train
     >>> force = pulse_train(fs=217 * 64, duration=1 / 217, amplitude=100.0)
     >>> steady = time_response(published_machine(), 0.5, force, 217 * 64, start="periodic")
-    >>> steady.sel("tool_x").in_g().rms().round(2)
+    >>> steady.sel(output="tool_x").in_g().rms().round(2)
     array([8.77])
     """
     f = np.asarray(force, dtype=np.float64)
@@ -112,7 +115,7 @@ def time_response(
         raise ParameterError(f"force has shape {f.shape}; give a history of finite numbers, two samples or more")
     if not fs > 0.0 or (oversample is not None and oversample < 1):
         raise ParameterError(f"fs = {fs} and oversample = {oversample} must be positive")
-    names = tuple(machine.channels) if outputs is None else tuple(outputs)
+    names = tuple(machine.channels) if outputs is None else names_of(outputs)
     wanted = (quantity,) * len(names) if quantity is None or isinstance(quantity, str) else tuple(quantity)
     if len(wanted) != len(names):
         raise ParameterError(f"{len(names)} outputs need as many quantities, not {len(wanted)}")
@@ -134,10 +137,8 @@ def time_response(
         if shaken and (share := machine.base_share(name)):
             order = DERIVATIVE_ORDER[asked or machine.channels[name].quantity]
             row += share * base_motion(f, fs, order, periodic)
-    unit = "m/s^2" if shaken else "N"
-    return TimeResponse(
-        data, f, fs, names, run.units, float("nan") if position is None else position, periodic, unit
-    )  # fmt: skip
+    place = float("nan") if position is None else position
+    return TimeResponse(data, f, fs, names, run.units, place, periodic, input_unit(machine, input))
 
 
 class _Run:

@@ -9,11 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.parameters import names_of
 
 Quantity: TypeAlias = Literal["displacement", "velocity", "acceleration"]
 Form: TypeAlias = Literal["receptance", "mobility", "accelerance"]
 FloatArray: TypeAlias = NDArray[np.float64]
 ComplexArray: TypeAlias = NDArray[np.complex128]
+
+QUANTITY_OF_FORM: dict[Form, Quantity] = {
+    "receptance": "displacement",
+    "mobility": "velocity",
+    "accelerance": "acceleration",
+}
+"""The motion quantity that each form of frequency response gives for a unit force."""
 
 
 def read_only(values: ArrayLike, dtype: Any = None) -> NDArray[Any]:
@@ -40,32 +48,23 @@ def read_only(values: ArrayLike, dtype: Any = None) -> NDArray[Any]:
 
 
 def label_indices(labels: tuple[str, ...], wanted: str | Sequence[str] | None, what: str) -> list[int]:
-    """
-    Indices of wanted labels.
-
-    Parameters
-    ----------
-    labels : tuple of str
-        The labels.
-    wanted : str or sequence of str, optional
-        Those wanted; all by default.
-    what : str
-        What they label, for the message.
-
-    Returns
-    -------
-    list of int
-        The indices.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such label; the message lists those that are.
-    """
+    """Indices of wanted labels, all by default; the message of the error lists those that are there."""
     if wanted is None:
         return list(range(len(labels)))
-    names = [wanted] if isinstance(wanted, str) else list(wanted)
-    for name in names:
+    for name in names_of(wanted):
         if name not in labels:
             raise ParameterError(f"no {what} {name!r}; there are {', '.join(labels)}")
-    return [labels.index(name) for name in names]
+    return [labels.index(name) for name in names_of(wanted)]
+
+
+def position_indices(positions: FloatArray, wanted: float | Sequence[float] | None) -> NDArray[np.intp]:
+    """Indices of wanted positions (to 1e-9), all by default."""
+    if wanted is None:
+        return np.arange(positions.size)
+    rows: list[np.intp] = []
+    for value in np.atleast_1d(np.asarray(wanted, dtype=float)):
+        hits = np.flatnonzero(np.abs(positions - value) < 1e-9)
+        if hits.size == 0:
+            raise ParameterError(f"no position {value:g}; there are {positions.tolist()}")
+        rows.extend(hits)
+    return np.array(rows, dtype=np.intp)

@@ -44,7 +44,7 @@ class Energies:
         return off
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MovingResponse(TimeResponse):
     """
     Histories while the head travels; ``position`` is where it starts.

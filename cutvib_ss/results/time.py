@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.results.arrays import FloatArray, label_indices, read_only
+from cutvib_ss.results.arrays import FloatArray, label_indices, position_indices, read_only
+from cutvib_ss.results.display import Drawn, Table, optional
 from cutvib_ss.units import STANDARD_GRAVITY
 
 
-@dataclass(frozen=True)
-class TimeResponse:
+@dataclass(frozen=True, repr=False)
+class TimeResponse(Drawn):
     """
     Histories of a model's outputs under a force, evenly sampled.
 
@@ -69,14 +70,24 @@ class TimeResponse:
         """The unit, where all outputs share one; else the units of the outputs, joined by commas."""
         return self.units[0] if len(set(self.units)) == 1 else ", ".join(self.units)
 
-    def sel(self, output: str | Sequence[str] | None = None) -> Self:
+    def sel(
+        self,
+        *,
+        position: float | None = None,
+        output: str | Sequence[str] | None = None,
+        input: str | Sequence[str] | None = None,
+    ) -> Self:
         """
         Some of the outputs; no axis is dropped.
 
         Parameters
         ----------
+        position : float, optional
+            The position of this response (where it starts, of a head that travels).
         output : str or sequence of str, optional
             Outputs to keep, in this order.
+        input : str, optional
+            The one input, ``"force"``.
 
         Returns
         -------
@@ -86,8 +97,10 @@ class TimeResponse:
         Raises
         ------
         ParameterError
-            If there is no such output; the message lists those that are.
+            If a label is not there; the message lists those that are.
         """
+        position_indices(np.array([self.position]), position)
+        label_indices(("force",), input, "input")
         kept = label_indices(self.outputs, output, "output")
         return replace(
             self,
@@ -180,3 +193,49 @@ class TimeResponse:
         factor = np.array([1.0 / STANDARD_GRAVITY if u == "m/s^2" else 1.0 for u in self.units])
         units = tuple("g" if u == "m/s^2" else u for u in self.units)
         return replace(self, data=self.data * factor[:, None], units=units)
+
+    def to_xarray(self) -> Any:
+        """
+        The histories as a dataset of xarray (extra ``data``).
+
+        Returns
+        -------
+        xarray.Dataset
+            ``force`` over time, ``response`` over (output, time), with the unit of each output.
+        """
+        xarray = optional("xarray", "to_xarray")
+        return xarray.Dataset(
+            {
+                "response": (("output", "time"), np.array(self.data)),
+                "force": ("time", np.array(self.force), {"units": self.force_unit}),
+            },
+            coords={
+                "time": ("time", self.time, {"units": "s"}),
+                "output": list(self.outputs),
+                "unit": ("output", list(self.units)),
+            },
+            attrs={"position": self.position, "fs": self.fs},
+        )
+
+    def to_dataframe(self) -> Any:
+        """
+        The histories as a table of pandas (extra ``data``).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each instant [s], a column for the force and for each output, with units.
+        """
+        pandas = optional("pandas", "to_dataframe")
+        columns = {f"force [{self.force_unit}]": self.force}
+        columns |= {f"{o} [{u}]": d for o, u, d in zip(self.outputs, self.units, self.data, strict=True)}
+        return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time [s]"))
+
+    def _table(self) -> Table:
+        rows = [
+            (o, u, f"{r:.4g}", f"{p:.4g}")
+            for o, u, r, p in zip(self.outputs, self.units, self.rms(), self.peak(), strict=True)
+        ]
+        place = "" if np.isnan(self.position) else f", y/L = {self.position:.4g}"
+        title = f"Response in time: {self.force.size} samples at {self.fs:g} Hz{place}"
+        return Table(title, ("output", "unit", "RMS", "peak"), rows)

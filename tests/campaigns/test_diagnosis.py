@@ -15,7 +15,7 @@ from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step
 
-# What tools/README.md says that its maker put into the demonstration.
+# What docs/demo_campaign.md says that its maker put into the demonstration.
 DEMO = {"mass": 1.5604, "frequency": 171.624, "damping_ratio": 0.04846}
 
 

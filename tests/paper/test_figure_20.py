@@ -1,9 +1,8 @@
 """Fig. 20: what the absorber on the tool does to the accelerance XX at L/2 and L/3."""
 
-import numpy as np
 import pytest
 
-from cutvib_ss.absorber import check_absorber, parametric_study, printed_absorber
+from cutvib_ss.absorber import check_absorber, misprinted_absorber, parametric_study
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.parameters import table_7
 
@@ -22,7 +21,7 @@ def test_the_peak_is_split_in_two_near_200_and_230_hz() -> None:
 
 
 def test_with_the_misprinted_stiffness_it_does_next_to_nothing() -> None:
-    check = check_absorber(published_machine(), printed_absorber())
+    check = check_absorber(published_machine(), misprinted_absorber())
     assert (check.reduction > 0.0).all()
     assert (check.reduction < 0.025).all()
 
@@ -33,9 +32,3 @@ def test_the_parametric_study_judges_each_absorber_as_the_check_does() -> None:
     assert study.worst[1, 1] == pytest.approx(check.worst[1], rel=1e-9)
     best = check_absorber(published_machine(), study.best)
     assert best.after.max() == pytest.approx(study.worst.min(), rel=1e-9)
-
-
-def test_at_217_hz_alone_the_paper_s_choice_is_not_the_best_of_its_grid() -> None:
-    study = parametric_study(published_machine(), np.linspace(0.05, 0.95, 19))
-    assert (study.best.frequency, study.best.damping_ratio) == (217.0, 0.01)
-    assert study.worst.min() < 0.4 * study.worst[study.tuning == 212.0, -3][0]

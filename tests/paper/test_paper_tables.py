@@ -14,13 +14,16 @@ def tables() -> dict[str, list[Row]]:
 
 
 def test_every_table_is_there_and_is_json(tables: dict[str, list[Row]]) -> None:
-    assert {"1", "3", "5", "6", "7"} <= set(tables)
+    assert list(tables)[:7] == ["1", "2", "3", "4", "5", "6", "7"]
     assert json.loads(json.dumps(tables, allow_nan=False)) == tables
     for rows in tables.values():
         for row in rows:
             assert set(row) == {"name", "printed", "computed", "note"}
-            assert isinstance(row["computed"], float)
-            assert math.isfinite(row["computed"])
+            if row["computed"] is None:
+                assert "not reproducible" in str(row["note"])
+            else:
+                assert isinstance(row["computed"], float)
+                assert math.isfinite(row["computed"])
 
 
 def test_tables_5_and_6_within_two_per_mille(tables: dict[str, list[Row]]) -> None:
@@ -31,9 +34,9 @@ def test_tables_5_and_6_within_two_per_mille(tables: dict[str, list[Row]]) -> No
 
 
 def test_what_does_not_agree_says_why(tables: dict[str, list[Row]]) -> None:
-    for table in ("1", "3", "7", "first_guess"):
+    for table in ("1", "2", "3", "4", "7", "first_guess"):
         for row in tables[table]:
-            if row["computed"] != pytest.approx(row["printed"], rel=0.01):
+            if row["printed"] is None or row["computed"] != pytest.approx(row["printed"], rel=0.01):
                 assert row["note"], row["name"]
 
 

@@ -47,11 +47,14 @@ def heads(draw: st.DrawFn) -> HeadParameters:
 
 
 @st.composite
-def rail_parameters(draw: st.DrawFn) -> RailParameters:
-    """Rails around the published one, wide."""
+def rail_parameters(draw: st.DrawFn, strained: bool = False) -> RailParameters:
+    """Rails around the published one, wide; damped alike, mode by mode, or by the rate of strain too."""
+    modes = draw(st.integers(1, 7))
+    ratio = reals(0.002, 0.08)
     return RailParameters(
         length=draw(reals(0.8, 6.0)), mass=draw(reals(15.0, 300.0)), first_frequency=draw(reals(12.0, 80.0)),
-        damping_ratio=draw(reals(0.002, 0.08)), n_modes=draw(st.integers(1, 7)),
+        damping_ratio=draw(ratio | st.lists(ratio, min_size=modes, max_size=modes)), n_modes=modes,
+        strain_damping=draw(st.just(0.0) | reals(1e-6, 1e-4)) if not strained else draw(reals(1e-6, 1e-4)),
     )  # fmt: skip
 
 
@@ -116,7 +119,7 @@ def full_machines(draw: st.DrawFn) -> Machine:
     return Machine(
         head=draw(heads()),
         rail=Rail(
-            draw(rail_parameters()),
+            draw(rail_parameters(strained=True)),
             EndSupports(*(draw(reals(1e6, 1e8)) for _ in "lr"), *(draw(reals(1.0, 1e4)) for _ in "lr")),
             Torsion(
                 draw(st.floats(0.02, 0.1)), draw(reals(0.1, 3.0)), draw(reals(40.0, 400.0)), draw(reals(0.003, 0.1))

@@ -51,7 +51,7 @@ def test_responses_are_reciprocal(machine: Machine, position: float) -> None:
 @given(machines(), POSITIONS)
 def test_driving_points_take_power_and_give_none(machine: Machine, position: float) -> None:
     for port in PORTS:
-        mobility = frequency_response(machine, position, FREQ, "mobility", inputs=(port,), outputs=(port,)).data[
+        mobility = frequency_response(machine, position, FREQ, form="mobility", inputs=(port,), outputs=(port,)).data[
             0, 0, 0
         ]
         assert (mobility.real >= -1e-9 * np.abs(mobility)).all()

@@ -103,7 +103,7 @@ def test_three_routes_on_the_bare_machine(machine: Machine, position: float) -> 
 def test_three_routes_with_any_slot_filled(machine: Machine, position: float) -> None:
     inputs = ("force", "head_x", "base")
     closed = frequency_response(machine, position, FREQ, form="receptance", inputs=inputs, outputs=OUTPUTS).data[0]
-    plant = control.frequency_response(machine.plant(position, inputs, OUTPUTS), 2 * np.pi * FREQ).frdata
+    plant = control.frequency_response(machine.plant(position, inputs=inputs, outputs=OUTPUTS), 2 * np.pi * FREQ).frdata
     assert differ(closed, dense(machine, position, OUTPUTS, inputs)) < TOLERANCE
     assert differ(closed, plant) < TOLERANCE
 

@@ -68,7 +68,7 @@ def test_a_pulse_without_room_is_refused() -> None:
 @pytest.mark.parametrize("criterion", ["harmonic", "rms"])
 def test_the_closed_form_judges_as_the_model_with_absorbers_does(criterion: str) -> None:
     outputs, y = ("tool_x", "tool_z"), [0.07, 0.4, 0.9]
-    check = workspace_check(MACHINE, SOME, y, PULSES, outputs, criterion)  # type: ignore[arg-type]
+    check = workspace_check(MACHINE, SOME, y, force=PULSES, outputs=outputs, criterion=criterion)  # type: ignore[arg-type]
     for machine, found in ((MACHINE, check.before), (attach_absorbers(MACHINE, SOME), check.exact)):
         data = np.abs(frequency_response(machine, y, PULSES.freq, outputs=outputs).data[:, :, 0]) * PULSES.amplitude
         counts = data.max(axis=(1, 2)) if criterion == "harmonic" else np.sqrt((data**2).sum(axis=-1) / 2).max(axis=1)
@@ -128,7 +128,7 @@ def robust() -> list[MountedAbsorber]:
 
 def test_the_best_is_no_worse_than_any_of_a_fine_grid() -> None:
     design = design_absorbers(MACHINE, 0.08, positions=WORKSPACE)
-    study = parametric_study(MACHINE, WORKSPACE, 0.08, np.arange(200.0, 240.0, 0.25))
+    study = parametric_study(MACHINE, WORKSPACE, mass=0.08, tuning=np.arange(200.0, 240.0, 0.25))
     assert design.objective <= study.worst.min() * (1 + 1e-6)
     assert design.objective == pytest.approx(design.check.worst[1], rel=1e-9)
     # Table 7's absorber leaves 3.6 times as much at its worst.
@@ -164,7 +164,7 @@ def test_no_case_drawn_from_the_box_is_worse_than_its_stated_worst(robust: list[
 
 
 def test_in_z_on_the_tool_it_serves_better_within_tolerance(robust: list[MountedAbsorber]) -> None:
-    along_z = design_absorbers(MACHINE, 0.08, ("tool_z",), force=PULSES, tolerance=BOX)
+    along_z = design_absorbers(MACHINE, 0.08, ports=("tool_z",), force=PULSES, tolerance=BOX)
     in_x = workspace_check(MACHINE, robust, force=PULSES, tolerance=BOX)
     assert along_z.check.worst[2] < 0.55 * in_x.worst[2]
     assert along_z.mounted[0].port == "tool_z"
@@ -172,7 +172,7 @@ def test_in_z_on_the_tool_it_serves_better_within_tolerance(robust: list[Mounted
 
 def test_two_absorbers_serve_at_least_as_well_as_one_and_share_the_mass() -> None:
     one = design_absorbers(MACHINE, 0.08, positions=WORKSPACE[::9], force=PULSES)
-    two = design_absorbers(MACHINE, 0.08, ("tool_x", "tool_z"), WORKSPACE[::9], PULSES)
+    two = design_absorbers(MACHINE, 0.08, ports=("tool_x", "tool_z"), positions=WORKSPACE[::9], force=PULSES)
     assert two.check.worst[1] < 0.95 * one.check.worst[1]
     assert two.check.mass == pytest.approx(0.08)
     assert [m.port for m in two.mounted] == ["tool_x", "tool_z"]

@@ -66,7 +66,7 @@ def test_limit_cycle_agrees_with_the_law_in_time() -> None:
     machine = replace(machine, rail=replace(machine.rail, parameters=replace(machine.rail.parameters, n_modes=1)))
 
     def growth(amplitude: float) -> float:
-        plant = quasi_linear(machine, amplitude).plant(POSITION, ["force"], ["tool_x"])
+        plant = quasi_linear(machine, amplitude).plant(POSITION, inputs=["force"], outputs=["tool_x"])
         rate = control.ss(plant.A, plant.B, plant.C @ plant.A, plant.C @ plant.B)
         return float(rate.feedback(feed, sign=1).poles().real.max())
 

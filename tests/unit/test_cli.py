@@ -22,7 +22,7 @@ from tests.unit.diagnosis_example import example_diagnosis, example_structure
 
 DEMO = Path(campaigns.__file__).parents[1] / "data" / "demo"
 COMMANDS = [
-    "demo", "diagnose", "plan", "identify", "paper", "modes", "frf", "bode", "schedule", "simulate", "absorber check",
+    "demo", "diagnose", "plan", "identify", "paper", "figures", "modes", "frf", "bode", "schedule", "simulate", "absorber check",
     "absorber design", "control design", "control check", "blind run", "blind score", "blind calibrate",
 ]  # fmt: skip
 
@@ -275,3 +275,44 @@ def test_a_process_ends_with_the_status_and_one_line() -> None:
     assert ended.stdout == ""
     assert len(ended.stderr.splitlines()) == 1
     assert "Traceback" not in ended.stderr
+
+
+def test_a_hammer_on_the_rail_and_positions_by_the_paper_s_names(capsys: pytest.CaptureFixture[str]) -> None:
+    asked = [
+        "frf",
+        "--position",
+        "cc",
+        "--freq",
+        "20:30:5",
+        "--input",
+        "rail@0.25",
+        "--output",
+        "rail@0.4",
+        "--json",
+        "-",
+    ]
+    assert main(asked) == 0
+    told = _json(capsys.readouterr().out)
+    assert told["positions"] == [1 / 3]
+    assert (told["inputs"], told["units"]) == (["rail@0.25"], ["m/s^2/N"])
+    frf = frequency_response(published_machine(), 1 / 3, [20.0, 25.0, 30.0], inputs="rail(0.25)", outputs="rail(0.4)")
+    assert np.allclose(np.array(told["re"]) + 1j * np.array(told["im"]), frf.data, rtol=1e-12)
+    # Reciprocity: hammer and accelerometer may change places.
+    back = frequency_response(published_machine(), 1 / 3, [20.0, 25.0, 30.0], inputs="rail@0.4", outputs="rail@0.25")
+    assert np.allclose(frf.data, back.data, rtol=1e-9)
+    assert main(["modes", "--position", "FC", "--json", "-"]) == 0
+    assert _json(capsys.readouterr().out)["position"] == 0.5
+
+
+@pytest.mark.parametrize("wrong", ["nowhere", "1.5", "0"])
+def test_an_impossible_position_is_refused_with_the_names(wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["modes", "--position", wrong]) == 2
+    said = capsys.readouterr().err
+    assert "FC, CC, BC" in said if wrong == "nowhere" else "between 0 and 1" in said
+
+
+def test_modes_are_drawn_and_move(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("shapes.png", "poles.svg", "mode.gif")]
+    asked = ["--plot", str(files[0]), "--poles", str(files[1]), "--animate", str(files[2]), "--mode", "3"]
+    assert main(["modes", "--position", "0.5", *asked]) == 0
+    assert [f.read_bytes()[:5] for f in files] == [b"\x89PNG\r", b"<?xml", b"GIF89"]

@@ -18,7 +18,7 @@ from cutvib_ss.model.rail import Rail
 from cutvib_ss.parameters import HeadParameters, RailParameters
 from cutvib_ss.response.frequency import frequency_response
 
-GENERATOR = Path(__file__).parents[2] / "tools" / "make_demo_campaign.py"
+GENERATOR = Path(__file__).parents[1] / "demo_campaign" / "make_demo_campaign.py"
 DEMO = Path(cutvib_ss.__file__).parent / "data" / "demo"
 
 

@@ -65,7 +65,7 @@ def by_stepping(model: Machine | Structure, freq: float, amplitude: float, posit
 def test_without_elements_it_is_the_linear_response(direction: str) -> None:
     freq = np.linspace(10.0, 300.0, 40)
     machine = published_machine()
-    shown = sine_response(machine, [0.3, 0.5], freq, 20.0, direction)  # type: ignore[arg-type]
+    shown = sine_response(machine, [0.3, 0.5], freq, 20.0, direction=direction)  # type: ignore[arg-type]
     linear = frequency_response(machine, [0.3, 0.5], freq)
     assert np.abs(shown.data - linear.data).max() < 1e-12 * np.abs(linear.data).max()
     assert (shown.outputs, shown.unit) == (linear.outputs, linear.unit)
@@ -100,7 +100,8 @@ def test_both_branches_of_duffing_and_where_they_end(stiffness3: float) -> None:
     freq, force = np.linspace(42.0, 62.0, 401), 8.0
     model = duffing(stiffness3)
     up, down = (
-        np.abs(sine_response(model, None, freq, force, d, harmonics=1).data[0, 0, 0]) * force for d in ("up", "down")
+        np.abs(sine_response(model, None, freq, force, direction=d, harmonics=1).data[0, 0, 0]) * force
+        for d in ("up", "down")
     )
     roots = [amplitudes(2 * np.pi * f, force, stiffness3) for f in freq]
     several = np.array([r.size == 3 for r in roots])

@@ -16,7 +16,7 @@ from cutvib_ss.effects.rail_torsion import RailTorsion
 from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.interchange import write_schedule
+from cutvib_ss.interchange import write_plant
 from cutvib_ss.lpv import PlantSchedule, schedule
 from cutvib_ss.model.machine import Machine
 from tests.properties.machines import machines
@@ -35,7 +35,7 @@ HALF_WAY = (GRID[:-1] + GRID[1:]) / 2
 def test_the_exact_plant_is_the_machine_s(machine: Machine, quantity: str) -> None:
     family = cv.schedule(machine, [0.1, 0.9], inputs=["force", "head_x"], quantity=quantity)  # type: ignore[arg-type]
     for y in (0.013, 0.31, 0.75):
-        ours, theirs = family.exact(y), machine.plant(y, ["force", "head_x"], quantity=quantity)  # type: ignore[arg-type]
+        ours, theirs = family.exact(y), machine.plant(y, inputs=["force", "head_x"], quantity=quantity)  # type: ignore[arg-type]
         assert (ours.input_labels, ours.output_labels) == (theirs.input_labels, theirs.output_labels)
         one, other = (control.frequency_response(p, 2 * np.pi * FREQ).frdata for p in (ours, theirs))
         assert np.abs(one - other).max() < 1e-9 * np.abs(other).max()
@@ -141,15 +141,15 @@ def test_what_has_no_table_is_refused() -> None:
 def test_the_table_is_written_for_other_programs(tmp_path: Path, suffix: str) -> None:
     family = schedule(MACHINE, [0.1, 0.3, 0.6], outputs=["tool_x", "tool_z"], quantity="acceleration")
     file = tmp_path / f"plants{suffix}"
-    write_schedule(family, file)
+    write_plant(family, file)
     back = np.load(file) if suffix == ".npz" else io.loadmat(file, simplify_cells=True)
     assert back["A"].shape == (12, 12, 3)
     plant = control.ss(*(back[name][..., 1].reshape(getattr(family.exact(0.3), name).shape) for name in "ABCD"))
     assert plant.frequency_response(1363.0).frdata == pytest.approx(family.exact(0.3).frequency_response(1363.0).frdata)
     assert list(back["outputs"]) == ["tool_x", "tool_z"]
     assert list(back["states"])[:2] == ["eta1", "eta2"]
-    with pytest.raises(ParameterError, match="no table of plants"):
-        write_schedule(family, tmp_path / "plants.csv")
+    with pytest.raises(ParameterError, match="holds no plants"):
+        write_plant(family, tmp_path / "plants.csv")
 
 
 def test_the_family_is_that_of_the_machine_given() -> None:

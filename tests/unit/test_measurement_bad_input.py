@@ -234,7 +234,7 @@ def test_files_of_one_frf_record_must_fit(tmp_path):
 
 def _written(tmp_path, format_, kind="impact"):
     campaign = small_campaign(tmp_path, kind)
-    return write_campaign(campaign, tmp_path / "c", format_).parent, tmp_path / "c" / "records" / f"p1.{format_}"
+    return write_campaign(campaign, tmp_path / "c", format=format_).parent, tmp_path / "c" / "records" / f"p1.{format_}"
 
 
 @pytest.mark.parametrize("format_", ["tdms", "uff", "mat"])
@@ -418,7 +418,7 @@ def test_blows_that_do_not_fit_one_matrix(tmp_path):
     shorter = type(second)(second.fs, second.force[:-1], second.responses[:, :-1], second.channels, "b")
     record = Record(**{**campaign.records[0].__dict__, "histories": (first, shorter)})
     with pytest.raises(DataFormatError, match="one matrix"):
-        write_campaign(Campaign("t", tmp_path, published_machine(), (record,)), tmp_path / "c", "mat")
+        write_campaign(Campaign("t", tmp_path, published_machine(), (record,)), tmp_path / "c", format="mat")
     assert not (tmp_path / "c").exists()
 
 

@@ -11,7 +11,7 @@ from tests.unit.measurement_rig import small_campaign
 
 
 def test_folder_file_default_title_and_published_machine(tmp_path):
-    write_campaign(small_campaign(tmp_path), tmp_path / "north hall", "csv")
+    write_campaign(small_campaign(tmp_path), tmp_path / "north hall", format="csv")
     folder = tmp_path / "north hall"
     (folder / "campaign.toml").write_text('[[record]]\nfile = "records/p1.csv"\nkind = "impact"\nposition = 0.25\n')
     for path in (folder, folder / "campaign.toml", str(folder)):
@@ -32,7 +32,7 @@ def test_list_of_files_is_one_blow_each(tmp_path):
     campaign = small_campaign(tmp_path)
     for k, history in enumerate(campaign.records[0].histories):
         record = Record(**{**campaign.records[0].__dict__, "name": f"blow{k}.tdms", "histories": (history,)})
-        write_campaign(Campaign("t", tmp_path, campaign.machine, (record,)), tmp_path / "c", "tdms")
+        write_campaign(Campaign("t", tmp_path, campaign.machine, (record,)), tmp_path / "c", format="tdms")
     (tmp_path / "c" / "campaign.toml").write_text(
         '[[record]]\nfile = ["blow0.tdms", "blow1.tdms"]\nkind = "impact"\nposition = 0.25\n'
     )
@@ -43,9 +43,9 @@ def test_list_of_files_is_one_blow_each(tmp_path):
 
 def test_writing_again_replaces_and_leaves_other_files(tmp_path):
     folder = tmp_path / "c"
-    write_campaign(small_campaign(tmp_path, seed=0), folder, "csv")
+    write_campaign(small_campaign(tmp_path, seed=0), folder, format="csv")
     (folder / "notes.txt").write_text("kept")
-    write_campaign(small_campaign(tmp_path, seed=1), folder, "csv")
+    write_campaign(small_campaign(tmp_path, seed=1), folder, format="csv")
     expected = small_campaign(tmp_path, seed=1).records[0].histories[0].responses
     np.testing.assert_allclose(read_campaign(folder).records[0].histories[0].responses, expected)
     assert (folder / "notes.txt").read_text() == "kept"
@@ -99,7 +99,7 @@ def test_a_million_samples_take_seconds(tmp_path, format_):
     import time
 
     campaign = small_campaign(tmp_path, "timeseries", blows=1, samples=1_000_000)
-    folder = write_campaign(campaign, tmp_path / "c", format_)
+    folder = write_campaign(campaign, tmp_path / "c", format=format_)
     start = time.perf_counter()
     record = read_campaign(folder).records[0]
     estimate(record)

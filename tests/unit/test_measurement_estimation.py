@@ -26,7 +26,7 @@ def _reduced_chi_square(found, decay_rate=0.0, around=None):
 
 @pytest.mark.parametrize("estimator", ["H1", "H2", "Hv"])
 def test_clean_blows_give_the_analytic_response(estimator):
-    assert _error(estimate(impact(), estimator)) < 2e-5
+    assert _error(estimate(impact(), estimator=estimator)) < 2e-5
 
 
 def test_truncated_response_leaks_and_decay_rate_undoes_it():

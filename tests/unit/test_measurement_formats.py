@@ -109,7 +109,7 @@ def test_frequency_responses_read_back_as_written(suffix, data, tmp_path_factory
 @pytest.mark.parametrize("kind", ["impact", "timeseries"])
 def test_campaign_reads_back_as_written(format_, kind, tmp_path):
     campaign = small_campaign(tmp_path, kind)
-    written = write_campaign(campaign, tmp_path / "new" / "c", format_)
+    written = write_campaign(campaign, tmp_path / "new" / "c", format=format_)
     back = read_campaign(written)
     assert back.title == campaign.title
     assert back.machine == campaign.machine
@@ -127,7 +127,7 @@ def test_campaign_reads_back_as_written(format_, kind, tmp_path):
 @pytest.mark.parametrize("format_", ["uff", "csv", "mat"])
 def test_campaign_of_frequency_responses_reads_back_as_written(format_, tmp_path):
     campaign = _frf_campaign(tmp_path)
-    back = read_campaign(write_campaign(campaign, tmp_path / "c", format_))
+    back = read_campaign(write_campaign(campaign, tmp_path / "c", format=format_))
     before, after = campaign.records[0], back.records[0]
     np.testing.assert_allclose(after.frf.data, before.frf.data, rtol=1e-9)
     np.testing.assert_allclose(after.frf.coherence, before.frf.coherence, rtol=1e-9)
@@ -158,10 +158,10 @@ def _frf_campaign(folder):
 
 def test_what_a_format_cannot_hold_leaves_nothing_behind(tmp_path):
     with pytest.raises(DataFormatError, match="uff, csv or mat"):
-        write_campaign(_frf_campaign(tmp_path), tmp_path / "c", "tdms")
+        write_campaign(_frf_campaign(tmp_path), tmp_path / "c", format="tdms")
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(ParameterError, match="lvm"):
-        write_campaign(_frf_campaign(tmp_path), tmp_path / "c", "lvm")
+        write_campaign(_frf_campaign(tmp_path), tmp_path / "c", format="lvm")
 
 
 def test_records_that_share_a_file_name_are_numbered_and_stay_in_the_folder(tmp_path):
@@ -169,7 +169,7 @@ def test_records_that_share_a_file_name_are_numbered_and_stay_in_the_folder(tmp_
     record = campaign.records[0]
     outside = Record(**{**record.__dict__, "name": "../elsewhere/p1.tdms"})
     several = Campaign("t", tmp_path, campaign.machine, (record, record, outside))
-    back = read_campaign(write_campaign(several, tmp_path / "c", "csv"))
+    back = read_campaign(write_campaign(several, tmp_path / "c", format="csv"))
     assert [r.name for r in back.records] == ["records/p1.csv", "records/p1_2.csv", "records/p1_3.csv"]
 
 

@@ -45,8 +45,8 @@ BELOW = replace(SOFT, guide=Guide(2e7, 300.0, "rail"))
 
 @pytest.mark.parametrize(("machine", "tolerance"), [(MACHINE, 1e-8), (BELOW, 3e-4)], ids=["published", "soft"])
 def test_a_head_that_stands_answers_as_time_response_says(machine: Machine, tolerance: float) -> None:
-    found = moving_response(machine, standing(0.37), FORCE, FS, OUTPUTS, substeps=2)
-    expected = time_response(machine, 0.37, FORCE, FS, OUTPUTS)
+    found = moving_response(machine, standing(0.37), FORCE, FS, outputs=OUTPUTS, substeps=2)
+    expected = time_response(machine, 0.37, FORCE, FS, outputs=OUTPUTS)
     assert (found.units, found.outputs, found.position) == (expected.units, expected.outputs, 0.37)
     for one, other in zip(found.data, expected.data, strict=True):
         assert _differ(one, other) < tolerance
@@ -95,7 +95,9 @@ def _by_momenta(travel: Travel, force: float, time: FloatArray) -> tuple[FloatAr
 
 
 def test_a_fast_head_moves_as_hamilton_s_equations_say() -> None:
-    found = moving_response(MACHINE, FAST, PUSH, FS, ("tool_x", "base_x"), "displacement", loads=WEIGHT, substeps=2)
+    found = moving_response(
+        MACHINE, FAST, PUSH, FS, outputs=("tool_x", "base_x"), quantity="displacement", loads=WEIGHT, substeps=2
+    )
     assert np.abs(np.diff(found.path)).max() * FS * 2.5 > 7.9  # m/s
     for one, other in zip(found.data, _by_momenta(FAST, PUSH[0], found.time), strict=True):
         assert _differ(one, other) < 1e-6
@@ -126,13 +128,15 @@ def _on_a_guide(machine: Machine, travel: Travel, force: float, time: FloatArray
 def test_a_head_on_a_soft_guide_moves_as_two_bodies_with_a_spring_between_do() -> None:
     machine = GuideCompliance("head_base", 3e5, 30.0).apply(MACHINE)
     machine = SupportCompliance("rail_ends", 3e7, 5e7, 500.0, 700.0).apply(machine)
-    found = moving_response(machine, FAST, PUSH[:600], FS, ("tool_x",), "displacement", substeps=4)
+    found = moving_response(machine, FAST, PUSH[:600], FS, outputs=("tool_x",), quantity="displacement", substeps=4)
     assert _differ(found.data[0], _on_a_guide(machine, FAST, PUSH[0], found.time)) < 1e-6
 
 
 def test_velocity_and_acceleration_are_derivatives_of_what_the_sensor_rides() -> None:
     quantities = ("displacement", "velocity", "acceleration")
-    found = moving_response(MACHINE, FAST, FORCE, FS, ("base_x",) * 3, quantities, loads=WEIGHT, substeps=2)
+    found = moving_response(
+        MACHINE, FAST, FORCE, FS, outputs=("base_x",) * 3, quantity=quantities, loads=WEIGHT, substeps=2
+    )
     inner = slice(600, 1200)
     for low, high in ((0, 1), (1, 2)):
         x, fine = found.data[low], found.data[high]
@@ -142,7 +146,7 @@ def test_velocity_and_acceleration_are_derivatives_of_what_the_sensor_rides() ->
 
 def test_energy_balances_and_the_drive_has_its_part() -> None:
     for machine in (MACHINE, SOFT):
-        found = moving_response(machine, FAST, FORCE, FS, ("tool_x",), loads=WEIGHT)
+        found = moving_response(machine, FAST, FORCE, FS, outputs=("tool_x",), loads=WEIGHT)
         assert found.energies is not None
         e = found.energies
         moved = max(np.abs(e.force).max(), np.abs(e.drive).max())
@@ -154,7 +158,9 @@ def test_energy_balances_and_the_drive_has_its_part() -> None:
 
 def test_the_drive_lets_the_weight_down_half_as_far_as_it_sinks() -> None:
     slow = s_curve(0.1, 0.5, speed=0.3, acceleration=0.5, jerk=2.0, length=2.5)
-    found = moving_response(MACHINE, slow, np.zeros(2400), 500.0, ("base_x",), "displacement", loads=WEIGHT)
+    found = moving_response(
+        MACHINE, slow, np.zeros(2400), 500.0, outputs=("base_x",), quantity="displacement", loads=WEIGHT
+    )
     assert found.energies is not None
     e, sunk = found.energies, found.data[0, -1] - found.data[0, 0]
     # Of the weight's work W·δ half is stored in the rail; the other half goes into holding the head back.
@@ -166,7 +172,7 @@ def test_a_slow_head_shows_the_frozen_response_at_every_position() -> None:
     fs, rate = 4340.0, 217.0
     slow = trapezoid(0.2, 0.3, speed=0.05, acceleration=0.5, length=2.5, begin=0.3)
     force = harmonic_force(fs, slow.duration, [rate], [1.0])
-    found = moving_response(MACHINE, slow, force, fs, ("tool_x",), substeps=2)
+    found = moving_response(MACHINE, slow, force, fs, outputs=("tool_x",), substeps=2)
     turn = np.exp(-2j * np.pi * rate * found.time)
     period = int(fs / rate)
     mean = np.ones(period) / period
@@ -180,7 +186,10 @@ def test_a_slow_head_shows_the_frozen_response_at_every_position() -> None:
 
 def test_halving_the_steps_gains_six_orders() -> None:
     force = harmonic_force(1000.0, 0.1, [60.0], [50.0])
-    runs = [moving_response(MACHINE, FAST, force, 1000.0, ("tool_x",), "displacement", substeps=n) for n in (1, 2, 64)]
+    runs = [
+        moving_response(MACHINE, FAST, force, 1000.0, outputs=("tool_x",), quantity="displacement", substeps=n)
+        for n in (1, 2, 64)
+    ]
     coarse, fine, exact = (run.data[0] for run in runs)
     assert _differ(coarse, exact) > 20 * _differ(fine, exact)
 
@@ -191,7 +200,7 @@ def test_a_part_of_the_response_keeps_its_path() -> None:
     assert isinstance(part, MovingResponse)
     assert part.position == part.path[0] == found.path[800]
     assert part.path.size == part.force.size
-    assert found.sel("tool_x").path.size == found.force.size
+    assert found.sel(output="tool_x").path.size == found.force.size
     assert found.outputs == ("tool_x", "tool_z", "base_x")
     assert found.unit == "m/s^2"
 
@@ -247,9 +256,12 @@ def test_a_recorded_travel_passes_through_its_record() -> None:
         (lambda: recorded(np.arange(9.0)[::-1], np.full(9, 0.5)), "ascending"),
         (lambda: recorded(np.arange(9.0), [0.5, 0.5, 0.9, 0.5, 0.5, 0.99, 0.1, 0.99, 0.5]), "position"),
         (lambda: moving_response(MACHINE, FAST, np.ones((2, 5)), FS), "force has shape"),
-        (lambda: moving_response(MACHINE, FAST, FORCE, FS, ("nothing",)), "no port 'nothing'"),
+        (lambda: moving_response(MACHINE, FAST, FORCE, FS, outputs=("nothing",)), "no port 'nothing'"),
         (lambda: moving_response(MACHINE, FAST, FORCE, FS, substeps=0), "substeps"),
-        (lambda: moving_response(MACHINE, FAST, FORCE, FS, ("tool_x",), ("velocity",) * 2), "as many quantities"),
+        (
+            lambda: moving_response(MACHINE, FAST, FORCE, FS, outputs=("tool_x",), quantity=("velocity",) * 2),
+            "as many quantities",
+        ),
     ],
 )
 def test_what_cannot_travel_is_refused(wrong: Callable[[], object], message: str) -> None:
@@ -270,8 +282,8 @@ def test_a_twisting_rail_and_nonlinear_joints_are_refused() -> None:
 def test_an_absorber_travels_along() -> None:
     from cutvib_ss.absorber import attach_absorber
 
-    found = moving_response(attach_absorber(MACHINE, table_7()), FAST, FORCE, FS, ("tool_x",))
-    bare = moving_response(MACHINE, FAST, FORCE, FS, ("tool_x",))
+    found = moving_response(attach_absorber(MACHINE, table_7()), FAST, FORCE, FS, outputs=("tool_x",))
+    bare = moving_response(MACHINE, FAST, FORCE, FS, outputs=("tool_x",))
     assert found.after(0.1).rms()[0] < 0.8 * bare.after(0.1).rms()[0]
 
 

@@ -12,10 +12,12 @@ from cutvib_ss import plot
 from cutvib_ss.absorber import check_absorber
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.rail import mode_shapes
 from cutvib_ss.parameters import table_7
 from cutvib_ss.plot.diagnosis import error_over_noise
+from cutvib_ss.plot.shapes import deflections
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.response.modes import track_modes
+from cutvib_ss.response.modes import modes, track_modes
 from tests.unit.diagnosis_example import example_diagnosis, example_structure
 
 FREQ = np.arange(20.0, 400.0, 1.0)
@@ -49,7 +51,7 @@ def test_pole_map_and_schedule_show_the_tracked_modes() -> None:
     machine = published_machine()
     tracked = track_modes(machine, np.linspace(0.1, 0.9, 17))
     poles = plot.pole_map(tracked, 300.0)
-    drawn = [np.asarray(line.get_xdata()) for line in poles.axes[0].lines]
+    drawn = [np.asarray(line.get_xdata()) for line in poles.lines if len(line.get_xdata()) == 17]
     assert len(drawn) == int(np.sum(tracked.natural_freq.min(axis=0) <= 300.0))
     assert np.array_equal(drawn[0], tracked.natural_freq[:, 0])
     frf = frequency_response(machine, tracked.positions, FREQ, outputs=("tool_x",))
@@ -133,3 +135,70 @@ def test_drawing_leaves_no_figure_with_pyplot() -> None:
     plot.error_map(example_diagnosis(lines=50, records=1).comparisons)
     pyplot = sys.modules.get("matplotlib.pyplot")  # python-control imports it
     assert pyplot is None or pyplot.get_fignums() == []
+
+
+def test_the_s_plane_shows_every_pole_with_lines_of_damping_and_the_tool_s_frequency() -> None:
+    found = modes(published_machine(), 0.5)
+    figure = Figure()
+    ax = figure.subplots()
+    assert plot.s_plane(found, ax=ax) is ax
+    [points] = [line for line in ax.lines if line.get_marker() == "x"]
+    assert np.allclose(np.asarray(points.get_xdata()), found.poles.real)
+    assert np.allclose(np.asarray(points.get_ydata()) * 2 * np.pi, found.poles.imag)
+    for line in ax.lines[:6]:
+        x, y = np.asarray(line.get_xdata())[1], np.asarray(line.get_ydata())[1] * 2 * np.pi
+        assert -x / np.hypot(x, y) == pytest.approx(float(_nearest_ratio(-x / np.hypot(x, y))), rel=1e-9)
+    texts = [t.get_text() for t in ax.texts]
+    assert {"1 %", "10 %", "217 Hz"} <= set(texts)
+
+
+def _nearest_ratio(value: float) -> float:
+    return min((0.005, 0.01, 0.02, 0.03, 0.05, 0.1), key=lambda r: abs(r - value))
+
+
+def test_poles_over_position_take_two_axes_and_mark_the_tool() -> None:
+    tracked = track_modes(published_machine(), np.linspace(0.1, 0.9, 9))
+    panels = plot.poles_over_position(tracked, ax=Figure().subplots(1, 2))
+    assert np.array_equal(np.asarray(panels[0].lines[1].get_ydata()), tracked.natural_freq[:, 1])
+    assert np.asarray(panels[0].lines[-1].get_ydata()).tolist() == [217.0, 217.0]
+
+
+def test_nyquist_and_magnitude_draw_on_the_axes_they_are_given() -> None:
+    frf = frequency_response(published_machine(), [0.2, 0.5], np.arange(150.0, 300.5, 0.5), outputs="tool_x")
+    ax = Figure().subplots()
+    assert plot.nyquist(frf, ax=ax) is ax
+    assert np.array_equal(np.asarray(ax.lines[0].get_xdata()), frf.data[0, 0, 0].real)
+    marked = [line for line in ax.lines if line.get_marker() == "o" and len(line.get_xdata()) == 1]  # type: ignore[arg-type]
+    assert marked[1].get_ydata()[0] == frf.data[1, 0, 0, 134].imag  # type: ignore[index]
+    ax = Figure().subplots()
+    assert plot.magnitude(frf, ax=ax) is ax
+    assert np.array_equal(np.asarray(ax.lines[1].get_ydata()), np.abs(frf.data[1, 0, 0]))
+
+
+def test_a_drawn_mode_is_the_rail_s_deflection_and_the_head_s_motion() -> None:
+    machine = published_machine()
+    found = modes(machine, 0.3)
+    along, head = deflections(machine, found, 1)
+    # Modal coordinates and mode shapes of the rail, by Eq. 7.
+    shapes = mode_shapes(machine.rail.parameters, np.linspace(0.0, 1.0, 201))
+    assert np.allclose(along, shapes @ found.mode_shapes[:4, 1], atol=1e-12)
+    assert head[0, 0] == pytest.approx(along[60], rel=1e-9)
+    figure = plot.mode_shapes(machine, found, highest=300.0)
+    assert len(figure.axes) == 2 * int((found.natural_freq <= 300.0).sum())
+
+
+def test_a_mode_moves_in_a_gif_and_impossible_ones_are_refused(tmp_path: Path) -> None:
+    machine = published_machine()
+    found = modes(machine, 0.5)
+    plot.animate_mode(machine, found, 3, tmp_path / "mode.gif", frames=6, dpi=40.0)
+    with Image.open(tmp_path / "mode.gif") as picture:
+        assert picture.n_frames == 6  # type: ignore[attr-defined]
+    with pytest.raises(ParameterError, match="modes 1 to 6"):
+        plot.animate_mode(machine, found, 7, tmp_path / "seven.gif")
+    with pytest.raises(ParameterError, match=r"\.gif"):
+        plot.animate_mode(machine, found, 1, tmp_path / "one.png")
+
+
+def test_a_result_without_a_picture_says_so() -> None:
+    with pytest.raises(ParameterError, match="no picture of a int"):
+        plot.draw(3)

@@ -17,7 +17,7 @@ CHECK = workspace_check(MACHINE, [MountedAbsorber(table_7())], PLACES, tolerance
 def test_the_study_is_a_map_with_the_best_marked() -> None:
     study = parametric_study(MACHINE, PLACES, tuning=[210.0, 214.0, 218.0], damping_ratio=[0.01, 0.02])
     figure = plot.absorber_study(study, {"Table 7": table_7()})
-    axes = figure.axes[0]
+    axes = figure
     assert np.allclose(np.asarray(axes.collections[0].get_array()).ravel(), study.worst.T.ravel())
     assert [line.get_label() for line in axes.lines] == ["best of the grid", "Table 7"]
     assert axes.lines[0].get_xdata() == pytest.approx([study.best.frequency])
@@ -25,17 +25,17 @@ def test_the_study_is_a_map_with_the_best_marked() -> None:
 
 def test_over_the_rail_the_worst_in_tolerance_is_above_the_design() -> None:
     figure = plot.absorbers_over_the_rail({"Table 7": CHECK})
-    before, exact, toleranced = (np.asarray(line.get_ydata()) for line in figure.axes[0].lines[:3])
+    before, exact, toleranced = (np.asarray(line.get_ydata()) for line in figure.lines[:3])
     assert np.array_equal(before, CHECK.before)
     assert np.array_equal(exact, CHECK.exact)
     assert (toleranced > exact).all()
-    assert figure.axes[0].get_ylabel() == "accelerance of tool_x at 217 Hz [(m/s²)/N]"
+    assert figure.get_ylabel() == "accelerance of tool_x at 217 Hz [(m/s²)/N]"
 
 
 def test_the_front_is_mass_against_the_worst() -> None:
     front = mass_front(MACHINE, [0.05, 0.1], positions=PLACES, tolerance=BOX)
     figure = plot.absorber_front({"tool X": front}, {"Table 7": CHECK})
-    line = figure.axes[0].lines[0]
+    line = figure.lines[0]
     assert np.asarray(line.get_xdata()) == pytest.approx([0.05, 0.1])
     assert np.asarray(line.get_ydata()) == pytest.approx([d.check.toleranced.max() for d in front])
-    assert "Table 7" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "Table 7" in [text.get_text() for text in figure.get_figure(root=True).legends[0].get_texts()]

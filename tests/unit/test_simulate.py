@@ -199,9 +199,9 @@ def test_files_read_back_and_others_are_refused(tmp_path: Path) -> None:
 
 def test_the_picture_shows_force_and_outputs() -> None:
     force = pulse_train(8000.0, 2.0)
-    long = time_histories(time_response(MACHINE, 0.5, force, 8000.0, ["tool_x", "joint2"]), title="Pulses")
+    long = time_histories(time_response(MACHINE, 0.5, force, 8000.0, outputs=["tool_x", "joint2"]), title="Pulses")
     assert [a.get_ylabel() for a in long.axes[::3]] == ["force [N]", "tool_x [g]", "joint2 [rad]"]
     assert long.axes[2].get_xlim() == (0.0, 2000.0)
     period = pulse_train(217 * 32.0, 1 / 217)
-    steady = time_histories(time_response(MACHINE, 0.5, period, 217 * 32.0, ["tool_x"], start="periodic"))
+    steady = time_histories(time_response(MACHINE, 0.5, period, 217 * 32.0, outputs=["tool_x"], start="periodic"))
     assert steady.axes[0].get_title(loc="left") == "one period"

@@ -47,7 +47,7 @@ def with_law(law: str, **parameters: float) -> Machine:
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
 def test_agrees_with_forced_response(quantity: str) -> None:
     force = np.random.default_rng(1).normal(size=4000)
-    got = time_response(MACHINE, 0.3, force, FS, ["tool_x", "head_z", "base_x"], quantity)  # type: ignore[arg-type]
+    got = time_response(MACHINE, 0.3, force, FS, outputs=["tool_x", "head_z", "base_x"], quantity=quantity)  # type: ignore[arg-type]
     plant = MACHINE.plant(0.3, outputs=got.outputs, quantity=quantity)  # type: ignore[arg-type]
     want = control.forced_response(plant, got.time, force).outputs
     assert (np.abs(got.data - want).max(axis=1) < 1e-9 * np.abs(want).max(axis=1)).all()
@@ -61,8 +61,8 @@ def test_a_shaken_structure_and_other_inputs() -> None:
     want = control.forced_response(shaken.plant(), got.time, force).outputs
     assert np.abs(got.data - want).max() < 1e-9 * np.abs(want).max()
     assert got.force_unit == "m/s^2"
-    there = time_response(MACHINE, 0.4, force, FS, ["tool_x"], "displacement", input="rail(0.7)")
-    back = time_response(MACHINE, 0.4, force, FS, ["rail(0.7)"], "displacement")
+    there = time_response(MACHINE, 0.4, force, FS, outputs=["tool_x"], quantity="displacement", input="rail(0.7)")
+    back = time_response(MACHINE, 0.4, force, FS, outputs=["rail(0.7)"], quantity="displacement")
     assert np.abs(there.data - back.data).max() < 1e-9 * np.abs(there.data).max()
     assert there.force_unit == "N"
 
@@ -70,7 +70,13 @@ def test_a_shaken_structure_and_other_inputs() -> None:
 def test_from_a_state() -> None:
     w, t = 2 * np.pi * 50.0, np.arange(500) / 2000.0
     got = time_response(
-        oscillator(), None, np.zeros(500), 2000.0, ["x", "x"], ["displacement", "velocity"], start=[0.1, 3.0]
+        oscillator(),
+        None,
+        np.zeros(500),
+        2000.0,
+        outputs=["x", "x"],
+        quantity=["displacement", "velocity"],
+        start=[0.1, 3.0],
     )
     assert np.allclose(got.data[0], 0.1 * np.cos(w * t) + 3.0 / w * np.sin(w * t), atol=1e-12)
     assert np.allclose(got.data[1], -0.1 * w * np.sin(w * t) + 3.0 * np.cos(w * t), atol=1e-9)
@@ -79,14 +85,16 @@ def test_from_a_state() -> None:
 def test_the_periodic_state_is_the_end_of_a_long_run_and_the_frequency_response() -> None:
     force = pulse_train(FS, 1 / 217, amplitude=100.0)
     names = ["tool_x", "tool_z", "base_x", "rail_left_force", "joint2"]
-    steady = time_response(MACHINE, 0.5, force, FS, names, start="periodic")
-    long = time_response(MACHINE, 0.5, np.tile(force, 217 * 30), FS, names)
+    steady = time_response(MACHINE, 0.5, force, FS, outputs=names, start="periodic")
+    long = time_response(MACHINE, 0.5, np.tile(force, 217 * 30), FS, outputs=names)
     size = np.abs(steady.data).max(axis=1)
     assert (np.abs(long.data[:, -64:] - steady.data).max(axis=1) < 1e-9 * size).all()
     # Lines of a spectrum of one period are the harmonics; a linear course between samples weighs them by sinc².
-    freq, amplitude = time_response(MACHINE, 0.5, force, FS, ["tool_x"], "displacement", start="periodic").spectrum()
+    freq, amplitude = time_response(
+        MACHINE, 0.5, force, FS, outputs=["tool_x"], quantity="displacement", start="periodic"
+    ).spectrum()
     assert freq[1] == pytest.approx(217.0)
-    frf = np.abs(frequency_response(MACHINE, [0.5], freq[1:4], "receptance", outputs=("tool_x",)).data[0, 0, 0])
+    frf = np.abs(frequency_response(MACHINE, [0.5], freq[1:4], form="receptance", outputs=("tool_x",)).data[0, 0, 0])
     given = 2 * np.abs(np.fft.rfft(force))[1:4] / force.size
     assert amplitude[0, 1:4] == pytest.approx(frf * given * np.sinc(freq[1:4] / FS) ** 2, rel=1e-4)
 
@@ -106,7 +114,7 @@ def test_what_the_ends_pass_on(position: float) -> None:
     t = np.arange(24_000) / fs
     slow = 50.0 * np.clip(t / 5.0, 0.0, 1.0) ** 2 * (3 - 2 * np.clip(t / 5.0, 0.0, 1.0))
     ends = ["rail_left_force", "rail_right_force"]
-    got = time_response(MACHINE, position, slow, fs, ends)
+    got = time_response(MACHINE, position, slow, fs, outputs=ends)
     assert got.unit == "N"
     assert got.data[0, -1] == pytest.approx(50.0 * (1 - position), rel=2e-3)
     assert got.data[1, -1] == pytest.approx(50.0 * position, rel=2e-3)
@@ -118,7 +126,9 @@ def test_rigid_ends_are_the_limit_of_stiff_ones() -> None:
     blow = 100.0 * np.exp(-(((t - 0.01) / 2e-3) ** 2))
     for bare in (many, RailTorsion("rail", 0.05, 0.8, 180.0, 0.02).apply(many)):
         stiff = SupportCompliance("rail_ends", 1e11, 1e11, 1e5, 1e5).apply(bare)
-        a, b = (time_response(m, 0.3, blow, FS, ["rail_left_force", "rail_right_force"]).data for m in (bare, stiff))
+        a, b = (
+            time_response(m, 0.3, blow, FS, outputs=["rail_left_force", "rail_right_force"]).data for m in (bare, stiff)
+        )
         # What is left is the ringing of the stiff ends themselves, far above the blow's spectrum.
         spectra = [np.abs(np.fft.rfft(x, axis=1)[:, :200]) for x in (a, b)]
         assert np.abs(spectra[0] - spectra[1]).max() < 2e-3 * spectra[0].max()
@@ -146,7 +156,7 @@ def test_elements_take_part(law: str, parameters: dict[str, float], within: floa
 
     # The force's own course between samples is no matter here: samples close to each other.
     fine = np.arange(600 * 8) / (8 * FS)
-    got = time_response(machine, 0.4, np.asarray(force(fine)), 8 * FS, ["joint2"]).data[0, ::8]
+    got = time_response(machine, 0.4, np.asarray(force(fine)), 8 * FS, outputs=["joint2"]).data[0, ::8]
     system = machine.second_order(0.4)
     want = integrate(system, system.port("tool_x"), lambda t: float(force(t)), machine.nonlinear[0], t, 1e-4)
     assert np.abs(got - want).max() < within * np.abs(want).max()
@@ -157,12 +167,12 @@ def test_the_nonlinear_periodic_state_is_the_end_of_a_long_run(
     law: str, parameters: dict[str, float], within: float
 ) -> None:
     machine, force = with_law(law, **parameters), pulse_train(FS, 1 / 217, amplitude=60.0)
-    steady = time_response(machine, 0.5, force, FS, ["tool_x", "joint2"], start="periodic")
-    long = time_response(machine, 0.5, np.tile(force, 217 * 25), FS, ["tool_x", "joint2"])
+    steady = time_response(machine, 0.5, force, FS, outputs=["tool_x", "joint2"], start="periodic")
+    long = time_response(machine, 0.5, np.tile(force, 217 * 25), FS, outputs=["tool_x", "joint2"])
     size = np.abs(steady.data).max(axis=1)
     assert steady.periodic
     assert (np.abs(long.data[:, -64:] - steady.data).max(axis=1) < 1e-4 * size).all()
-    linear = time_response(MACHINE, 0.5, force, FS, ["tool_x", "joint2"], start="periodic")
+    linear = time_response(MACHINE, 0.5, force, FS, outputs=["tool_x", "joint2"], start="periodic")
     assert np.abs(linear.data - steady.data).max() > 1e-3 * size.max()
 
 
@@ -181,7 +191,7 @@ def test_python_control_gets_the_same_machine(law: str) -> None:
     assert system.nstates == (13 if law == "joint_slip" else 12)
     solver = {"method": "RK45", "rtol": 1e-7, "atol": 1e-10, "max_step": 5e-5}
     want = control.input_output_response(system, t, force, solve_ivp_kwargs=solver).outputs
-    got = time_response(machine, 0.4, force, FS, ["tool_x", "joint2"], "displacement").data
+    got = time_response(machine, 0.4, force, FS, outputs=["tool_x", "joint2"], quantity="displacement").data
     assert (np.abs(got - want).max(axis=1) < (5e-3 if law == "dry_friction" else 5e-4) * np.abs(want).max(axis=1)).all()
     x, u = 1e-4 * np.arange(1.0, system.nstates + 1), [3.0]
     assert np.isfinite(system.output(0.0, x, u)).all()
@@ -232,7 +242,7 @@ def test_the_result_is_labelled_and_frozen() -> None:
     assert made.unit == "m, m/s^2"
     assert made.rms() == pytest.approx([np.sqrt(5.5), 9.80665])
     assert made.peak() == pytest.approx([4.0, 9.80665])
-    assert made.in_g().sel("b").peak() == pytest.approx([1.0])
+    assert made.in_g().sel(output="b").peak() == pytest.approx([1.0])
     assert made.in_g().units == ("m", "g")
     assert made.after(0.4).time.size == 600
     freq, amplitude = made.spectrum(window=False)
@@ -244,7 +254,7 @@ def test_the_result_is_labelled_and_frozen() -> None:
     with pytest.raises(ValueError, match="read-only"):
         made.data[0] = 0.0
     with pytest.raises(ParameterError, match="no output"):
-        made.sel("c")
+        made.sel(output="c")
     with pytest.raises(ParameterError, match="lasts 1 s"):
         made.after(2.0)
     with pytest.raises(ParameterError, match="do not fit"):
@@ -275,7 +285,7 @@ def test_bad_input_is_refused(given: dict[str, object], complaint: str) -> None:
 
 def test_what_needs_a_rail_or_a_choice_says_so() -> None:
     with pytest.raises(ParameterError, match="has no rail"):
-        time_response(oscillator(), None, np.zeros(5), 100.0, ["rail_left_force"])
+        time_response(oscillator(), None, np.zeros(5), 100.0, outputs=["rail_left_force"])
     hysteretic = StructuralDamping("joint2", 0.05).apply(MACHINE)
     with pytest.raises(CouplingError, match="equivalent viscous"):
         time_response(hysteretic, 0.5, np.zeros(5), 100.0)

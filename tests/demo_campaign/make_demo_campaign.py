@@ -14,7 +14,7 @@ compared with itself:
 
 What the machine has and the model lacks is drawn from the seed. Nothing of it is written into the campaign's folder.
 
-    python tools/make_demo_campaign.py cutvib_ss/data/demo
+    python tests/demo_campaign/make_demo_campaign.py cutvib_ss/data/demo
 """
 
 import argparse
