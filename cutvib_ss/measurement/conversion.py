@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -81,14 +82,48 @@ def frf_of(contents: Contents, layout: Layout, where: str) -> RawFrf:
     frf = contents.frf
     if frf is None or not frf.responses:
         raise DataFormatError(f"{where}: holds no frequency response of a channel; export at least one")
+    frf = _ascending(frf)
     freq = frf.freq
     if freq.size < FEWEST_LINES:
         raise DataFormatError(f"{where}: {freq.size} frequency lines are too few; give at least {FEWEST_LINES}")
     if not np.all(np.isfinite(freq)) or freq[0] < 0 or not np.all(np.diff(freq) > 0):
-        raise DataFormatError(f"{where}: frequencies must be finite, from 0 Hz up and ascending; sort the lines")
+        raise DataFormatError(
+            f"{where}: frequencies must be finite, from 0 Hz up and ascending, none of them twice; sort the lines"
+        )
     _check_names([r.name for r in frf.responses], layout, where)
     ordered = sorted(frf.responses, key=lambda r: list(layout.quantities).index(r.name))
-    return RawFrf(freq, tuple(_response(r, layout, where) for r in ordered))
+    amplitude = None if frf.force_amplitude is None else _amplitude(frf.force_amplitude, freq.size, layout, where)
+    return RawFrf(freq, tuple(_response(r, layout, where) for r in ordered), amplitude)
+
+
+def motion_factor(frf: RawFrf, channel: str, layout: Layout, where: str) -> float:
+    """SI value of one unit of a channel's motion, as the file (or ``[channels]``) names it."""
+    unit = next((response.unit for response in frf.responses if response.name == channel), None)
+    quantity = layout.quantities[channel]
+    if unit is None:
+        return 1.0
+    numerator, _ = _split_unit(unit, f"{where}: channel {channel!r}", f"{SI_UNIT[quantity]}/N")
+    return to_si(numerator, quantity, f"{where}: channel {channel!r}")
+
+
+def _ascending(frf: RawFrf) -> RawFrf:
+    """Lines in ascending order: a sweep may have been listed from the top down, or at random."""
+    freq = frf.freq
+    if freq.size < 2 or np.all(np.diff(freq) > 0) or not np.all(np.isfinite(freq)):
+        return frf
+    order = np.argsort(freq, kind="stable")
+    if not np.all(np.diff(freq[order]) > 0):
+        return frf
+    if any(response.values.size != freq.size for response in frf.responses):
+        return frf
+    responses = tuple(
+        replace(r, values=r.values[order], coherence=None if r.coherence is None else r.coherence[order])
+        for r in frf.responses
+    )
+    amplitude = frf.force_amplitude
+    if amplitude is not None and amplitude.values.size == freq.size:
+        amplitude = replace(amplitude, values=amplitude.values[order])
+    return RawFrf(freq[order], responses, amplitude)
 
 
 def to_contents(histories: Sequence[History], layout: Layout) -> Contents:
@@ -154,6 +189,19 @@ def _si(signal: Signal, quantity: str, where: str) -> FloatArray:
             "check scale and unit"
         )
     return values
+
+
+def _amplitude(raw: Signal, lines: int, layout: Layout, where: str) -> Signal:
+    """Amplitude of the force line by line, in SI units: positive throughout."""
+    if raw.values.size != lines:
+        raise DataFormatError(f"{where}: {raw.name!r} has {raw.values.size} values for {lines} lines; give one a line")
+    values = _si(raw, layout.quantities[FORCE], where)
+    if not np.all(values > 0):
+        line = int(np.argmin(values > 0))
+        raise DataFormatError(
+            f"{where}: {raw.name!r} is {raw.values[line]:g} at line {line + 1}; an amplitude is positive: remove that line"
+        )
+    return Signal(raw.name, SI_UNIT[layout.quantities[FORCE]], values)
 
 
 def _response(raw: RawResponse, layout: Layout, where: str) -> RawResponse:

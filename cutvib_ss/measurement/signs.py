@@ -6,7 +6,8 @@ import numpy as np
 
 from cutvib_ss.machine import Machine
 from cutvib_ss.measurement.estimation import estimate
-from cutvib_ss.measurement.records import MachineLike, Record
+from cutvib_ss.measurement.inputs import port_of
+from cutvib_ss.measurement.records import FORCE, MachineLike, Record
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.structure import Structure
@@ -41,7 +42,7 @@ def turned_signs(record: Record, machine: MachineLike, where: str) -> list[str]:
     against = _against_nominal(frf, record, machine)
     turned = []
     for k, name in enumerate(record.channels):
-        at_force = machine.input_quantity == "force" and machine.channels[name].port == machine.input_port
+        at_force = machine.input_quantity == "force" and machine.channels[name].port == port_of(record.input, machine)
         if (sign_at_driving_point(frf, name) if at_force else against[k]) < _TURNED:
             turned.append((name, at_force))
     driven = [name for name, at_force in turned if at_force]
@@ -98,7 +99,8 @@ def _against_nominal(frf: MeasuredFrequencyResponse, record: Record, machine: Ma
     if not isinstance(machine, (Machine, Structure)):
         return against
     position = None if record.position is None else [record.position]
-    nominal = frequency_response(machine, position, frf.freq, outputs=record.channels).data[0, :, 0]
+    inputs = (FORCE,) if record.input is None else (port_of(record.input, machine),)
+    nominal = frequency_response(machine, position, frf.freq, inputs=inputs, outputs=record.channels).data[0, :, 0]
     for k, (h, model) in enumerate(zip(frf.data[0, :, 0], nominal, strict=True)):
         clear = (np.abs(h) ** 2 > 100 * frf.variance[0, k, 0]) & np.isfinite(model) & (frf.freq > 0)
         if np.count_nonzero(clear) >= 8:

@@ -70,6 +70,8 @@ def write(path: Path, contents: Contents, layout: Layout) -> None:
     """
     if contents.frf is not None:
         header, blocks = ["freq [Hz]"], [_frf_columns(contents.frf)]
+        if contents.frf.force_amplitude is not None:
+            header.append(f"force amplitude [{contents.frf.force_amplitude.unit}]")
         for response in contents.frf.responses:
             header += [f"{response.name} re [{response.unit}]", f"{response.name} im [{response.unit}]"]
             header += [f"{response.name} coherence"] * (response.coherence is not None)
@@ -151,6 +153,7 @@ def _histories(path: Path, columns: list[tuple[str, str | None]], values: FloatA
 def _frf(path: Path, columns: list[tuple[str, str | None]], values: FloatArray) -> RawFrf:
     data = {name: (unit, values[:, k]) for k, (name, unit) in enumerate(columns)}
     _, freq = data.pop("freq")
+    amplitude = data.pop("force amplitude", data.pop("force_amplitude", None))
     channels = list(dict.fromkeys(name.rsplit(" ", 1)[0] for name in data))
     responses = []
     for channel in channels:
@@ -169,11 +172,12 @@ def _frf(path: Path, columns: list[tuple[str, str | None]], values: FloatArray) 
         )
     if data:
         raise DataFormatError(f"{path}: column {next(iter(data))!r} is not known; the first line is {_EXPECTED[True]}")
-    return RawFrf(freq, tuple(responses))
+    stated = None if amplitude is None else Signal("force amplitude", amplitude[0], amplitude[1])
+    return RawFrf(freq, tuple(responses), stated)
 
 
 def _frf_columns(frf: RawFrf) -> FloatArray:
-    columns = [frf.freq]
+    columns = [frf.freq] if frf.force_amplitude is None else [frf.freq, frf.force_amplitude.values]
     for response in frf.responses:
         columns += [response.values.real, response.values.imag]
         columns += [response.coherence] if response.coherence is not None else []

@@ -30,6 +30,7 @@ from cutvib_ss.measurement.formats.raw import (
 from cutvib_ss.units import SI_UNIT
 
 _COHERENCE = "_coherence"
+_AMPLITUDE = "force_amplitude"
 
 
 def read(path: Path, frf: bool, layout: Layout) -> Contents:
@@ -89,6 +90,9 @@ def write(path: Path, contents: Contents, layout: Layout) -> None:
     units: dict[str, str] = {}
     if contents.frf is not None:
         variables["freq"] = contents.frf.freq[:, np.newaxis]
+        if contents.frf.force_amplitude is not None:
+            variables[_AMPLITUDE] = contents.frf.force_amplitude.values[:, np.newaxis]
+            units[_AMPLITUDE] = contents.frf.force_amplitude.unit or ""
         for response in contents.frf.responses:
             variables[response.name] = response.values[:, np.newaxis]
             units[response.name] = response.unit or ""
@@ -166,6 +170,7 @@ def _frf(path: Path, variables: dict[str, Any], units: dict[str, str], layout: L
             f"{path}: no variable `freq` (frequency [Hz]); it has {', '.join(sorted(variables))}; add it"
         )
     freq = _numbers(path, "freq", variables.pop("freq")).astype(np.float64).ravel()
+    amplitude = variables.pop(_AMPLITUDE, None)
     vectors = {name: _numbers(path, name, value).ravel() for name, value in variables.items()}
     for name, vector in vectors.items():
         if vector.size != freq.size:
@@ -187,7 +192,13 @@ def _frf(path: Path, variables: dict[str, Any], units: dict[str, str], layout: L
         responses.append(
             RawResponse(name, unit, vector.astype(np.complex128), None if coherence is None else coherence.real)
         )
-    return RawFrf(freq, tuple(responses))
+    stated = None
+    if amplitude is not None:
+        values = _numbers(path, _AMPLITUDE, amplitude).real.astype(np.float64).ravel()
+        stated = Signal(
+            _AMPLITUDE, units.get(_AMPLITUDE, units.get("force", SI_UNIT[layout.quantities["force"]])), values
+        )
+    return RawFrf(freq, tuple(responses), stated)
 
 
 def _unit(name: str, units: dict[str, str], layout: Layout) -> str | None:

@@ -88,10 +88,13 @@ class RawFrf:
         Frequency [Hz].
     responses : tuple of RawResponse
         One per channel.
+    force_amplitude : Signal or None
+        Amplitude of the force at each line, where the file states it.
     """
 
     freq: FloatArray
     responses: tuple[RawResponse, ...]
+    force_amplitude: Signal | None = None
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,10 @@ def write(path: Path, contents: Contents, layout: Layout) -> None:
     """
     sets: list[dict[str, Any]] = []
     if contents.frf is not None:
+        if contents.frf.force_amplitude is not None:
+            raise DataFormatError(
+                f"{path.name}: UFF has no place for the force amplitude of each line; write csv or mat"
+            )
         freq = contents.frf.freq
         even = bool(np.allclose(np.diff(freq), freq[1] - freq[0], rtol=1e-9, atol=0))
         for response in contents.frf.responses:
