@@ -15,12 +15,12 @@ from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.machine import published_machine
 from cutvib_ss.measurement.checks import check_record
 from cutvib_ss.measurement.conversion import frf_of, histories_of, motion_factor, to_contents
-from cutvib_ss.measurement.formats import format_of, read_file
-from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawResponse, Signal
+from cutvib_ss.measurement.formats import format_of
+from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawResponse, Signal, TextOptions
 from cutvib_ss.measurement.inputs import struck_port
 from cutvib_ss.measurement.layout import layout_of
-from cutvib_ss.measurement.mapping import assign
 from cutvib_ss.measurement.noise import frf_variance
+from cutvib_ss.measurement.reading import read_file
 from cutvib_ss.measurement.records import FORCE, Campaign, History, MachineLike, Record
 from cutvib_ss.measurement.schema import CampaignFile, ChannelTable, RecordTable, read_campaign_file
 from cutvib_ss.model_files import read_machine, write_machine
@@ -56,13 +56,14 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
     tables = read_campaign_file(file)
     if machine is None:
         machine = _machine(tables, file)
-    layout = layout_of(machine, tables.dofs, f"{file}: dofs")
     records: list[Record] = []
     warnings: list[str] = []
     for number, table in enumerate(tables.record, start=1):
         _check_position(table, machine, f"{file}: record[{number}]")
         struck = struck_port(table.input, machine, f"{file}: record[{number}]")
-        record, found = _read_record(table, file.parent, machine, layout, tables.channels_of(table), struck)
+        here = layout_of(machine, tables.dofs, f"{file}: dofs", struck)
+        options = TextOptions(**tables.csv_of(table).model_dump())
+        record, found = _read_record(table, file.parent, machine, here, tables.channels_of(table), struck, options)
         records.append(record)
         warnings += found
     title = tables.campaign.title or file.parent.resolve().name
@@ -143,9 +144,10 @@ def _read_record(
     layout: Layout,
     mapping: Mapping[str, ChannelTable],
     struck: str | None,
+    options: TextOptions,
 ) -> tuple[Record, tuple[str, ...]]:
     paths = [folder / name for name in table.files]
-    contents = [assign(read_file(path, table.kind == "frf", layout), layout, mapping, str(path)) for path in paths]
+    contents = [read_file(path, table.kind == "frf", layout, mapping, options) for path in paths]
     warnings = [warning for content in contents for warning in content.warnings]
     histories: tuple[History, ...] = ()
     frf, amplitude, peak_response = None, None, table.peak_response

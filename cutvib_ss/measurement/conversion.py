@@ -10,6 +10,7 @@ import numpy as np
 
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawHistory, RawResponse, Signal
+from cutvib_ss.measurement.mapping import mapping_line
 from cutvib_ss.measurement.records import FORCE, History
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.units import SI_UNIT, to_si
@@ -158,7 +159,8 @@ def _history(raw: RawHistory, layout: Layout, where: str) -> History:
     _check_names(names, layout, where)
     if FORCE not in names:
         raise DataFormatError(
-            f"{where}: no channel {FORCE!r} among {', '.join(names)}; record the force with the responses"
+            f"{where}: no channel {FORCE!r} among {', '.join(names)}; record the force with the responses, or say under "
+            f"[channels] which it is: {mapping_line(FORCE, names)}"
         )
     if len(names) == 1:
         raise DataFormatError(f"{where}: no response channel; record at least one of {_responses(layout)}")
@@ -238,10 +240,17 @@ def _check_names(names: Sequence[str], layout: Layout, where: str) -> None:
     for name in names:
         if name not in layout.quantities:
             raise DataFormatError(
-                f"{where}: channel {name!r} is not known; the model has {FORCE} and {_responses(layout)}"
+                f"{where}: channel {name!r} is not known; the model has {FORCE} and {_responses(layout)}; the file has "
+                f"{', '.join(names)}; say under [channels] which is which, for instance: {_first_line(names, layout)}"
             )
         if list(names).count(name) > 1:
             raise DataFormatError(f"{where}: channel {name!r} comes {list(names).count(name)} times; keep one")
+
+
+def _first_line(names: Sequence[str], layout: Layout) -> str:
+    """The line that would map the first channel that is missing to the likeliest column that is none of the model's."""
+    missing = next((channel for channel in layout.quantities if channel not in names), FORCE)
+    return mapping_line(missing, [name for name in names if name not in layout.quantities])
 
 
 def _responses(layout: Layout) -> str:

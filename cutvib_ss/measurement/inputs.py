@@ -29,7 +29,7 @@ def struck_port(stated: str | None, machine: MachineLike, where: str) -> str | N
     port = CUTTING_SIGNALS.get(stated, stated) if machine.has_position else stated
     if port in (FORCE, machine.input_port):
         return None
-    ports = _ports(machine)
+    ports = input_ports(machine)
     if port not in ports:
         rail = ", or rail@ and a fraction of its length" if machine.has_position else ""
         raise DataFormatError(f"{where}.input = {stated!r}: no port of the model; give one of {', '.join(ports)}{rail}")
@@ -43,7 +43,8 @@ def port_of(struck: str | None, machine: MachineLike) -> str:
     return f"rail({struck.removeprefix('rail@')})" if struck.startswith("rail@") else struck
 
 
-def _ports(machine: MachineLike) -> Sequence[str]:
+def input_ports(machine: MachineLike) -> Sequence[str]:
+    """Ports at which a force may act."""
     if isinstance(machine, Machine):
         return ["tool_x", "tool_z", "head_x", "head_z", "base"]
     if isinstance(machine, Structure):
