@@ -28,7 +28,11 @@ SI_UNIT: Mapping[str, str] = MappingProxyType(
 DERIVATIVE_ORDER: Mapping[str, int] = MappingProxyType({"displacement": 0, "velocity": 1, "acceleration": 2})
 """Time derivatives of displacement behind each motion quantity."""
 
-_SPELLINGS = {"m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/sec^2": "m/s^2", "newton": "N"}
+_SPELLINGS = {
+    "m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/sec^2": "m/s^2", "m/s/s": "m/s^2", "m/sec²": "m/s^2",
+    "(m/s^2)": "m/s^2", "(m/s²)": "m/s^2", "newton": "N", "Newton": "N", "newtons": "N", "Newtons": "N",
+    "gn": "g", "g_n": "g", "meter": "m", "metre": "m", "millimeter": "mm", "millimetre": "mm",
+}  # fmt: skip
 
 
 def to_si(unit: str, quantity: str, where: str) -> float:

@@ -24,7 +24,9 @@ FEWEST_LINES = 4
 ABSURD = {"force": 1e8, "acceleration": 1e6, "velocity": 1e5, "displacement": 1e3}
 """Magnitudes (SI) beyond which a value is a wrong unit or a fault, not a measurement."""
 
-_PER = re.compile(r"^(?P<numerator>.+?)/(?P<denominator>N|newton|g|m/s\^?2|m/s²|m/s\*\*2|m/sec\^2)$", re.IGNORECASE)
+_ELECTRICAL = ("V", "mV", "uV", "µV", "Volt", "Volts", "volt", "volts")
+
+_PER = re.compile(r"^(?P<numerator>.+?)/(?P<denominator>N|newtons?|g|m/s\^?2|m/s²|m/s\*\*2|m/sec\^2)$", re.IGNORECASE)
 
 
 def histories_of(contents: Contents, layout: Layout, where: str) -> tuple[History, ...]:
@@ -154,7 +156,7 @@ def to_contents(histories: Sequence[History], layout: Layout) -> Contents:
 
 
 def _history(raw: RawHistory, layout: Layout, where: str) -> History:
-    where = f"{where}: {raw.name}" if raw.name else where
+    where = f"{where}: {raw.name}" if raw.name not in ("", "1") else where
     names = [signal.name for signal in raw.signals]
     _check_names(names, layout, where)
     if FORCE not in names:
@@ -182,6 +184,12 @@ def _si(signal: Signal, quantity: str, where: str) -> FloatArray:
     where = f"{where}: channel {signal.name!r}"
     if signal.unit is None:
         raise DataFormatError(f"{where} names no unit; say which, for instance {SI_UNIT[quantity]}")
+    if signal.unit.strip() in _ELECTRICAL:
+        raise DataFormatError(
+            f"{where}: unit {signal.unit!r} is not read, since it needs the sensor's sensitivity; state it under [channels]: "
+            f'{signal.name} = {{ unit = "{SI_UNIT[quantity]}", gain = … }} with the gain in {SI_UNIT[quantity]} per '
+            f"{signal.unit.strip()}"
+        )
     values = signal.values * to_si(signal.unit, quantity, where)
     _check_finite(values, where, "sample")
     worst = float(np.max(np.abs(values)))

@@ -88,7 +88,7 @@ def _history(
     warnings: list[str],
     si: bool,
 ) -> RawHistory:
-    where = f"{where}: {raw.name}" if raw.name and channels else where
+    where = f"{where}: {raw.name}" if raw.name not in ("", "1") and channels else where
     signals, rates = [], {}
     for channel, signal in _chosen(raw.signals, layout, channels, where, warnings, raw.name):
         spec = channels.get(channel, _AS_IS)
