@@ -169,8 +169,8 @@ def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_
     Significance: the sum over lines of ordered over rest is compared with an F distribution. Sensor noise is
     independent from line to line, a hit beside the point is not: with a rest of ρ times the noise, whose excess is taken as one
     real direction common to all L lines (a gain, at worst), the sum has ν = 2 L ρ² / (1 + 2(ρ-1) + 2 L (ρ-1)²) degrees of freedom
-    (Satterthwaite 1946), ordered and rest alike. A structure with a law in the force orders all channels; a hand that hits harder elsewhere does
-    too: what orders with the force is evidence of nonlinearity, not proof.
+    (Satterthwaite 1946), ordered and rest alike. A structure with a law in the force orders all channels; so does a hand that
+    hits elsewhere when it hits harder: what orders with the force is evidence of nonlinearity, not proof.
     """
     if record.kind != "impact":
         raise ParameterError(

@@ -43,7 +43,9 @@ def turned_signs(record: Record, machine: MachineLike, where: str) -> list[str]:
     turned = []
     for k, name in enumerate(record.channels):
         at_force = machine.input_quantity == "force" and machine.channels[name].port == port_of(record.input, machine)
-        if (sign_at_driving_point(frf, name) if at_force else against[k]) < _TURNED:
+        sign = sign_at_driving_point(frf, name) if at_force else against[k]
+        # under feedback or friction the driving point may lie, where it follows the model throughout
+        if sign < _TURNED and not (at_force and against[k] > -_TURNED):
             turned.append((name, at_force))
     driven = [name for name, at_force in turned if at_force]
     if driven and np.all(~(against > -_TURNED)):
@@ -100,7 +102,10 @@ def _against_nominal(frf: MeasuredFrequencyResponse, record: Record, machine: Ma
         return against
     position = None if record.position is None else [record.position]
     inputs = (FORCE,) if record.input is None else (port_of(record.input, machine),)
-    nominal = frequency_response(machine, position, frf.freq, inputs=inputs, outputs=record.channels).data[0, :, 0]
+    above = np.where(
+        frf.freq > 0, frf.freq, np.max(frf.freq)
+    )  # a free body has no response at 0 Hz; it is left out below
+    nominal = frequency_response(machine, position, above, inputs=inputs, outputs=record.channels).data[0, :, 0]
     for k, (h, model) in enumerate(zip(frf.data[0, :, 0], nominal, strict=True)):
         clear = (np.abs(h) ** 2 > 100 * frf.variance[0, k, 0]) & np.isfinite(model) & (frf.freq > 0)
         if np.count_nonzero(clear) >= 8:
