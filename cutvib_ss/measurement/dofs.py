@@ -129,7 +129,7 @@ def _names(references: Sequence[tuple[int, int]]) -> str:
 
 def _advice(dofs: Sequence[tuple[int, int]], layout: Layout, references: Sequence[tuple[int, int]] = ()) -> str:
     """The lines that would map the nodes found: the driving point's first, the others in their order."""
-    nodes = list(dict.fromkeys([r[0] for r in references] + sorted({node for node, _ in dofs})))
+    nodes = list(dict.fromkeys([r[0] for r in references[:1]] + sorted({node for node, _ in dofs})))
     places = list(
         dict.fromkeys(name[:-2] if name[-2:] in ("_x", "_y", "_z") else name for name in layout.nodes if name != FORCE)
     )

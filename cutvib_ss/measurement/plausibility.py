@@ -134,7 +134,8 @@ def without_drift(record: Record, where: str) -> tuple[Record, list[str]]:
     """
     if record.kind != "impact":
         return record, []
-    histories, drifts = [], {}
+    histories: list[History] = []
+    drifts: dict[str, list[float]] = {}
     for history in record.histories:
         columns = [history.force, *history.responses]
         kinds = ["acceleration" if record.input_quantity == "acceleration" else "force", *record.quantities]
