@@ -21,6 +21,12 @@ _SAME_LEVEL = 0.15
 _ORDERED = 0.01
 """Significance below which the scatter of blows is said to order with the force."""
 
+_CLEAR = 36.0
+"""Power of the sum of two responses over its variance, from which a line counts."""
+
+_FEWEST = 8
+"""Lines that two records have to share."""
+
 _STANDS_OUT = 2.0
 """Of the mean square difference over noise and repeatability, from which levels are said to differ."""
 
@@ -203,13 +209,19 @@ def compare(
     shared = [name for name in ha.outputs if name in hb.outputs]
     low, high = max(a.band_hz[0], b.band_hz[0]), min(a.band_hz[1], b.band_hz[1])
     ours, theirs = _common(ha.freq, hb.freq, low, high)
-    if not shared or ours.size < 8:
+    if not shared or ours.size < _FEWEST:
         return None
     parts, ratios = {}, []
     for name in shared:
         x, y = ha.sel(output=name), hb.sel(output=name)
         p, q = x.data[0, 0, 0, ours], y.data[0, 0, 0, theirs]
         v = x.variance[0, 0, 0, ours] + y.variance[0, 0, 0, theirs]
+        # lines that say something: where the force has next to no power, noise alone would
+        # fill the mean. The sum tells them, whose noise is independent of that of the difference
+        clear = (np.abs(p + q) ** 2 > _CLEAR * v) & (v < 10 * np.median(v))
+        if np.count_nonzero(clear) < _FEWEST:
+            continue
+        p, q, v = p[clear], q[clear], v[clear]
         size = float(np.mean(np.abs(p) ** 2 + np.abs(q) ** 2))
         beyond = float(np.mean(np.abs(p - q) ** 2)) - float(np.mean(v))
         # |ΔH|² scatters about its mean by as much, and the variance is itself an estimate
@@ -217,6 +229,8 @@ def compare(
             beyond = 0.0
         parts[name] = float(np.sqrt(max(beyond, 0.0) / size)) if size > 0 else 0.0
         ratios.append(float(np.mean(np.abs(p - q) ** 2 / v)))
+    if not parts:
+        return None
     return PairSummary(
         a.name,
         b.name,

@@ -109,7 +109,7 @@ def _responses(records: Sequence[tuple[RecordSummary, MeasuredFrequencyResponse]
     if high > 4 * low and len(ticks) > 1:
         last.set_xticks(ticks)
     last.set_xlim(low, high)
-    last.set_xlabel("frequency [Hz]")
+    last.set_xlabel("frequency [Hz]", fontsize=9)
     handles, labels = axes[0].get_legend_handles_labels()
     picture.legend(handles, labels, loc="outside lower center", ncols=1, fontsize=8)
     return picture

@@ -25,9 +25,10 @@ def blows(position=0.4, peaks=PEAKS, noise=0.0, seed=0, samples=SAMPLES):
     h = np.zeros((3, freq.size), complex)
     h[:, 1:] = frequency_response(published_machine(), [position], freq[1:], outputs=CHANNELS).data[0, :, 0]
     table = []
-    for k, peak in enumerate(peaks):
+    # pulses of one shape: what the record cuts off of the response is then no scatter from blow to blow
+    pulse = signal.windows.hann(9)
+    for peak in peaks:
         force = np.zeros(size)
-        pulse = signal.windows.hann(9 + 2 * (k % 2))
         force[200 : 200 + pulse.size] = peak * pulse
         motion = np.fft.irfft(np.fft.rfft(force) * h, size)
         rows = np.vstack([force, motion])[:, :samples]
