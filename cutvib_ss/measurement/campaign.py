@@ -20,7 +20,7 @@ from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawRespo
 from cutvib_ss.measurement.inputs import struck_port
 from cutvib_ss.measurement.layout import layout_of
 from cutvib_ss.measurement.noise import frf_variance
-from cutvib_ss.measurement.plausibility import same_data, unit_hints, without_drift
+from cutvib_ss.measurement.plausibility import same_data
 from cutvib_ss.measurement.reading import read_file
 from cutvib_ss.measurement.records import FORCE, Campaign, History, MachineLike, Record
 from cutvib_ss.measurement.schema import CampaignFile, ChannelTable, RecordTable, read_campaign_file
@@ -198,9 +198,7 @@ def _read_record(
         force_amplitude=amplitude,
     )
     checked, found = check_record(record, machine, str(paths[0]))
-    steady, drifts = without_drift(checked, str(paths[0]))
-    hints = unit_hints(steady, machine, str(paths[0]))
-    return steady, (*warnings, *found, *drifts, *hints)
+    return checked, (*warnings, *found)
 
 
 def _merged(parts: Sequence[RawFrf], paths: Sequence[Path]) -> RawFrf:

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from cutvib_ss.machine import Machine
-from cutvib_ss.measurement.estimation import blow_start, estimate
+from cutvib_ss.measurement.estimation import blow_start
 from cutvib_ss.measurement.inputs import port_of
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.results import FloatArray
+from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.structure import Structure
 from cutvib_ss.units import STANDARD_GRAVITY
 
@@ -32,6 +32,9 @@ _CAUSES = {
 _CLOSE = 0.25
 """Of the logarithm of a level over the nominal model's: what sensors and models are off by at most."""
 
+_FAR = 20.0
+"""Level over the nominal model's that no sensor or structure is off by, whatever the factor."""
+
 _ALIKE = 1.0
 """Spread between the quartiles of that logarithm up to which the shapes are alike."""
 
@@ -39,32 +42,45 @@ _DRIFT = 0.02  # of a channel's largest value: a smaller drift is left alone
 _CLEAR = 6.0  # standard deviations that a drift must stand out
 
 
-def unit_hints(record: Record, machine: MachineLike, where: str) -> list[str]:
+def unit_hints(record: Record, machine: MachineLike, where: str, frf: MeasuredFrequencyResponse) -> list[str]:
     """A word on every channel whose level over the nominal model's is off by a factor between units; nothing is changed."""
     found: dict[str, float] = {}
-    for name, (level, spread) in levels_over_nominal(record, machine).items():
+    far: dict[str, float] = {}
+    for name, (level, spread) in levels_over_nominal(record, machine, frf).items():
         for factor in _FACTORS:
             # a structure that is another one has another shape, too
             if abs(np.log(level / factor)) < _CLOSE and spread < _ALIKE:
                 found[name] = factor
+        if name not in found and abs(np.log(level)) > np.log(_FAR) and spread < _ALIKE:
+            far[name] = level
+    end = "(a unit or gain under [channels] overrides the file's)"
+    said = []
     if len(found) == len(record.channels) > 1 and len(set(found.values())) == 1:
         factor = next(iter(found.values()))
-        return [
+        said.append(
             f"{where}: every response looks {_FACTORS[factor]} against the nominal model, so perhaps it is the force: "
-            f"{_CAUSES[factor]}; check the units (a unit under [channels] overrides the file's)"
+            f"{_CAUSES[factor]}; check the units {end}"
+        )
+    else:
+        said += [
+            f"{where}: {name} looks {_FACTORS[factor]} against the nominal model: {_CAUSES[factor]}; check its unit {end}"
+            for name, factor in found.items()
         ]
-    return [
-        f"{where}: {name} looks {_FACTORS[factor]} against the nominal model: {_CAUSES[factor]}; check its unit (a unit under "
-        "[channels] overrides the file's)"
-        for name, factor in found.items()
-    ]
+    if far:
+        sizes = ", ".join(f"{name} {level:.3g} times" for name, level in far.items())
+        said.append(
+            f"{where}: levels against the nominal model are {sizes}: is a sensitivity missing (V or mV for N or m/s^2)? Check "
+            f"units and gains {end}"
+        )
+    return said
 
 
-def levels_over_nominal(record: Record, machine: MachineLike) -> dict[str, tuple[float, float]]:
+def levels_over_nominal(
+    record: Record, machine: MachineLike, frf: MeasuredFrequencyResponse
+) -> dict[str, tuple[float, float]]:
     """Median of each channel's modulus over the nominal model's on the lines clear of noise, and the spread of its logarithm."""
     if not isinstance(machine, (Machine, Structure)):
         return {}
-    frf = record.frf if record.frf is not None else estimate(record)
     position = None if record.position is None else [record.position]
     inputs = (FORCE,) if record.input is None else (port_of(record.input, machine),)
     above = frf.freq > 0

@@ -15,7 +15,9 @@ from cutvib_ss.structure import Structure
 _TURNED = -0.5  # of a sign or correlation between -1 and 1; models far off their machine still stay above zero
 
 
-def turned_signs(record: Record, machine: MachineLike, where: str) -> list[str]:
+def turned_signs(
+    record: Record, machine: MachineLike, where: str, frf: MeasuredFrequencyResponse | None = None
+) -> list[str]:
     """
     A word on every channel of a record whose sign is turned.
 
@@ -27,6 +29,8 @@ def turned_signs(record: Record, machine: MachineLike, where: str) -> list[str]:
         Nominal model: names the driving point, and tells a turned force from a turned sensor.
     where : str
         File, for the messages.
+    frf : MeasuredFrequencyResponse, optional
+        The record's responses, where they are known already.
 
     Returns
     -------
@@ -38,7 +42,8 @@ def turned_signs(record: Record, machine: MachineLike, where: str) -> list[str]:
     That something is turned is certain from the driving point alone (`sign_at_driving_point`). Whether it is the force
     (a hammer that acts along -X turns every channel) or one sensor is read from the correlation with the nominal model.
     """
-    frf = estimate(record) if record.frf is None else record.frf
+    if frf is None:
+        frf = estimate(record) if record.frf is None else record.frf
     against = _against_nominal(frf, record, machine)
     turned = []
     for k, name in enumerate(record.channels):

@@ -266,7 +266,7 @@ def _same_level(a: float | None, b: float | None) -> bool:
 def _record(record: Record, frf: MeasuredFrequencyResponse, machine: Any) -> RecordSummary:
     band = record.band_hz or _clear_band(frf)
     keep = (frf.freq >= band[0]) & (frf.freq <= band[1])
-    levels = levels_over_nominal(record, machine)
+    levels = levels_over_nominal(record, machine, frf)
     ratios: list[float | None] = [None] * len(record.channels)
     ordered: list[float | None] = [None] * len(record.channels)
     if record.kind == "impact" and len(record.histories) > 2:
