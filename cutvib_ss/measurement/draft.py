@@ -171,6 +171,10 @@ def _record_lines(group: Sequence[FoundFile], machine: MachineLike, wishes: Wish
     first = group[0]
     names = _text(first.name) if len(group) == 1 else "[" + ", ".join(_text(f.name) for f in group) + "]"
     lines = ["[[record]]", f"file = {names}", f'kind = "{first.kind}"{_comment(group)}']
+    for note in first.warnings:
+        if "hits in one recording" in note:
+            lines.append(f"# TODO {note}")
+            todo.append(f"{first.name}: {note}")
     if machine.has_position:
         position = wishes.position or guess_position(str(PurePosixPath(first.name).with_suffix("")))
         if position is None:

@@ -223,7 +223,7 @@ def _of_histories(contents: Contents, name: str, force: str | None) -> FoundFile
     first = histories[0]
     columns = tuple(_column(signal) for signal in first.signals)
     hammer = force if force is not None and any(c.name == force for c in columns) else guess_force(columns)
-    peaks, impacts = [], []
+    peaks, impacts, hits = [], [], []
     for history in histories:
         values = next((s.values for s in history.signals if _full(s) == hammer), None)
         if values is not None and values.size and np.all(np.isfinite(values)):
@@ -231,9 +231,24 @@ def _of_histories(contents: Contents, name: str, force: str | None) -> FoundFile
             peak = float(np.max(centred))
             peaks.append(peak * _factor(columns, hammer))
             impacts.append(peak > 0 and float(np.mean(centred < _QUIET * peak)) > _MOSTLY)
-    kind: Kind = "impact" if (impacts and all(impacts)) or (not impacts and len(histories) > 1) else "timeseries"
+            hits.append(_hits(centred, peak))
+    several = len(histories) == 1 and max(hits, default=1) > 2
+    kind: Kind = (
+        "impact"
+        if not several and ((impacts and all(impacts)) or (not impacts and len(histories) > 1))
+        else "timeseries"
+    )
     samples = min((s.values.size for s in first.signals), default=0)
-    return FoundFile(name, kind, columns, len(histories), samples, first.fs, tuple(peaks), (), contents.warnings)
+    notes = contents.warnings
+    if several and all(impacts):
+        notes = (*notes, f"{hits[0]} hits in one recording: cut it into one blow each, for kind = 'impact'")
+    return FoundFile(name, kind, columns, len(histories), samples, first.fs, tuple(peaks), (), notes)
+
+
+def _hits(size: FloatArray, peak: float) -> int:
+    """Number of hits well apart: stretches above a third of the peak, with at least a fiftieth of the record between them."""
+    loud = np.flatnonzero(size > peak / 3)
+    return 1 + int(np.count_nonzero(np.diff(loud) > size.size / 50)) if loud.size else 0
 
 
 def _joined(histories: Sequence[RawHistory]) -> Sequence[RawHistory]:

@@ -164,6 +164,17 @@ def test_what_cannot_be_begun(arguments, words, tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
+def test_several_hits_in_one_recording_are_said(tmp_path, tables, capsys):
+    whole = np.concatenate(list(tables[0.4]), axis=1)
+    lines = ["time [s],force [N],tool_x [m/s^2]"]
+    lines += [f"{k / lab.FS:.9g},{row[0]:.9g},{row[1]:.9g}" for k, row in enumerate(whole.T)]
+    (tmp_path / "all.csv").write_text("\n".join(lines))
+    assert main(["campaign", "init", str(tmp_path)]) == 0
+    text = (tmp_path / "campaign.toml").read_text(encoding="utf-8")
+    assert 'kind = "timeseries"' in text
+    assert "TODO 3 hits in one recording" in text
+
+
 def test_another_structure(tmp_path, capsys):
     (tmp_path / "model.toml").write_text(
         '[model]\nkind = "second_order"\ndofs = ["x"]\nmass = [[2.0]]\ndamping = [[8.0]]\nstiffness = [[2.8e5]]\n'

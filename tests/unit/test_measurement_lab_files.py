@@ -1,5 +1,6 @@
 """Files as measuring systems write them, mapped by [channels]: the same three blows from each."""
 
+import nptdms
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -253,6 +254,59 @@ def test_a_time_column_before_each_channel(tmp_path):
     table, _ = _rows()
     lines = ["time [s];force [N];time [s];tool_x [g]"] + [f"{t:.9g};{f:.9g};{t:.9g};{a:.9g}" for t, f, a in table]
     assert _text(tmp_path, "\n".join(lines)).channels == ("tool_x",)
+
+
+def test_columns_of_text_beside_the_numbers(tmp_path):
+    table, _ = _rows()
+    lines = ["Date;time [s];force [N];tool_x [g];Remark"]
+    lines += [f"12.03.2024 10:14:05,{k:03d};{t:.9g};{f:.9g};{a:.9g};good" for k, (t, f, a) in enumerate(table)]
+    (tmp_path / "r.csv").write_text("\n".join(lines))
+    campaign = _campaign(tmp_path, ["r.csv"], "")
+    np.testing.assert_allclose(campaign.records[0].histories[0].force, table[:, 1], rtol=1e-7)
+    assert any("'Date'" in warning and "no numbers" in warning for warning in campaign.warnings)
+
+
+def test_tdms_channels_of_text_and_without_a_clock_are_passed_over(tmp_path, tables):
+    with nptdms.TdmsWriter(tmp_path / "r.tdms") as writer:
+        properties = {"wf_increment": 1 / lab.FS, "unit_string": "N"}
+        writer.write_segment(
+            [
+                nptdms.ChannelObject("g", "force", tables[0][0], properties=properties),
+                nptdms.ChannelObject("g", "tool_x", tables[0][1], properties={**properties, "unit_string": "m/s^2"}),
+                nptdms.ChannelObject("g", "remark", ["good"] * 5, properties={}),
+            ]
+        )
+    campaign = _campaign(tmp_path, ["r.tdms"], "")
+    assert campaign.records[0].channels == ("tool_x",)
+    assert any("'remark'" in warning and "left out" in warning for warning in campaign.warnings)
+
+
+def test_tdms_with_a_time_channel(tmp_path, tables):
+    with nptdms.TdmsWriter(tmp_path / "r.tdms") as writer:
+        columns = {"Time": lab.time_axis(), "force (N)": tables[0][0], "tool_x (m/s²)": tables[0][1]}
+        writer.write_segment([nptdms.ChannelObject("g", name, values) for name, values in columns.items()])
+    record = _campaign(tmp_path, ["r.tdms"], "").records[0]
+    assert record.histories[0].fs == lab.FS
+    np.testing.assert_allclose(record.histories[0].force, tables[0][0])
+
+
+def test_structs_in_a_file_of_version_7_3(tmp_path, tables):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.mat", "w", userblock_size=512) as file:
+
+        def put(where, name, values, kind="double"):
+            variable = where.create_dataset(name, data=values)
+            variable.attrs["MATLAB_class"] = np.bytes_(kind)
+
+        put(file, "dt", np.array([[1 / lab.FS]]))
+        for name, row, unit in zip(("force", *ALL), tables[0], ("N", "m/s^2", "m/s^2", "m/s^2"), strict=True):
+            struct = file.create_group(name)
+            struct.attrs["MATLAB_class"] = np.bytes_("struct")
+            put(struct, "values", row[np.newaxis])
+            put(struct, "unit", np.array([[ord(c)] for c in unit], dtype=np.uint16), "char")
+    with (tmp_path / "r.mat").open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+    _same(_campaign(tmp_path, ["r.mat"], "").records[0], tables[:1])
 
 
 def test_magnitude_and_phase_and_kilohertz(tmp_path):

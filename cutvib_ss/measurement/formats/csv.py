@@ -148,7 +148,7 @@ def _histories(path: Path, columns: list[_Column], table: TextTable, options: Te
         if time is not None and is_named(column.name, TIME_NAMES) and np.array_equal(column.values, time.values):
             continue  # a time column before each channel
         if column.values.size and np.all(np.isnan(column.values)):
-            warnings.append(f"{path}: column {column.name!r} is empty: left out")
+            warnings.append(f"{path}: column {column.name!r} is empty, or holds no numbers: left out")
             continue
         rest.append(column)
     _check_unique(path, rest)

@@ -157,7 +157,7 @@ def _histories(
 ) -> tuple[RawHistory, ...]:
     names = [c.name for c in columns] + sorted(left)
     fs, _ = _clock(path, left)
-    columns = columns + [Column(n, v) for n, v in _plain(path, left).items()]
+    columns = columns + [Column(n, v) for n, v in _plain(path, left, len(columns)).items()]
     rows: dict[str, FloatArray] = {}
     rates: dict[str, float] = {}
     for column in columns:
@@ -205,17 +205,14 @@ def _histories(
     )
 
 
-def _plain(path: Path, left: dict[str, Any]) -> dict[str, Any]:
+def _plain(path: Path, left: dict[str, Any], found: int) -> dict[str, Any]:
     """Variables that are columns by themselves; texts, single numbers and other structs beside them are passed over."""
     sized = {name: np.asarray(value) for name, value in left.items() if not isinstance(value, dict)}
-    for name, array in sized.items():
-        if (
-            array.dtype.kind not in "fiuc"
-            and any(a.dtype.kind in "fiuc" and a.size > 1 for a in sized.values())
-            and len(sized) <= 3
-        ):
-            raise DataFormatError(f"{path}: variable {name!r} is not a vector or matrix of numbers; save numbers")
-    return {name: left[name] for name, array in sized.items() if array.dtype.kind in "fiuc" and array.size > 1}
+    numbers = {name: left[name] for name, array in sized.items() if array.dtype.kind in "fiuc" and array.size > 1}
+    texts = [name for name, array in sized.items() if array.dtype.kind not in "fiuc"]
+    if texts and len(numbers) + found < 2:
+        raise DataFormatError(f"{path}: variable {texts[0]!r} is not a vector or matrix of numbers; save numbers")
+    return numbers
 
 
 def _frf(path: Path, columns: list[Column], left: dict[str, Any], units: dict[str, str]) -> RawFrf:
@@ -234,7 +231,7 @@ def _frf(path: Path, columns: list[Column], left: dict[str, Any], units: dict[st
         values = _numbers(path, _AMPLITUDE, amplitude if held is None else held.values).real.astype(np.float64).ravel()
         unit = (None if held is None else held.unit) or units.get(_AMPLITUDE, units.get("force"))
         stated = Signal(_AMPLITUDE, unit, values)
-    plain = [Column(n, v) for n, v in _plain(path, left).items()]
+    plain = [Column(n, v) for n, v in _plain(path, left, len(columns)).items()]
     vectors = {c.name: c for c in [*columns, *plain] if c.name != _AMPLITUDE}
     responses = []
     for name, column in vectors.items():

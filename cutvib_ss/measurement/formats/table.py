@@ -36,7 +36,13 @@ class TextTable:
 def read_table(path: Path, options: TextOptions) -> TextTable:
     """The table of a text file; refused where rows are cut short or hold what is no number."""
     lines = _decoded(path, options.encoding).splitlines()
-    start, delimiter, decimal = _first_row(path, lines, options)
+    try:
+        start, delimiter, decimal = _first_row(path, lines, options)
+    except DataFormatError:
+        lines = _without_text(lines, options)
+        if not lines:
+            raise
+        start, delimiter, decimal = _first_row(path, lines, options)
     headings, units, preamble = _headings(lines[:start], delimiter, options)
     rows = [line for line in lines[start:] if line.strip()]
     values = _numbers(path, rows, delimiter, decimal, start)
@@ -121,6 +127,28 @@ def _is_row(line: str, delimiter: str | None, decimal: str) -> int:
         elif cell.lower() not in _MISSING:
             return 0
     return len(cells) if numbers else 0
+
+
+def _without_text(lines: Sequence[str], options: TextOptions) -> list[str]:
+    """Lines whose columns of text (a date, a remark) are blanked in the rows of numbers; none where that is no table."""
+    filled = [line for line in lines if line.strip()]
+    middle = filled[len(filled) // 2 :][:_PROBED]
+    for delimiter, decimal in _candidates(options):
+        rows = [cells_of(line, delimiter) for line in middle]
+        if delimiter is None or len({len(row) for row in rows}) != 1:
+            continue
+        numeric = [{k for k, cell in enumerate(row) if _is_row(cell, None, decimal)} for row in rows]
+        numbers = set.intersection(*numeric)
+        if len(numbers) < 2 or any(found != numbers for found in numeric):
+            continue
+        blanked = []
+        for line in lines:
+            cells = cells_of(line, delimiter)
+            is_row = len(cells) == len(rows[0]) and all(_is_row(cells[k], None, decimal) for k in numbers)
+            kept = [cell if k in numbers else "nan" for k, cell in enumerate(cells)]
+            blanked.append(delimiter.join(kept) if is_row else line)
+        return blanked
+    return []
 
 
 def _first_row(path: Path, lines: Sequence[str], options: TextOptions) -> tuple[int, str | None, str]:

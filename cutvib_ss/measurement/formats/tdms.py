@@ -31,15 +31,16 @@ def read(path: Path, frf: bool, options: TextOptions) -> Contents:
     if frf:
         raise DataFormatError(f"{path}: TDMS holds time records; give FRFs as UFF, CSV or MAT, or set kind = 'impact'")
     _check_complete(path)
+    warnings: list[str] = []
     try:
         file = nptdms.TdmsFile.read(path)
         groups = file.groups()
-        histories = tuple(_history(path, group) for group in groups if group.channels())
+        histories = tuple(_history(path, group, warnings) for group in groups if group.channels())
     except DataFormatError:
         raise
     except Exception as error:  # npTDMS raises whatever the damaged bytes lead it to
         raise DataFormatError(f"{path}: not a readable TDMS file ({error}); copy it again from the recorder") from error
-    return Contents(histories=histories)
+    return Contents(histories=histories, warnings=tuple(warnings))
 
 
 def write(path: Path, contents: Contents, layout: Layout) -> None:
@@ -78,28 +79,32 @@ def write(path: Path, contents: Contents, layout: Layout) -> None:
         writer.write_segment(objects)
 
 
-def _history(path: Path, group: nptdms.TdmsGroup) -> RawHistory:
+def _history(path: Path, group: nptdms.TdmsGroup, warnings: list[str]) -> RawHistory:
     where = f"{path}: group {group.name!r}"
     channels = group.channels()
     clock = next((c for c in channels if c.name.casefold() in TIME_NAMES and "wf_increment" not in c.properties), None)
     common = None if clock is None else 1 / even_sampling(np.asarray(clock[:], dtype=np.float64), where)
-    signals, steps = [], {}
+    signals, steps, faults = [], {}, []
     for channel in channels:
         if channel is clock:
             continue
         step = channel.properties.get("wf_increment", common)
+        values = np.asarray(channel[:])
         if not isinstance(step, (int, float)) or not step > 0:
-            raise DataFormatError(
+            faults.append(
                 f"{where}, channel {channel.name!r}: `wf_increment` (time step) is {step!r}; set it in seconds, or record "
                 "a channel `time`"
             )
-        values = np.asarray(channel[:])
-        if values.dtype.kind not in "fiu":
-            raise DataFormatError(f"{where}, channel {channel.name!r} holds {values.dtype}, not numbers")
-        unit = channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription")
-        steps[channel.name] = float(step)
-        name, stated = split_heading(channel.name)
-        signals.append(Signal(name, str(unit) if unit else stated, values.astype(np.float64)))
+        elif values.dtype.kind not in "fiu":
+            faults.append(f"{where}, channel {channel.name!r} holds {values.dtype}, not numbers")
+        else:
+            unit = channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription")
+            steps[channel.name] = float(step)
+            name, stated = split_heading(channel.name)
+            signals.append(Signal(name, str(unit) if unit else stated, values.astype(np.float64)))
+    if faults and len(signals) < 2:
+        raise DataFormatError(faults[0])
+    warnings += [f"{fault}: left out" for fault in faults]
     first = next(iter(steps.values()))
     fs = sampling_frequency(first)
     signals = [
