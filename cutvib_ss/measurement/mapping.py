@@ -120,7 +120,7 @@ def _frf(
     axis = None
     for channel, response in _chosen(columns, layout, channels, where, warnings, ""):
         spec = channels.get(channel, _AS_IS)
-        unit = _ratio_unit(response.unit, spec.unit, force.unit)
+        unit = _ratio_unit(response.unit, spec.unit, force.unit, SI_UNIT[layout.quantities[FORCE]])
         if unit is None and si and channel in layout.quantities:
             unit = f"{SI_UNIT[layout.quantities[channel]]}/{SI_UNIT[layout.quantities[FORCE]]}"
         own = raw.freq if response.freq is None else response.freq
@@ -142,16 +142,20 @@ def _factor(spec: ChannelTable) -> complex:
     return complex((spec.sign or 1) * (spec.gain or 1.0) * np.exp(1j * np.radians(spec.phase_deg or 0.0)))
 
 
-def _ratio_unit(stated: str | None, response: str | None, force: str | None) -> str | None:
-    """Unit of a response per force, either part overridden."""
+def _ratio_unit(stated: str | None, response: str | None, force: str | None, default: str) -> str | None:
+    """Unit of a response per force, either part overridden; a unit without a denominator is the response's."""
     if response is not None and "/" in response.replace("m/s", ""):
         return response
     if response is None and force is None:
         return stated
-    numerator, _, denominator = (stated or "").rpartition("/")
-    if response is None and not numerator:
+    numerator, denominator = stated, None
+    if stated is not None and "/" in stated.replace("m/s", "").strip("/"):
+        numerator, _, denominator = stated.rpartition("/")
+        if stated.replace("(", "").replace(")", "").endswith("m/s^2"):  # per base acceleration
+            numerator, denominator = stated[: stated.rindex("m/s^2")].rstrip("/("), "m/s^2"
+    if response is None and numerator is None:
         return stated
-    return f"{response or numerator}/{force or denominator or 'N'}"
+    return f"{response or numerator}/{force or denominator or default}"
 
 
 def _chosen(

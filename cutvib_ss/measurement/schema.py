@@ -7,7 +7,7 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from cutvib_ss.errors import DataFormatError
 
@@ -52,7 +52,9 @@ class CsvTable(_Table):
     decimal: Literal[".", ","] | None = None
     encoding: Annotated[str, Field(min_length=1)] | None = None
     header_lines: Annotated[int, Field(ge=0)] | None = None
-    time: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)] | None = None
+    time: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)] | None = Field(
+        default=None, validation_alias=AliasChoices("time", "time_column")
+    )
 
     @field_validator("encoding")
     @classmethod
@@ -159,8 +161,8 @@ class RecordTable(_Table):
     @model_validator(mode="after")
     def _of_one_piece(self) -> RecordTable:
         stated = [key for key in ("sweep", "controlled", "peak_response") if getattr(self, key) is not None]
-        if stated and (self.kind != "frf" or self.excitation != "sine"):
-            raise ValueError(f'{stated[0]} is of a sine record; add kind = "frf" and excitation = "sine", or remove it')
+        if stated and (self.kind == "impact" or self.excitation != "sine"):
+            raise ValueError(f'{stated[0]} is of a sine record; add excitation = "sine" (kind = "frf"), or remove it')
         if self.peak_response is not None and self.controlled != "response":
             raise ValueError('peak_response needs controlled = "response"')
         return self

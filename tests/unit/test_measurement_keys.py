@@ -213,11 +213,22 @@ def test_gain_sign_and_phase_of_a_ratio(tmp_path):
     np.testing.assert_allclose(stated.force_amplitude, 4 * (2.0 + 0.01 * stated.frf.freq))
 
 
-def test_unit_of_a_ratio(tmp_path):
-    _frf_csv(tmp_path / "r.csv", "freq [Hz],force amplitude [mV],a re [mV/mV],a im [mV/mV]")
-    toml = SINE + '[channels]\nforce = { unit = "N" }\ntool_x = { name = "a", unit = "g" }\n'
-    record = read_campaign(_folder(tmp_path, toml)).records[0]
-    np.testing.assert_allclose(record.frf.data[0, 0, 0].imag, 0.1 * 9.80665)
+@pytest.mark.parametrize(
+    ("unit", "channels", "factor"),
+    [
+        ("mV/mV", 'force = { unit = "N" }\ntool_x = { unit = "g" }', 9.80665),
+        ("g", 'force = { unit = "N" }', 9.80665),
+        ("m/s^2", 'force = { unit = "N" }', 1.0),
+        ("m/s^2/lbf", 'force = { unit = "N" }', 1.0),
+        ("V/N", 'tool_x = { unit = "g" }', 9.80665),
+        ("V/V", 'tool_x = { unit = "g/N" }', 9.80665),
+        ("V/V", 'tool_x = { unit = "m/s^2/N", gain = 3 }', 3.0),
+    ],
+)
+def test_unit_of_a_ratio(tmp_path, unit, channels, factor):
+    _frf_csv(tmp_path / "r.csv", f"freq [Hz],force amplitude [N],tool_x re [{unit}],tool_x im [{unit}]")
+    record = read_campaign(_folder(tmp_path, SINE + "[channels]\n" + channels + "\n")).records[0]
+    np.testing.assert_allclose(record.frf.data[0, 0, 0].imag, 0.1 * factor)
 
 
 def test_other_campaigns_are_written_as_before(tmp_path):

@@ -238,6 +238,9 @@ def test_head_that_holds_numbers_and_a_stated_number_of_lines(tmp_path):
     head = "1,2,3\n4,5,6\n"
     record = _text(tmp_path, head + "time [s],force [N],tool_x [g]\n" + rows, "[csv]\nheader_lines = 2\n")
     np.testing.assert_allclose(record.histories[0].force, table[:, 1], rtol=1e-7)
+    # the headings counted, too
+    record = _text(tmp_path, "a\nb\n" + "time [s],force [N],tool_x [g]\n" + rows, "[csv]\nheader_lines = 3\n")
+    np.testing.assert_allclose(record.histories[0].force, table[:, 1], rtol=1e-7)
 
 
 def test_separators_at_row_ends_quotes_and_an_empty_column(tmp_path):

@@ -7,7 +7,7 @@ import csv
 import io
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +43,13 @@ def read_table(path: Path, options: TextOptions) -> TextTable:
         if not lines:
             raise
         start, delimiter, decimal = _first_row(path, lines, options)
+    given = options.header_lines
+    if (
+        given
+        and given == start
+        and len(cells_of(lines[given - 1], delimiter)) == len(cells_of(lines[start], delimiter))
+    ):
+        options = replace(options, header_lines=given - 1)  # the line of headings was counted, too
     headings, units, preamble = _headings(lines[:start], delimiter, options)
     rows = [line for line in lines[start:] if line.strip()]
     values = _numbers(path, rows, delimiter, decimal, start)
@@ -169,7 +176,7 @@ def _first_row(path: Path, lines: Sequence[str], options: TextOptions) -> tuple[
             best, choice = score, (delimiter, decimal)
     delimiter, decimal = choice
     if options.header_lines is not None:
-        wanted = [k for k in filled if k > options.header_lines]
+        wanted = [k for k in filled if k >= options.header_lines]
         if not wanted:
             raise DataFormatError(
                 f"{path}: there are no rows under line {options.header_lines + 1}; correct csv.header_lines"
