@@ -12,7 +12,7 @@ from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.likelihood import LENGTH, Directions, Quadratic, Sizes, smooth_shapes
 from cutvib_ss.gap.problem import Problem
 from cutvib_ss.gap.records import Entry, Records, merged
-from cutvib_ss.structure import Structure
+from cutvib_ss.model.structure import Structure
 from tests.unit.diagnosis_example import example_structure
 
 FREQ = np.linspace(20.0, 110.0, 31)
