@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cutvib_ss.blind.rig.blows import BLOCK, FINE, FS, Blow, antialiased, draw_blow
+from cutvib_ss.blind.rig.blows import BLOCK, FS, Blow, antialiased, draw_blow
 from cutvib_ss.blind.rig.chain import frequencies, hum, recorded, sensed, smooth_error
 from cutvib_ss.blind.rig.conditions import Conditions
-from cutvib_ss.blind.rig.motion import CHANNELS, linear_answer, nonlinear_answer
+from cutvib_ss.blind.rig.motion import CHANNELS, converged_answer, linear_answer
 from cutvib_ss.blind.rig.multibody import Linearised, build, linearise
 from cutvib_ss.blind.rig.repeatability import State, at_rest, states
 from cutvib_ss.blind.rig.structure import Rig
@@ -128,12 +128,12 @@ class Campaign:
         key = (record, blow)
         if key not in self._answers:
             rig, machine = self._machine(record)
-            fine = self.blows[record][blow].force()
-            force = antialiased(fine)
+            struck = self.blows[record][blow]
+            force = antialiased(struck.force())
             if rig.linear:
                 response = linear_answer(rig, machine, force[None], FS)[0]
             else:
-                response = antialiased(nonlinear_answer(rig, machine, fine, FS * FINE))
+                response, _, _ = converged_answer(rig, machine, struck, self.conditions.noise)
             self._answers[key] = (force, response)
         return self._answers[key]
 
