@@ -19,8 +19,8 @@ class Range:
         SI unit.
     low, high : float
         Range that an engineer would believe; the prior of the diagnosis, not a limit of `Effect.apply`.
-    scale : {"log", "linear"}
-        Whether the prior is even in the logarithm or in the value.
+    scale : {"log", "linear", "normal"}
+        Whether the prior is even in the logarithm or in the value, or normal: mean ``low``, standard deviation ``high``.
     minimum : float, optional
         Smallest value that makes sense at all.
     limits : bool
@@ -30,7 +30,7 @@ class Range:
     unit: str
     low: float
     high: float
-    scale: Literal["log", "linear"] = "log"
+    scale: Literal["log", "linear", "normal"] = "log"
     minimum: float | None = 0.0
     limits: bool = False
 
@@ -107,7 +107,9 @@ class Measured:
     motions: Mapping[str, Motion] = field(default_factory=dict)
 
 
-def parameter(unit: str, low: float, high: float, scale: Literal["log", "linear"] = "log", **more: Any) -> Any:
+def parameter(
+    unit: str, low: float, high: float, scale: Literal["log", "linear", "normal"] = "log", **more: Any
+) -> Any:
     """
     A dataclass field that is a fitted parameter of an effect.
 
@@ -117,8 +119,8 @@ def parameter(unit: str, low: float, high: float, scale: Literal["log", "linear"
         SI unit.
     low, high : float
         Range that an engineer would believe.
-    scale : {"log", "linear"}
-        Whether the prior is even in the logarithm or in the value.
+    scale : {"log", "linear", "normal"}
+        As in `Range`.
     **more : object
         ``minimum`` of `Range`, or ``default`` of the field.
 

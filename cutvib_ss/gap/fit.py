@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -15,7 +16,7 @@ from scipy import linalg
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError, DiagnosisError
 from cutvib_ss.gap.hypothesis import Hypothesis
-from cutvib_ss.gap.likelihood import Directions, Quadratic, Sizes, Spread, weights
+from cutvib_ss.gap.likelihood import Directions, Known, Quadratic, Sizes, Spread, weights
 from cutvib_ss.gap.prediction import Predicted
 from cutvib_ss.gap.problem import Problem
 from cutvib_ss.gap.records import Records, session_of
@@ -57,14 +58,11 @@ class Fit:
     covariance : ndarray
         Posterior covariance of the unknowns.
     chi2 : float
-        Weighted squares of what the data leave, without the priors.
-    aside : float
-        Scatter of levels about their mean in that, where records stay apart; zero where they are merged.
+        Weighted squares of the residuals, drift and discrepancy integrated out, the scatter of merged records included.
     count : int
         Real data.
     objective : float
-        χ² with the priors' squares, less the scatter of levels about their mean where records stay apart: comparable between
-        hypotheses.
+        χ² with the priors' squares and the determinants: comparable between hypotheses.
     log_evidence : float
         Logarithm of the Laplace evidence, up to a constant shared by all hypotheses on the same data.
     stds : mapping of str to float
@@ -82,7 +80,6 @@ class Fit:
     first_effect: int
     covariance: FloatArray
     chi2: float
-    aside: float
     count: int
     objective: float
     log_evidence: float
@@ -134,7 +131,7 @@ def fit(
     """
     problem = problem_for(nominal, records, hypothesis, by_session=not records.widened)
     # Beside a widened noise drift and discrepancy are nothing.
-    search = _Search(problem, problem.start(warm), spread=not records.widened, sizes=sizes)
+    search = _Search(problem, problem.start(warm), not records.widened, sizes, _beside(problem, records))
     if hypothesis.linear and not records.rough:
         search.start_from(_from_afar(nominal, records, hypothesis, search))
     redrawn = not isinstance(problem, SimulatedProblem)
@@ -150,9 +147,23 @@ def fit(
     search.resize()
     if search.at.quadratic is None or not np.isfinite(search.at.objective):
         raise DiagnosisError(f"{hypothesis.effect} at {hypothesis.place} runs away from where it starts")
-    # Records apart hold the scatter of their levels too, which merging has put aside.
-    aside = records.scatter if isinstance(problem, SimulatedProblem) else 0.0
-    return _finished(problem, search, search.at.quadratic, aside)
+    return _finished(problem, search, search.at.quadratic)
+
+
+class _Beside(NamedTuple):
+    """Scatter of records about what they are merged into, its number of real data, and whether any noise was seen to scatter."""
+
+    squares: float
+    data: int
+    known: bool
+
+
+def _beside(problem: Problem, records: Records) -> _Beside:
+    known = all(e.scattered for e in records.entries)
+    if isinstance(problem, SimulatedProblem):
+        return _Beside(0.0, 0, known)
+    total = sum(2 * int(np.count_nonzero(np.isfinite(e.variance))) for e in records.entries)
+    return _Beside(records.scatter, total - problem.count, known)
 
 
 def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: _Search) -> _Search:
@@ -163,7 +174,7 @@ def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: 
     """
     few = records.coarse(FEW_LINES, WIDENED)
     problem = problem_for(nominal, few, hypothesis, by_session=True)
-    search = _Search(problem, start.at.x, spread=True, sizes=start.sizes)
+    search = _Search(problem, start.at.x, True, start.sizes, _beside(problem, few))
     search.climb(FEW_STEPS, ROUGH)
     return search
 
@@ -187,10 +198,11 @@ class _At:
 class _Search:
     """Levenberg-Marquardt within bounds, from one point; drift and discrepancy are integrated out."""
 
-    def __init__(self, problem: Problem, x: FloatArray, spread: bool, sizes: Sizes | None) -> None:
-        self.problem, self.spread = problem, spread
+    def __init__(self, problem: Problem, x: FloatArray, spread: bool, sizes: Sizes | None, beside: _Beside) -> None:
+        self.problem, self.spread, self.beside = problem, spread, beside
         self.sizes = Sizes() if sizes is None else sizes
-        self.stated = problem.nominal.tolerance.drift
+        self.known = Known(problem.nominal.tolerance.drift, beside.known)
+        self.count = problem.count + beside.data
         self.precision = problem.prior_precision()
         self.low, self.high = problem.bounds()
         weight, _ = weights(problem)
@@ -221,6 +233,7 @@ class _Search:
                 own[self.drifting] += self.weight * drift[session]
                 each.append(own)
         predictions, residuals, squares = self.problem.residuals(each)
+        squares += self.beside.squares
         at = _At(x, drift, each, predictions, residuals, squares, squares, squares + float(self.precision @ x**2))
         if self.spread and np.isfinite(squares):
             self._linearise(at)
@@ -235,13 +248,14 @@ class _Search:
             return
         pull = gradient[: x.size] - self.precision * x
         free = ~(((x <= self.low) & (pull < 0)) | ((x >= self.high) & (pull > 0)))
-        even = self.problem.size - self.problem.first_effect
         lay = directions.layout
         offsets = np.zeros(lay.size)
         for k, drift in enumerate(at.drift if lay.sessions else ()):
             first = lay.unknowns + k * lay.per_session
             offsets[first : first + drift.size] = drift
-        at.quadratic = Quadratic(lay, matrix, gradient, at.squares, x, self.precision, free, even, offsets)
+        at.quadratic = Quadratic(
+            lay, matrix, gradient, at.squares, x, self.precision, free, self.problem.even, offsets, self.count
+        )
         self._weigh(at)
 
     def _weigh(self, at: _At) -> None:
@@ -251,7 +265,7 @@ class _Search:
         matrix, gradient = at.quadratic.system(self.sizes)
         at.factor = linalg.cholesky(matrix[n:, n:], lower=True, check_finite=False)
         taken = linalg.solve_triangular(at.factor, gradient[n:], lower=True, check_finite=False)
-        log_det = 2.0 * float(np.sum(np.log(np.diag(at.factor))))
+        log_det = 2.0 * float(np.sum(np.log(np.diag(at.factor)))) + self.count * float(np.log(self.sizes.noise))
         prior = float(self.precision @ at.x**2)
         at.chi2 = at.quadratic.at(self.sizes) - prior - float(taken @ taken)
         at.objective = at.chi2 + log_det + prior
@@ -262,7 +276,7 @@ class _Search:
             self._linearise(self.at)
         q = self.at.quadratic
         if q is not None and q.layout.size > q.x.size:
-            self.sizes = q.climbed(self.sizes, self.stated)
+            self.sizes = q.climbed(self.sizes, self.known)
             self._weigh(self.at)
 
     def climb(self, max_iterations: int, tolerance: float) -> None:
@@ -276,9 +290,9 @@ class _Search:
             damping = self._step(damping, self.at.quadratic)
             gain = before - self.at.objective
             # What leaves many times the noise needs no exact optimum.
-            far = self.at.chi2 > HOPELESS * self.problem.count
+            far = self.at.chi2 > HOPELESS * self.count
             least = max(tolerance, HOPELESS_GAIN) if far else tolerance
-            if gain < GAIN + least * max(self.at.objective - 0.9 * self.problem.count, 0.0):
+            if gain < GAIN + least * max(self.at.objective - 0.9 * self.count, 0.0):
                 break
 
     def _step(self, damping: float, quadratic: Quadratic) -> float:
@@ -326,12 +340,12 @@ def _step(
     return step
 
 
-def _finished(problem: Problem, search: _Search, quadratic: Quadratic, aside: float) -> Fit:
+def _finished(problem: Problem, search: _Search, quadratic: Quadratic) -> Fit:
     x = search.at.x
-    index = np.arange(problem.first_effect, problem.size)
+    index, even = np.arange(problem.first_effect, problem.size), np.flatnonzero(problem.even)
     own, pull = quadratic.system(search.sizes)
     # An even prior over a unit range knows a parameter to no better than its range.
-    own[index, index] += 12.0
+    own[even, even] += 12.0
     size = np.sqrt(np.diag(own))
     covariance = linalg.inv(own / np.outer(size, size)) / np.outer(size, size)
     offsets = np.zeros(own.shape[0])
@@ -346,7 +360,7 @@ def _finished(problem: Problem, search: _Search, quadratic: Quadratic, aside: fl
     at_end = tuple(
         f"{k}.{name}"
         for (k, name, r), value in zip(problem.parameters, x[index], strict=True)
-        if not r.limits and (value >= 1.0 or (value <= 0.0 and r.low != r.minimum))
+        if not r.limits and r.scale != "normal" and (value >= 1.0 or (value <= 0.0 and r.low != r.minimum))
     )
     return Fit(
         hypothesis=replace(problem.hypothesis, effects=problem.effects(x)),
@@ -356,11 +370,10 @@ def _finished(problem: Problem, search: _Search, quadratic: Quadratic, aside: fl
         first_effect=problem.first_effect,
         covariance=covariance[: problem.size, : problem.size],
         chi2=search.at.chi2,
-        aside=aside,
-        count=problem.count,
-        objective=search.at.objective - aside,
+        count=search.count,
+        objective=search.at.objective,
         # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
-        log_evidence=quadratic.summed(search.sizes, search.stated) + 0.5 * aside,
+        log_evidence=quadratic.summed(search.sizes, search.known),
         stds=stds,
         at_end=at_end,
         spread=Spread(quadratic.layout, search.sizes, offsets, own),

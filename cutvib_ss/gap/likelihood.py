@@ -27,13 +27,16 @@ from cutvib_ss.results import ComplexArray, FloatArray
 if TYPE_CHECKING:
     from cutvib_ss.gap.prediction import Predicted
     from cutvib_ss.gap.problem import Problem
-    from cutvib_ss.gap.records import Entry, Group
+    from cutvib_ss.gap.records import Group
 
 GRID: dict[str, tuple[tuple[float, float], ...]] = {
     "drift": ((3e-5, 0.10), (1e-4, 0.10), (3e-4, 0.15), (1e-3, 0.25), (3e-3, 0.25), (1e-2, 0.12), (3e-2, 0.03)),
     "nominal": ((3e-5, 0.15), (1e-4, 0.15), (3e-4, 0.20), (1e-3, 0.25), (3e-3, 0.15), (1e-2, 0.08), (3e-2, 0.02)),
     "cause": ((1e-3, 0.10), (3e-3, 0.15), (1e-2, 0.25), (3e-2, 0.30), (1e-1, 0.15), (3e-1, 0.05)),
+    "noise": ((1.0, 0.70), (1.3, 0.20), (2.0, 0.08), (4.0, 0.015), (10.0, 0.004), (100.0, 0.001)),
 }
+NOISE_UNKNOWN = tuple((float(v), 1.0 / 13.0) for v in np.geomspace(1.0, 1e6, 13))
+"""Factors on the variance of responses that came without any scatter of repetitions: their noise is a guess."""
 """
 Sizes with their prior probabilities, relative standard deviations. Drift: machines repeat to 0.1-2 %, rarely worse. Nominal: finite
 elements and modal models of machined parts err by some tenths of a percent in dynamic stiffness once tuned. Cause: the constitutive
@@ -43,8 +46,10 @@ LENGTH = 0.6
 """Correlation length of a discrepancy over the natural logarithm of frequency: it may change within most of an octave."""
 KEPT = 1e-3
 """Relative variance below which a shape of the reduced-rank process is dropped."""
-APART = 1.3
-"""Ratio of excitation levels from which a restoring force may err differently."""
+AMPLITUDE_LENGTH = 1.0
+"""Correlation length of a restoring force's discrepancy over the natural logarithm of the amplitude of its motion."""
+SAMPLED, LEFT, MOST_PIVOTS = 25, 0.02, 40
+"""Points of a record, variance left and number of pivots for the process behind a cause's discrepancy."""
 SMALL, TURNS = 1e-4, 6
 """Drift that moves a response in proportion, and turns in which a larger one of a held-out session is found."""
 MARGIN = 1e-9
@@ -53,11 +58,16 @@ MARGIN = 1e-9
 
 @dataclass(frozen=True)
 class Sizes:
-    """Relative standard deviations of drift between sessions, and of the discrepancy of nominal elements and of the cause."""
+    """
+    Relative standard deviations of drift between sessions, and of the discrepancy of nominal elements and of the cause.
+
+    `noise` is a factor on the variance of the noise.
+    """
 
     drift: float = 1e-3
     nominal: float = 3e-4
     cause: float = 1e-2
+    noise: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -69,7 +79,7 @@ class Layout:
     channels: tuple[str, ...]
     drifting: tuple[int, ...]
     nominal: tuple[int, ...]
-    levels: int
+    pivots: tuple[tuple[float, float], ...]
     shapes: int
 
     @property
@@ -90,7 +100,7 @@ class Layout:
     @property
     def size(self) -> int:
         """All columns."""
-        return self.first_cause + 2 * self.shapes * self.levels
+        return self.first_cause + 2 * len(self.pivots)
 
     def scale(self, sizes: Sizes) -> FloatArray:
         """Factor on each column."""
@@ -134,9 +144,6 @@ class Directions:
         drift, nominal = weights(problem)
         each = [x] * len(predictions) if isinstance(x, np.ndarray) else list(x)
         self.cause = _cause_weights(problem, each[0])
-        own_levels = not problem.hypothesis.linear
-        self.edges = _edges(problem.groups) if own_levels else [0.0]
-        self.levels = [_levels_of(g, self.edges) for g in self.groups]
         self.drift, self.nominal = drift, nominal
         self.layout = like or Layout(
             problem.size,
@@ -144,7 +151,7 @@ class Directions:
             problem.channels,
             tuple(np.flatnonzero(drift).tolist()),
             tuple(np.flatnonzero(nominal).tolist()) if spread else (),
-            (len(self.edges) if own_levels else 1) if spread and np.any(self.cause) else 0,
+            _pivots(problem) if spread and np.any(self.cause) else (),
             self.smooth[0].shape[0],
         )
         self.rows = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
@@ -158,7 +165,7 @@ class Directions:
         for i, (g, (shared, own)) in enumerate(zip(self.groups, self.rows, strict=True)):
             names = [session_of(same[0]) for same in g.entries]
             count = len(own[0]) // 2 if own else 0
-            cause = np.tensordot(self.cause, shared[len(shared) - len(self.cause) :], 1) if lay.levels else None
+            cause = np.tensordot(self.cause, shared[len(shared) - len(self.cause) :], 1) if lay.pivots else None
             for name in dict.fromkeys(names):
                 rows = np.array([k for k, other in enumerate(names) if other == name])
                 for c, channel in enumerate(g.channels):
@@ -180,11 +187,10 @@ class Directions:
                         index.append(own_nominal)
                         parts.append(self._smoothed(self.nominal[moved, None, None] * shared[moved][:, rows, c], i))
                     if cause is not None:
-                        # One level at a time: rows of other levels are zero there.
-                        for level in np.unique(self.levels[i][rows]):
-                            at = self.levels[i][rows] == level
-                            index.append(lay.first_cause + 2 * shapes * level + np.arange(2 * shapes))
-                            parts.append(self._smoothed((cause[rows, c] * at[:, None])[None], i))
+                        own_shapes = np.array([_over(lay.pivots, *_features(g, k, problem)) for k in rows])
+                        real = own_shapes.swapaxes(0, 1) * cause[rows, c]
+                        index.append(lay.first_cause + np.arange(2 * len(lay.pivots)))
+                        parts.append(np.concatenate([real, 1j * real]))
                     yield i, rows, c, np.concatenate(index), np.concatenate(parts)
 
     def _smoothed(self, rows: ComplexArray, group: int) -> ComplexArray:
@@ -287,8 +293,8 @@ class Spread:
                 matrix, pulled = own.precision.copy(), np.zeros(lay.size)
                 for _, _, c, index, part in chunks:
                     flat = _real(part) * scale[index, None]
-                    matrix[np.ix_(index, index)] += flat @ flat.T
-                    pulled[index] += flat @ (_real(residual[None, c])[0] - mean[index] @ flat)
+                    matrix[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
+                    pulled[index] += flat @ (_real(residual[None, c])[0] - mean[index] @ flat) / own.sizes.noise
                 pulled[at] -= z[at]
                 z[at] += linalg.solve(matrix, pulled, assume_a="pos", check_finite=False)[at]
         out = np.empty(residual.shape[0])
@@ -297,12 +303,12 @@ class Spread:
             flat = _real(part) * scale[index, None]
             r = _real(residual[None, c])[0] - mean[index] @ flat
             inner, pulled = own.precision.copy(), np.zeros(lay.size)
-            inner[np.ix_(index, index)] += flat @ flat.T
-            pulled[index] = flat @ r
+            inner[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
+            pulled[index] = flat @ r / own.sizes.noise
             if new:
                 pulled[at] -= z[at]
             gain = pulled @ linalg.solve(inner, pulled, assume_a="pos", check_finite=False)
-            out[c] = (r @ r + known - gain) / r.size
+            out[c] = (r @ r / own.sizes.noise + known - gain) / r.size
         return out
 
 
@@ -325,10 +331,12 @@ class Quadratic:
         Of their priors.
     free : ndarray of bool
         Unknowns that no bound holds.
-    even : int
-        Number of unknowns at the end whose priors are even over a unit range.
+    even : ndarray of bool
+        Unknowns whose priors are even over a unit range.
     offsets : ndarray, shape (column,)
         Where the directions stand at the point, at unit sizes: sessions' drift is not small beside a sharp resonance.
+    count : int
+        Real data.
     """
 
     layout: Layout
@@ -338,15 +346,16 @@ class Quadratic:
     x: FloatArray
     precision: FloatArray
     free: np.ndarray
-    even: int
+    even: np.ndarray
     offsets: FloatArray
+    count: int
 
     def system(self, sizes: Sizes) -> tuple[FloatArray, FloatArray]:
         """Posterior precision and gradient of all columns for given sizes, priors included."""
         scale = self.layout.scale(sizes)
         n = self.layout.unknowns
-        matrix = self.matrix * scale * scale[:, None]
-        gradient = self.gradient * scale
+        matrix = self.matrix * (scale * scale[:, None] / sizes.noise)
+        gradient = self.gradient * (scale / sizes.noise)
         prior = np.ones(self.layout.size)
         prior[:n] = self.precision + MARGIN
         matrix[np.diag_indices_from(matrix)] += prior
@@ -358,13 +367,13 @@ class Quadratic:
         """Squares of the residuals and of the priors at the point."""
         n, scale = self.layout.unknowns, self.layout.scale(sizes)
         drifted = self.offsets[n:] / scale[n:]
-        return self.squares + float(self.precision @ self.x**2) + float(drifted @ drifted)
+        return self.squares / sizes.noise + float(self.precision @ self.x**2) + float(drifted @ drifted)
 
     def log_evidence(self, sizes: Sizes) -> float:
         """Laplace's evidence for given sizes, up to a constant of the data."""
         matrix, gradient = self.system(sizes)
-        n, e = self.layout.unknowns, self.even
-        index = np.arange(n - e, n)
+        n, index = self.layout.unknowns, np.flatnonzero(self.even)
+        e = index.size
         matrix[index, index] += 12.0
         free = np.concatenate([self.free, np.ones(self.layout.size - n, dtype=bool)])
         # An unknown at its bound keeps its share of the determinant, but does not move.
@@ -377,22 +386,23 @@ class Quadratic:
         else:
             inner = matrix[np.ix_(free, free)]
             gain = float(gradient[free] @ linalg.solve(inner, gradient[free], assume_a="pos", check_finite=False))
-        return -0.5 * (self.at(sizes) - gain) - 0.5 * log_det + 0.5 * e * float(np.log(2 * np.pi))
+        noise = self.count * float(np.log(sizes.noise))
+        return -0.5 * (self.at(sizes) - gain + log_det + noise) + 0.5 * e * float(np.log(2 * np.pi))
 
     @cached_property
-    def _known(self) -> dict[Sizes, float]:
+    def _found(self) -> dict[Sizes, float]:
         return {}
 
-    def posterior(self, sizes: Sizes, stated: float | None) -> float:
+    def posterior(self, sizes: Sizes, known: Known) -> float:
         """Evidence for given sizes times their prior, as a logarithm."""
-        if sizes not in self._known:
-            prior = sum(np.log(dict(grid)[getattr(sizes, name)]) for name, grid in grids(self.layout, stated).items())
-            self._known[sizes] = self.log_evidence(sizes) + float(prior)
-        return self._known[sizes]
+        if sizes not in self._found:
+            prior = sum(np.log(dict(grid)[getattr(sizes, name)]) for name, grid in grids(self.layout, known).items())
+            self._found[sizes] = self.log_evidence(sizes) + float(prior)
+        return self._found[sizes]
 
-    def climbed(self, sizes: Sizes, stated: float | None) -> Sizes:
+    def climbed(self, sizes: Sizes, known: Known) -> Sizes:
         """Sizes of most posterior, from a start by steps along each grid."""
-        found = grids(self.layout, stated)
+        found = grids(self.layout, known)
         sizes = _on_grid(sizes, found)
         moved = True
         while moved:
@@ -401,31 +411,41 @@ class Quadratic:
                 values = [v for v, _ in grid]
                 at = values.index(getattr(sizes, name))
                 near = [replace(sizes, **{name: values[k]}) for k in (at - 1, at + 1) if 0 <= k < len(values)]
-                best = max(near, key=lambda s: self.posterior(s, stated), default=sizes)
-                if self.posterior(best, stated) > self.posterior(sizes, stated):
+                best = max(near, key=lambda s: self.posterior(s, known), default=sizes)
+                if self.posterior(best, known) > self.posterior(sizes, known):
                     sizes, moved = best, True
         return sizes
 
-    def summed(self, sizes: Sizes, stated: float | None) -> float:
+    def summed(self, sizes: Sizes, known: Known) -> float:
         """Log evidence with the sizes summed over: along each grid through the mode, as if they were independent."""
-        top = self.posterior(sizes, stated)
+        top = self.posterior(sizes, known)
         total = top
-        for name, grid in grids(self.layout, stated).items():
-            line = [self.posterior(replace(sizes, **{name: v}), stated) - top for v, _ in grid]
-            total += float(np.log(np.sum(np.exp(np.array(line)))))
+        for name, grid in grids(self.layout, known).items():
+            line = [self.posterior(replace(sizes, **{name: v}), known) - top for v, _ in grid]
+            total += float(np.logaddexp.reduce(np.array(line)))
         return total
 
 
-def grids(layout: Layout, stated: float | None) -> dict[str, tuple[tuple[float, float], ...]]:
+@dataclass(frozen=True)
+class Known:
+    """What is stated of the sizes: the drift, and whether the noise was seen to scatter."""
+
+    drift: float | None = None
+    noise: bool = True
+
+
+def grids(layout: Layout, known: Known) -> dict[str, tuple[tuple[float, float], ...]]:
     """Sizes that are searched, with their prior; one value where there are no such directions, or the drift is stated."""
     out = {}
     for f in fields(Sizes):
         grid = GRID[f.name]
-        if f.name == "drift" and not layout.sessions:
+        if f.name == "noise":
+            grid = grid if known.noise else NOISE_UNKNOWN
+        elif f.name == "drift" and not layout.sessions:
             grid = ((Sizes().drift, 1.0),)
-        elif f.name == "drift" and stated is not None:
-            grid = ((max(stated, 1e-9), 1.0),)
-        elif (f.name == "nominal" and not layout.nominal) or (f.name == "cause" and not layout.levels):
+        elif f.name == "drift" and known.drift is not None:
+            grid = ((max(known.drift, 1e-9), 1.0),)
+        elif (f.name == "nominal" and not layout.nominal) or (f.name == "cause" and not layout.pivots):
             grid = ((getattr(Sizes(), f.name), 1.0),)
         out[f.name] = grid
     return out
@@ -478,20 +498,47 @@ def _cause_weights(problem: Problem, x: FloatArray) -> FloatArray:
     return out
 
 
-def _edges(groups: Sequence[Group]) -> list[float]:
-    """Lower ends of excitation levels that differ."""
-    edges: list[float] = []
-    for level in sorted({_level(same[0]) for g in groups for same in g.entries}):
-        if not edges or level > APART * edges[-1]:
-            edges.append(level)
-    return edges
+def _features(g: Group, row: int, problem: Problem) -> tuple[FloatArray, FloatArray]:
+    """Over what a cause's discrepancy is smooth, in correlation lengths: log frequency, and log amplitude if it is nonlinear."""
+    u = np.log(g.freq) / LENGTH
+    if problem.hypothesis.linear:
+        return u, np.zeros(u.size)
+    entry = g.entries[row][0]
+    if np.isfinite(entry.sweep):
+        amplitude = entry.sweep * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
+        return u, np.log(np.maximum(amplitude, 1e-300)) / AMPLITUDE_LENGTH
+    return u, np.full(u.size, float(np.log(np.nan_to_num(entry.level, nan=1.0))) / AMPLITUDE_LENGTH)
 
 
-def _levels_of(g: Group, edges: Sequence[float]) -> np.ndarray:
-    """Excitation level of each row, as an index; of one that was not fitted, the nearest below."""
-    level = [_level(same[0]) for same in g.entries]
-    return np.maximum(np.searchsorted(edges, level, side="right") - 1, 0)
+def _over(pivots: Sequence[tuple[float, float]], u: FloatArray, w: FloatArray) -> FloatArray:
+    """Shapes with independent N(0, 1) coefficients at some points, shape (pivot, point)."""
+    at = np.array(pivots)
+
+    def kernel(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.asarray(np.exp(-0.5 * np.sum((a[:, None] - b[None]) ** 2, axis=-1)))
+
+    lower = np.linalg.cholesky(kernel(at, at) + 1e-8 * np.eye(len(at)))
+    return linalg.solve_triangular(lower, kernel(at, np.stack([u, w], axis=-1)), lower=True)
 
 
-def _level(e: Entry) -> float:
-    return float(np.nan_to_num(e.level, nan=1.0))
+def _pivots(problem: Problem) -> tuple[tuple[float, float], ...]:
+    """Points that carry the process over all data, by pivoted Cholesky: the variance that they leave is small everywhere."""
+    points = []
+    for g in problem.groups:
+        for row in range(len(g.data)):
+            u, w = _features(g, row, problem)
+            keep = np.unique(np.linspace(0, u.size - 1, min(u.size, SAMPLED)).round().astype(int))
+            points.append(np.stack([u[keep], w[keep]], axis=-1))
+    every = np.unique(np.concatenate(points).round(6), axis=0)
+    left = np.ones(len(every))
+    rows: list[FloatArray] = []
+    chosen: list[tuple[float, float]] = []
+    while left.max() > LEFT and len(chosen) < MOST_PIVOTS:
+        k = int(np.argmax(left))
+        column = np.exp(-0.5 * np.sum((every - every[k]) ** 2, axis=-1))
+        column = (column - sum((r[k] * r for r in rows), np.zeros(len(every)))) / np.sqrt(left[k])
+        rows.append(column)
+        left = np.maximum(left - column**2, 0.0)
+        left[k] = 0.0
+        chosen.append((float(every[k, 0]), float(every[k, 1])))
+    return tuple(chosen)

@@ -177,6 +177,7 @@ def _entry(index: int, record: Record) -> Entry:
         replay=replay,
         sweep=record.peak_force if record.excitation == "sine" and record.peak_force is not None else np.nan,
         session=record.session,
+        scattered=bool(np.any(np.isfinite(frf.coherence))) if record.kind == "frf" else frf.averages > 1,
     )
 
 

@@ -26,6 +26,8 @@ IndexArray: TypeAlias = NDArray[np.intp]
 
 BLOW_AT_PRIOR = (0.05, 0.05)
 """Mean and standard deviation of the instant of a blow that no record states [s]."""
+FARTHEST = 50.0
+"""Standard deviations beyond which no coefficient of an unknown element is followed."""
 WITHIN = 4.0
 """Standard deviations that tuning may move a value and calibration may err: beyond that it is a cause."""
 
@@ -96,9 +98,18 @@ class Problem:
         if warm is not None:
             known = self.first_effect if warm.size in (self.first_effect, self.size) else self._shared_by_all
             x[:known] = warm[:known]
+        low, high = self.bounds()
         for i, (k, name, r) in enumerate(self.parameters):
-            x[self.first_effect + i] = np.clip(to_unknown(getattr(self.hypothesis.effects[k], name), r), 0.0, 1.0)
+            at = self.first_effect + i
+            x[at] = np.clip(to_unknown(getattr(self.hypothesis.effects[k], name), r), low[at], high[at])
         return x
+
+    @property
+    def even(self) -> NDArray[np.bool_]:
+        """Unknowns whose priors are even over a unit range."""
+        out = np.zeros(self.size, dtype=bool)
+        out[self.first_effect :] = [r.scale != "normal" for _, _, r in self.parameters]
+        return out
 
     def tuned(self, x: FloatArray) -> Model:
         """
@@ -183,9 +194,7 @@ class Problem:
         ndarray, shape (unknown,)
             Precision.
         """
-        precision = np.zeros(self.size)
-        precision[: self.first_effect] = 1.0
-        return precision
+        return np.where(self.even, 0.0, 1.0)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """
@@ -201,7 +210,11 @@ class Problem:
         low = -high
         if self.n_blow:
             low[self._blow], high[self._blow] = -1.0, 6.0
-        low[self.first_effect :], high[self.first_effect :] = 0.0, 1.0
+        even = self.even
+        low[even], high[even] = 0.0, 1.0
+        normal = ~even
+        normal[: self.first_effect] = False
+        low[normal], high[normal] = -FARTHEST, FARTHEST
         return low, high
 
     def each(self, x: FloatArray | Sequence[FloatArray]) -> list[FloatArray]:

@@ -55,6 +55,8 @@ class Entry:
         Amplitude of the force of a stepped or swept sine [N]; NaN otherwise.
     session : str or None
         Name of its session, where stated.
+    scattered : bool
+        Whether its noise was seen to scatter: from repetitions or a coherence; else it is read off how smooth the response is.
     """
 
     record: int
@@ -72,6 +74,7 @@ class Entry:
     replay: Replay | None = None
     sweep: float = np.nan
     session: str | None = None
+    scattered: bool = True
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,8 @@ def to_unknown(value: float, r: Range) -> float:
     float
         The coordinate.
     """
+    if r.scale == "normal":
+        return (value - r.low) / r.high
     if r.scale == "log":
         return float(np.log(value / r.low) / np.log(r.high / r.low))
     return (value - r.low) / (r.high - r.low)
@@ -81,6 +83,8 @@ def from_unknown(x: float, r: Range) -> tuple[float, float]:
     value, slope : float
         The parameter, and how it moves with the coordinate.
     """
+    if r.scale == "normal":
+        return r.low + x * r.high, r.high
     if r.scale == "log":
         value = float(r.low * (r.high / r.low) ** x)
         return value, value * float(np.log(r.high / r.low))

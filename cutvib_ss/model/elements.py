@@ -19,6 +19,9 @@ from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.parameters import check_number
 from cutvib_ss.results import ComplexArray
 
+SMOOTH_LENGTH = 0.6
+"""Correlation length of an unknown dynamic stiffness over the natural logarithm of frequency."""
+
 
 class Element(Protocol):
     """A linear element in parallel at a port."""
@@ -321,6 +324,71 @@ class CausalHysteresis:
         raise CouplingError(
             "structural (hysteretic) damping has no finite second-order form; ask for equivalent viscous damping"
         )
+
+
+@dataclass(frozen=True)
+class SmoothElement:
+    """
+    A dynamic stiffness of unknown form that varies smoothly with frequency, as a reduced-rank Gaussian process.
+
+    Parameters
+    ----------
+    scale : float
+        Standard deviation of z(iω), real and imaginary part [N/m or N m/rad].
+    band : (float, float)
+        Band over which its knots lie [Hz].
+    coefficients : tuple of float
+        Of the real, then of the imaginary shapes; independent N(0, 1) for a process of that standard deviation.
+
+    Notes
+    -----
+    z(s) = scale Σ_k (a_k + i b_k) g_k(ln(s / 2πi)), with g = Λ^(-1/2) Vᵀ κ(u, u_k), κ the squared exponential and V Λ Vᵀ its
+    matrix at the knots (Rasmussen and Williams 2006, section 8.1). The shapes are analytic in s.
+    """
+
+    scale: float
+    band: tuple[float, float]
+    coefficients: tuple[float, ...]
+
+    def _shapes(self, s: ComplexArray) -> ComplexArray:
+        count = len(self.coefficients) // 2
+        u = np.log(np.asarray(s) / (2j * pi))
+        return smooth_process(u, (float(np.log(self.band[0])), float(np.log(self.band[1]))), count)
+
+    def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
+        """z(s), of the shape of ``s``."""
+        count = len(self.coefficients) // 2
+        c = np.array(self.coefficients)
+        return np.asarray(self.scale * np.tensordot(c[:count] + 1j * c[count:], self._shapes(s), 1))
+
+    def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
+        """Derivative of z(s) to a coefficient, by its index, or to ``"s"`` or ``"scale"``."""
+        if name == "scale":
+            return self.dynamic_stiffness(s) / self.scale
+        if name == "s":
+            step = 1e-6
+            ahead, behind = self.dynamic_stiffness(s * (1 + step)), self.dynamic_stiffness(s * (1 - step))
+            return np.asarray((ahead - behind) / (2 * step * s))
+        count = len(self.coefficients) // 2
+        k = int(name)
+        return np.asarray(self.scale * (1.0 if k < count else 1j) * self._shapes(s)[k % count])
+
+    def second_order(self) -> SecondOrder:
+        """CouplingError: there is none."""
+        raise CouplingError(
+            "an unknown dynamic stiffness has no finite second-order form; ask for its viscous equivalent"
+        )
+
+
+def smooth_process(u: ComplexArray, ends: tuple[float, float], count: int) -> ComplexArray:
+    """Shapes of a squared-exponential process over u with independent N(0, 1) coefficients, shape (count, …)."""
+    knots = np.linspace(*ends, count)
+    # Neighbouring knots stay correlated, however wide the band.
+    width = max(SMOOTH_LENGTH, 1.2 * (knots[1] - knots[0])) if count > 1 else SMOOTH_LENGTH
+    variance, vectors = np.linalg.eigh(np.exp(-0.5 * ((knots[:, None] - knots) / width) ** 2))
+    weight = np.where(variance > 1e-6 * variance[-1], 1.0 / np.sqrt(np.maximum(variance, 1e-300)), 0.0)
+    across = np.exp(-0.5 * ((np.asarray(u)[None] - knots.reshape(-1, *[1] * np.ndim(u))) / width) ** 2)
+    return np.asarray(np.tensordot((vectors * weight).T, across, 1))
 
 
 def viscous_equivalent(element: Element, s: complex) -> Element:

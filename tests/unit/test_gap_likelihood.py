@@ -68,8 +68,9 @@ def test_evidence_of_sizes_is_that_of_the_dense_covariance(sizes: Sizes) -> None
         x,
         precision,
         np.ones(x.size, dtype=bool),
-        even=0,
+        even=np.zeros(x.size, dtype=bool),
         offsets=np.zeros(directions.layout.size),
+        count=2 * sum(g.data.size for g in problem.groups),
     )
     rows = directions.flat()
     residual = np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])
