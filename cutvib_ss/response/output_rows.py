@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -65,9 +66,9 @@ def output_rows(
     rows = []
     for name, quantity in zip(names, quantities, strict=True):
         if name in END_FORCES:
-            if isinstance(machine, Structure):
+            if not machine.has_position:
                 raise ParameterError(f"output {name!r} needs a cutting machine; this model has no rail")
-            rows.append(_end_force(machine, system, position, viscous_at, name, inputs))
+            rows.append(_end_force(cast(Machine, machine), system, position, viscous_at, name, inputs))
             continue
         channel = machine.channels.get(name)
         read: Quantity = quantity or (channel.quantity if channel else "displacement")
