@@ -34,7 +34,8 @@ from cutvib_ss.lpv.table import ERROR_ORDER, Interpolation, PlantMatrices, Plant
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import check_choice, check_position, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
-from cutvib_ss.results import ComplexArray, Displayed, FloatArray, FrequencyResponse, Quantity, Table, span
+from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
+from cutvib_ss.results.display import Displayed, Table, span
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 _OUTPUTS = ("tool_x", "tool_z", "base_x", "head_x", "head_z")
