@@ -49,6 +49,11 @@ def names_of(given: str | Iterable[str]) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 
+def control_name(signal: str) -> str:
+    """A signal's name in python-control, which allows no point: ``rail@0.25`` is ``rail@0_25``."""
+    return signal.replace(".", "_")
+
+
 @dataclass(frozen=True)
 class HeadParameters:
     """

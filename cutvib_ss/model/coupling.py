@@ -40,7 +40,7 @@ from cutvib_ss.model.head import head, head_changes
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.rail import Rail, rail, rail_rows, rail_rows_bound
 from cutvib_ss.model.second_order import SecondOrder
-from cutvib_ss.parameters import HeadParameters, check_position
+from cutvib_ss.parameters import HeadParameters, check_position, control_name
 from cutvib_ss.results import FloatArray, Quantity
 
 Matrices: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
@@ -280,10 +280,11 @@ class Coupling:
         outs = [*upper.output_labels[: len(upper.output_labels) - meets], *lower.output_labels[3 * meets :]]
         states = [*upper.state_labels, *lower.state_labels]
         x = [states.index(name) for name in self.state_scales]
-        i, o = [ins.index(name) for name in inputs], [outs.index(name) for name in outputs]
+        drives, reads = [*map(control_name, inputs)], [*map(control_name, outputs)]
+        i, o = [ins.index(name) for name in drives], [outs.index(name) for name in reads]
         return control.ss(
             closed.A[np.ix_(x, x)], closed.B[np.ix_(x, i)], closed.C[np.ix_(o, x)], closed.D[np.ix_(o, i)],
-            inputs=list(inputs), outputs=list(outputs), states=list(self.state_scales), name="machine",
+            inputs=drives, outputs=reads, states=list(self.state_scales), name="machine",
         )  # fmt: skip
 
     @cached_property

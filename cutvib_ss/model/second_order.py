@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.parameters import control_name
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity, read_only
 from cutvib_ss.units import DERIVATIVE_ORDER
 
@@ -179,8 +180,8 @@ class SecondOrder:
         c, d = (np.reshape(x, (len(found), -1)) for x in zip(*found, strict=True)) if found else (a[:0], b[:0])
         return control.ss(
             a, b, c, d,
-            inputs=[*inputs, *(f"{d}_{q}" for d in driven for q in DERIVATIVE_ORDER)],
-            outputs=[*outputs, *(f"{d}_reaction" for d in driven)], name=name,
+            inputs=[*map(control_name, inputs), *(f"{d}_{q}" for d in driven for q in DERIVATIVE_ORDER)],
+            outputs=[*map(control_name, outputs), *(f"{d}_reaction" for d in driven)], name=name,
             states=names + [f"d_{d}" for d in names],
         )  # fmt: skip
 
