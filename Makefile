@@ -6,7 +6,7 @@
 #   make test-all   the same with the slow tests, and more examples for each property
 #   make bench      the benchmarks, one process
 #   make docs       the documentation as HTML, in docs/_build/html
-#   make blind      the sealed trial, 400 cases: two hours; goes on where it was; writes docs/blind_results.md (SEED=2: another one)
+#   make blind      the sealed trial, 400 cases: two hours; goes on where it was; writes docs/blind_results_table.md (SEED=2: another one)
 #   make calibration  two more trials, and from them the numbers behind the stated probabilities
 #   make format     put the code in the house style
 #
@@ -72,7 +72,7 @@ blind: $(STAMP)
 	@mkdir -p $(TRIALS)
 	$(BIN)/cutvib blind run --cases $(TRIAL_CASES) --seed $(SEED) --mix $(MIX) --out $(TRIALS)/sealed-$(SEED) --jobs $(JOBS)
 	$(BIN)/cutvib blind score $(TRIALS)/sealed-$(SEED) --jobs $(JOBS) --json $(TRIALS)/score-$(SEED).json \
-	    --report $(TRIALS)/score-$(SEED).html --report docs/blind_results.md \
+	    --report $(TRIALS)/score-$(SEED).html --report docs/blind_results_table.md \
 	    $(addprefix --baselines ,$(wildcard $(TRIALS)/fit-1001))
 
 calibration: $(STAMP)

@@ -38,6 +38,7 @@ _NAMES_OF = {
     ),
     "measurement": ("read_campaign", "write_campaign", "estimate", "Campaign", "Record"),
     "identification": ("identify", "IdentificationResult"),
+    "effects.catalogue": ("register_effect",),
     "gap.diagnosis": ("diagnose",),
     "gap.result": ("Diagnosis",),
     "gap.plan": ("plan", "Plan", "PlannedCampaign"),

@@ -11,6 +11,7 @@ from cutvib_ss.absorber import design_absorbers as design_absorbers
 from cutvib_ss.absorber import mass_front as mass_front
 from cutvib_ss.absorber import parametric_study as parametric_study
 from cutvib_ss.absorber import workspace_check as workspace_check
+from cutvib_ss.effects.catalogue import register_effect as register_effect
 from cutvib_ss.errors import ConvergenceError as ConvergenceError
 from cutvib_ss.errors import CouplingError as CouplingError
 from cutvib_ss.errors import CutvibError as CutvibError

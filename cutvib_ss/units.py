@@ -47,7 +47,11 @@ def ratio_unit(numerator: str, denominator: str) -> str:
     return f"{numerator}/({denominator})" if " " in denominator else f"{numerator}/{denominator}"
 
 
-_SPELLINGS = {"m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/sec^2": "m/s^2", "newton": "N"}
+_SPELLINGS = {
+    "m/s²": "m/s^2", "m/s2": "m/s^2", "m/s**2": "m/s^2", "m/sec^2": "m/s^2", "m/s/s": "m/s^2", "m/sec²": "m/s^2",
+    "(m/s^2)": "m/s^2", "(m/s²)": "m/s^2", "newton": "N", "Newton": "N", "newtons": "N", "Newtons": "N",
+    "gn": "g", "g_n": "g", "meter": "m", "metre": "m", "millimeter": "mm", "millimetre": "mm",
+}  # fmt: skip
 
 
 def to_si(unit: str, quantity: str, where: str) -> float:

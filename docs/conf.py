@@ -28,7 +28,7 @@ extensions = [
     "sphinx.ext.mathjax",
     "numpydoc",
 ]
-exclude_patterns = ["_build", "adr/template.md"]
+exclude_patterns = ["_build", "adr/template.md", "blind_results_table.md"]
 templates_path = ["_templates"]
 
 myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]

@@ -5,39 +5,29 @@ Nearest signature
     The campaigns of other, opened trials whose errors look most alike name the cause.
 Classifier
     A random forest on features of the campaigns, trained on the same.
-Untuned χ²
-    Every single cause fitted to the model as given, nothing re-tuned and no calibration error allowed: the least χ² wins.
-BIC
-    The diagnosis' own tuned fits, weighed by Schwarz's criterion: no held-out records, no "unknown", no calibration.
+
+They know the cutting machine only: campaigns on other structures they leave without an answer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from importlib import import_module
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from cutvib_ss.blind.cases import NONE, UNKNOWN, Answer, Case, Causes, Entry, causes_of, read_cases
+from cutvib_ss.blind.cases import NONE, UNKNOWN, Answer, Case, Causes, Entry, read_cases
 from cutvib_ss.blind.features import CHANNELS, SIGNATURE, features
-from cutvib_ss.blind.files import read_json, write_json
+from cutvib_ss.blind.files import read_json
 from cutvib_ss.blind.rows import rows
 from cutvib_ss.blind.score import Score
 from cutvib_ss.blind.seal import Trial
-from cutvib_ss.errors import CutvibError, ParameterError
-from cutvib_ss.gap.candidate_evidence import evidence_of
-from cutvib_ss.gap.cause import search
-from cutvib_ss.gap.findings import finite_or_none
-from cutvib_ss.gap.observations import observe
-from cutvib_ss.gap.ranking import COARSE_LINES
-from cutvib_ss.gap.records import Records
-from cutvib_ss.gap.verdict import SET, SURE
-from cutvib_ss.gap.workers import Workers
-from cutvib_ss.measurement.campaign import read_campaign
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.results import FloatArray
 
 Odds: TypeAlias = Mapping[Causes, float]
@@ -45,8 +35,8 @@ Odds: TypeAlias = Mapping[Causes, float]
 NEIGHBOURS = 5
 """Campaigns that vote in the lookup."""
 TREES = 400
-UNTUNED = 1e-6
-"""Tolerance of a model that may not be re-tuned."""
+SET, SURE = 0.95, 0.9
+"""Probability that the set of answers carries, and from which one answer is given alone: as in the diagnosis."""
 
 
 def with_baselines(score: Score, folders: Sequence[Path], train: Sequence[Path], jobs: int = 1) -> Score:
@@ -88,17 +78,29 @@ def with_baselines(score: Score, folders: Sequence[Path], train: Sequence[Path],
     ]
     trials = [Trial(folder) for folder in folders]
     campaigns = [t.campaigns / c.name for c in score.cases for t in trials if (t.campaigns / c.name).is_dir()]
-    with Workers(jobs) as workers:
-        seen = np.array(workers.map(features, [*(k for k, _ in known), *campaigns]))
-    learnt, asked, truths = seen[: len(known)], seen[len(known) :], [t for _, t in known]
-    found = {
-        "nearest signature": nearest_signature(learnt, truths, asked),
-        "classifier": forest(learnt, truths, asked),
-    }
-    if all("evidence" in c.answer.diagnosis for c in score.cases if c.answer.entries):
-        found["untuned χ²"] = [least_chi2(d) for d in untuned(campaigns, jobs)]
-        found["BIC"] = [bic(c.answer.diagnosis) for c in score.cases]
+    folders_of = [*(k for k, _ in known), *campaigns]
+    if jobs == 1:
+        seen = [seen_as(folder) for folder in folders_of]
+    else:
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+            seen = list(pool.map(seen_as, folders_of))
+    learning = [(x, t) for x, (_, t) in zip(seen, known, strict=False) if x is not None]
+    learnt, truths = np.array([x for x, _ in learning]), [t for _, t in learning]
+    asked = seen[len(known) :]
+    able = np.array([x for x in asked if x is not None])
+    found: dict[str, list[Odds]] = {}
+    for name, method in (("nearest signature", nearest_signature), ("classifier", forest)):
+        odds = iter(method(learnt, truths, able))
+        found[name] = [{} if x is None else next(odds) for x in asked]
     return replace(score, baselines={name: rows(answered(score.cases, odds)) for name, odds in found.items()})
+
+
+def seen_as(campaign: Path) -> FloatArray | None:
+    """Features of a campaign; None where it is of another structure."""
+    try:
+        return features(campaign)
+    except ParameterError:
+        return None
 
 
 def answered(cases: Sequence[Case], odds: Sequence[Odds]) -> tuple[Case, ...]:
@@ -217,106 +219,3 @@ def forest(learnt: FloatArray, truths: Sequence[Causes], asked: FloatArray) -> l
     trees.fit(learnt, [names.index(t) for t in truths])
     votes = trees.predict_proba(asked)
     return [{names[k]: float(p) for k, p in zip(trees.classes_, row, strict=True) if p > 0} for row in votes]
-
-
-def least_chi2(diagnosis: Mapping[str, Any] | None) -> Odds:
-    """
-    Probabilities by χ² alone, as if noise were all that separates model and measurement.
-
-    Parameters
-    ----------
-    diagnosis : dict or None
-        JSON with its evidence.
-
-    Returns
-    -------
-    mapping
-        Probability of each answer; empty without a diagnosis.
-    """
-    return _softmax(diagnosis, lambda row, data: -row["chi2"] / 2)
-
-
-def bic(diagnosis: Mapping[str, Any] | None) -> Odds:
-    """
-    Probabilities by Schwarz's criterion, χ² + k ln n.
-
-    Parameters
-    ----------
-    diagnosis : dict or None
-        JSON with its evidence.
-
-    Returns
-    -------
-    mapping
-        Probability of each answer; empty without a diagnosis.
-    """
-    return _softmax(diagnosis, lambda row, data: -(row["chi2"] + row["unknowns"] * np.log(data)) / 2)
-
-
-def _softmax(diagnosis: Mapping[str, Any] | None, score: Callable[[Mapping[str, Any], int], float]) -> Odds:
-    evidence = (diagnosis or {}).get("evidence")
-    if evidence is None:
-        return {}
-    # What was only bounded on few lines has no χ² on all of them.
-    listed = [r for r in evidence["candidates"] if r["chi2"] is not None]
-    values = np.array([score(r, evidence["data"]) for r in listed])
-    weight = np.exp(values - values.max())
-    odds: dict[Causes, float] = {}
-    for r, p in zip(listed, weight / weight.sum(), strict=True):
-        named = NONE if r["effect"] == "none" else causes_of(r["effect"], r["place"], r.get("parameters") or {})
-        odds[named] = odds.get(named, 0.0) + float(p)
-    return odds
-
-
-def untuned(campaigns: Sequence[Path], jobs: int) -> list[Mapping[str, Any]]:
-    """
-    Fits of linear causes to a model whose values may not move; they are kept, so that a second call is quick.
-
-    Parameters
-    ----------
-    campaigns : sequence of Path
-        The cases' campaigns, each in its trial's folder.
-    jobs : int
-        At a time.
-
-    Returns
-    -------
-    list of dict
-        The evidence of each case as a diagnosis holds it; without any where it cannot be fitted.
-    """
-    kept = [c.parent.parent / "baselines" / "untuned" / f"{c.name}.json" for c in campaigns]
-    for folder in {file.parent for file in kept}:
-        folder.mkdir(parents=True, exist_ok=True)
-    missing = [(c, file) for c, file in zip(campaigns, kept, strict=True) if not file.is_file()]
-    with Workers(jobs) as workers:
-        workers.map(fitted_untuned, [c for c, _ in missing], [file for _, file in missing])
-    return [read_json(file) for file in kept]
-
-
-def fitted_untuned(campaign: Path, out: Path) -> None:
-    """
-    Fit every linear cause to one campaign with a model whose tolerances are next to nothing.
-
-    Parameters
-    ----------
-    campaign : Path
-        The campaign's folder.
-    out : Path
-        File for the evidence.
-    """
-    try:
-        measured = read_campaign(campaign)
-        given: Any = measured.machine  # of either kind: both have tolerances
-        nothing = {f.name: UNTUNED for f in fields(given.tolerance) if f.name != "drift"}
-        nominal = replace(given, tolerance=replace(given.tolerance, **nothing))
-        observed = observe(measured, nominal)
-        with threadpool_limits(1):
-            # Few lines, their noise as measured, tell single causes apart as all do, in a third of the time.
-            records = Records(observed.entries).coarse(COARSE_LINES, 0.0)
-            ranked = search(nominal, records, observed, lambda r: r.reduced, Workers(), pairs=False, laws=False)
-    except CutvibError:
-        write_json(out, {})
-        return
-    listed = [asdict(evidence_of(r)) for r in ranked]
-    candidates = [{**c, "chi2": finite_or_none(c["chi2"]), "held_reduced_chi2": None} for c in listed]
-    write_json(out, {"evidence": {"data": ranked[0].fit.count, "candidates": candidates}})

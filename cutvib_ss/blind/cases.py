@@ -14,8 +14,14 @@ OneCause: TypeAlias = tuple[str, str]
 Causes: TypeAlias = frozenset[OneCause]
 """Causes that act together, each an effect and a place."""
 
+ELEMENT: OneCause = ("unknown", "")
+"""An element of a kind that is not known: where it sits is scored by place, not by name."""
+
 NONE: Causes = frozenset({("none", "none")})
-UNKNOWN: Causes = frozenset({("unknown", "")})
+UNKNOWN: Causes = frozenset({ELEMENT})
+
+FEW_PLACES = 3
+"""A stated set of places up to this size says where to look."""
 
 EQUIVALENT: Mapping[tuple[str, str], OneCause] = {
     ("parameter_shift", "m1"): ("added_mass", "head"),
@@ -55,6 +61,38 @@ class Truth:
     gap_sigma: float
     label: Mapping[str, Any]
 
+    @property
+    def accepted(self) -> frozenset[str]:
+        """The place, and those that are physically the same."""
+        return self.place | frozenset(self.label.get("equivalent_places") or ())
+
+    @property
+    def grade(self) -> int:
+        """How far the form of the cause is from the catalogue's: 0 its own, 1 near it, 2 another, 3 of its kind only."""
+        return int(self.label.get("grade") or 0)
+
+    @property
+    def drifting(self) -> bool:
+        """Whether the machine moves during the campaign."""
+        moves = (self.label.get("conditions") or {}).get("repeatability") or {}
+        return any(moves.get(name) for name in ("drift", "within", "temperature"))
+
+    @property
+    def machine(self) -> str:
+        """Kind of the machine."""
+        return str(self.label.get("machine") or "cutting_machine")
+
+    def holds(self, causes: Causes) -> bool:
+        """
+        Whether an answer that names these causes is right.
+
+        Outside the catalogue every answer with an unknown element is: what a known cause beside it closes is closed. In another
+        form than the catalogue's a cause may leave a rest: it is right with or without an unknown element.
+        """
+        if self.kind == "outside":
+            return ELEMENT in causes
+        return causes == self.causes or (self.grade > 0 and causes - UNKNOWN == self.causes)
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -84,13 +122,16 @@ class Answer:
     Parameters
     ----------
     verdict : str
-        ``"no_gap"``, ``"explained"``, ``"ambiguous"``, ``"unknown"``; ``"failed"`` where there is no diagnosis.
+        ``"no_gap"``, ``"explained"``, ``"partly_explained"``, ``"ambiguous"``, ``"unknown"``; ``"failed"`` where there is no
+        diagnosis.
     entries : tuple of Entry
         As the diagnosis ranked them.
     likely : frozenset of frozenset
         The distinct causes of the 95 % set.
     place : frozenset of str
         Where it says the gap lies.
+    place_set : frozenset of str
+        The places that carry 0.95 of the probability; the place alone where the diagnosis does not say.
     diagnosis : dict
         The JSON.
     """
@@ -100,6 +141,7 @@ class Answer:
     likely: frozenset[Causes]
     place: frozenset[str]
     diagnosis: Mapping[str, Any]
+    place_set: frozenset[str] = frozenset()
 
     @property
     def first(self) -> Causes | None:
@@ -126,6 +168,15 @@ class Answer:
             Sum over the rows that name exactly these.
         """
         return float(sum(e.probability for e in self.entries if e.causes == causes))
+
+    def probability_that(self, truth: Truth) -> float:
+        """Probability stated for all answers that are right."""
+        return float(sum(e.probability for e in self.entries if truth.holds(e.causes)))
+
+    @property
+    def flagged(self) -> bool:
+        """Whether it says that something is at work that it does not know."""
+        return self.verdict in ("unknown", "partly_explained")
 
 
 FAILED = Answer("failed", (), frozenset(), frozenset(), {})
@@ -160,7 +211,23 @@ class Case:
     @property
     def right(self) -> bool:
         """Whether the first answer is the truth: all causes of it, and no more."""
-        return self.answer.first == self.truth.causes
+        return self.answer.first is not None and self.truth.holds(self.answer.first)
+
+    @property
+    def right_place(self) -> bool:
+        """
+        Whether it says where to look.
+
+        Right is a place that is true or physically the same; a set of few places with a true one among them; of several places
+        named (a pair, a cause with an unknown element) each must be true, but that of an unknown element beside a true one.
+        """
+        named, true = self.answer.place, self.truth.accepted
+        if named and named <= true:
+            return True
+        if self.answer.flagged and len(named) == 2 and named & true:
+            return True
+        few = self.answer.place_set
+        return 1 < len(few) <= FEW_PLACES and bool(few & true)
 
 
 def truth_of(label: Mapping[str, Any]) -> Truth:
@@ -205,7 +272,9 @@ def answer_of(diagnosis: Mapping[str, Any]) -> Answer:
     rows: Sequence[Mapping[str, Any]] = diagnosis["causes"]
     entries = tuple(
         Entry(
-            UNKNOWN if row["effect"] == "unknown" else causes_of(row["effect"], row["place"], row["parameters"]),
+            UNKNOWN
+            if row["effect"] == "unknown"
+            else causes_of(row["effect"], row["place"], row.get("parameters") or {}),
             float(row["probability"]),
             float("nan") if row.get("reduced_chi2") is None else float(row["reduced_chi2"]),
         )
@@ -217,6 +286,7 @@ def answer_of(diagnosis: Mapping[str, Any]) -> Answer:
         likely=frozenset(entries[i].causes for i in diagnosis["ambiguity_set"]),
         place=frozenset(str(diagnosis["where"]["place"]).split("+")),
         diagnosis=diagnosis,
+        place_set=frozenset(p for one in diagnosis["where"].get("place_set") or () for p in str(one).split("+")),
     )
 
 
@@ -242,13 +312,15 @@ def causes_of(effect: str, place: str, parameters: Mapping[str, Any]) -> Causes:
     [('added_mass', 'tool')]
     >>> sorted(causes_of("support_compliance+cubic_stiffness", "rail_ends+joint2", {}))
     [('cubic_stiffness', 'joint2'), ('support_compliance', 'rail_ends')]
+    >>> sorted(causes_of("cubic_stiffness+unknown", "joint2+rail", {}))
+    [('cubic_stiffness', 'joint2'), ('unknown', '')]
     """
     out = set()
     for one, at in zip(effect.split("+"), place.split("+"), strict=True):
         shifted = parameters.get(f"{one}.parameter", parameters.get("parameter"))
         if isinstance(shifted, Mapping):
             shifted = shifted.get("value")
-        out.add(EQUIVALENT.get((one, str(shifted)), (one, at)))
+        out.add(ELEMENT if one == "unknown" else EQUIVALENT.get((one, str(shifted)), (one, at)))
     return frozenset(out)
 
 
@@ -268,7 +340,7 @@ def name_of(causes: Causes) -> str:
     """
     if causes in (UNKNOWN, NONE):
         return next(iter(causes))[0]
-    return " + ".join(f"{effect} ({place})" for effect, place in sorted(causes))
+    return " + ".join(f"{effect} ({place})" if place else effect for effect, place in sorted(causes))
 
 
 def read_cases(trial: Trial, labels: Mapping[str, Any]) -> tuple[Case, ...]:

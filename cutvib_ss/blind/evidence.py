@@ -12,7 +12,7 @@ import numpy as np
 from cutvib_ss.blind.cases import NONE, UNKNOWN, Causes, causes_of, truth_of
 from cutvib_ss.blind.files import read_json
 from cutvib_ss.blind.seal import Trial
-from cutvib_ss.effects.parameter_shift import stands_in
+from cutvib_ss.effects.catalogue import is_alias
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.gap.calibration import Calibration, Evidence, posterior
 
@@ -158,14 +158,14 @@ def case_evidence(name: str, label: Mapping[str, Any], diagnosis: Mapping[str, A
             for r in rows
             if r.get("judged", r["held_reduced_chi2"] is not None)
         },
-        unspecific=frozenset(r["name"] for r in rows if r.get("unspecific", _stands_in(r))),
+        unspecific=frozenset(r["name"] for r in rows if r.get("unspecific", _is_alias(r))),
     )
     return CaseEvidence(name, truth_of(label).causes, named, evidence)
 
 
-def _stands_in(row: Mapping[str, Any]) -> bool:
+def _is_alias(row: Mapping[str, Any]) -> bool:
     # Diagnoses of before that was told.
-    return stands_in(row["effect"], (row.get("parameters") or {}).get("parameter"))
+    return is_alias(row["effect"], row.get("parameters") or {})
 
 
 def stated(case: CaseEvidence, numbers: Calibration) -> dict[Causes, float]:

@@ -111,6 +111,9 @@ class Score:
         Part of wrong answers among the surest.
     by_severity, by_cause : tuple of Group
         Cases with one cause by size of the gap; all cases by cause.
+    groups : mapping of str to tuple of Group
+        All cases by kind, by how far the machine moves, by kind of the machine; those with one cause by how far its form is from
+        the catalogue's.
     cases : tuple of Case
         All cases.
     baselines : mapping of str to tuple of Row
@@ -126,6 +129,7 @@ class Score:
     risk: FloatArray
     by_severity: tuple[Group, ...]
     by_cause: tuple[Group, ...]
+    groups: Mapping[str, tuple[Group, ...]]
     cases: tuple[Case, ...]
     baselines: Mapping[str, tuple[Row, ...]] = field(default_factory=dict)
 
@@ -171,6 +175,7 @@ class Score:
             "shrinkage": [vars(s) for s in self.shrinkage],
             "by_severity": [_group(g) for g in self.by_severity],
             "by_cause": [_group(g) for g in self.by_cause],
+            "groups": {title: [_group(g) for g in own] for title, own in self.groups.items()},
             "sure_and_wrong": [c.name for c in self.sure_and_wrong],
             "cases": [case_data(c) for c in self.cases],
             "baselines": {name: [_row(r) for r in own] for name, own in self.baselines.items()},
@@ -214,8 +219,32 @@ def scored(cases: Sequence[Case], about: Mapping[str, Any]) -> Score:
         by_cause=tuple(
             _grouped(name, [c for c in cases if _truth(c) == name]) for name in sorted({_truth(c) for c in cases})
         ),
+        groups={
+            "by kind": _by(cases, lambda c: c.truth.kind),
+            "by repeatability": _by(cases, _repeatability),
+            "by form, one cause": _by(single, lambda c: GRADES[min(c.truth.grade, len(GRADES) - 1)]),
+            "by machine": _by(cases, lambda c: c.truth.machine),
+        },
         cases=tuple(cases),
     )
+
+
+GRADES = ("0: the catalogue's", "1: near it", "2: another", "3: of its kind only")
+"""How far the form of a cause is from the catalogue's."""
+
+
+def _by(cases: Sequence[Case], name: Callable[[Case], str]) -> tuple[Group, ...]:
+    return tuple(_grouped(one, [c for c in cases if name(c) == one]) for one in sorted({name(c) for c in cases}))
+
+
+def _repeatability(case: Case) -> str:
+    """How far the machine moves between sessions."""
+    if not case.truth.drifting:
+        return "repeats"
+    drift = float(case.truth.label["conditions"]["repeatability"].get("drift", 0.0))
+    stated = case.truth.label["conditions"]["repeatability"].get("stated") is not None
+    size = "below 0.3 %" if drift < 0.003 else "0.3-2 %" if drift < 0.02 else "over 2 %"
+    return f"drifts {size}, {'stated' if stated else 'not stated'}"
 
 
 def _shrinkage(case: Case) -> Shrinkage | None:
@@ -255,7 +284,7 @@ def _last(name: str) -> tuple[int, str]:
 
 
 def _grouped(name: str, cases: Sequence[Case]) -> Group:
-    stated = [c.answer.probability_of(c.truth.causes) for c in cases]
+    stated = [c.answer.probability_that(c.truth) for c in cases]
     return Group(name, proportion([c.right for c in cases]), float(np.mean(stated)))
 
 
@@ -280,13 +309,19 @@ def case_data(case: Case) -> dict[str, Any]:
         "kind": case.truth.kind,
         "truth": case.truth.name,
         "truth_place": "+".join(sorted(case.truth.place)),
+        "form": case.truth.label.get("form"),
+        "grade": case.truth.grade,
+        "machine": case.truth.machine,
+        "repeatability": _repeatability(case),
         "gap_sigma": case.truth.gap_sigma,
         "severity": case.truth.label.get("severity"),
         "verdict": case.answer.verdict,
         "named": None if first is None else name_of(first),
         "named_place": "+".join(sorted(case.answer.place)),
+        "place_set": sorted(case.answer.place_set),
+        "right_place": case.right_place,
         "confidence": case.answer.confidence,
-        "probability_of_truth": case.answer.probability_of(case.truth.causes),
+        "probability_of_truth": case.answer.probability_that(case.truth),
         "probability_of_none": case.answer.probability_of(NONE),
         "probability_of_unknown": case.answer.probability_of(UNKNOWN),
         "set_size": len(case.answer.likely),

@@ -12,6 +12,7 @@ import typer
 from cutvib_ss.cli.absorber_design import absorber_design_command
 from cutvib_ss.cli.absorbers import absorber_check_command
 from cutvib_ss.cli.blind import blind_calibrate_command, blind_run_command, blind_score_command
+from cutvib_ss.cli.campaign_files import campaign_init_command, campaign_show_command
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.control import control_check_command, control_design_command
 from cutvib_ss.cli.demo import demo_command
@@ -32,6 +33,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 absorber = typer.Typer(help="The tuned vibration absorber over the workspace.", rich_markup_mode="rich")
+campaign = typer.Typer(help="From a folder of measured files to a campaign.", rich_markup_mode="rich")
 control = typer.Typer(help="Controller prototypes and their check over the workspace.", rich_markup_mode="rich")
 blind = typer.Typer(help="The sealed trial of the diagnosis on a virtual machine.", rich_markup_mode="rich")
 
@@ -57,6 +59,13 @@ def root(
 @absorber.callback(invoke_without_command=True)
 def absorber_root(context: typer.Context) -> None:
     """The tuned vibration absorber over the workspace."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@campaign.callback(invoke_without_command=True)
+def campaign_root(context: typer.Context) -> None:
+    """From a folder of measured files to a campaign."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -101,6 +110,11 @@ absorber.command("check", epilog="Example: cutvib absorber check --frequency 215
 absorber.command(
     "design", epilog="Example: cutvib absorber design --mass 0.08 --direction z --tolerance 0.02 --harmonics 5"
 )(absorber_design_command)
+app.add_typer(campaign, name="campaign")
+campaign.command("init", epilog="Example: cutvib campaign init my-folder --channel force=Hammer --position 0.25")(
+    campaign_init_command
+)
+campaign.command("show", epilog="Example: cutvib campaign show my-folder --report campaign.html")(campaign_show_command)
 app.add_typer(control, name="control")
 control.command("design", epilog="Example: cutvib control design h2@rail --order 10 --out h2.json")(
     control_design_command

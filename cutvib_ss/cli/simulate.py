@@ -262,8 +262,8 @@ def _recorded(file: Path, model: Machine | Structure) -> _Force:
     import numpy as np
 
     from cutvib_ss.errors import DataFormatError
-    from cutvib_ss.measurement.formats import read_file
     from cutvib_ss.measurement.layout import layout_of
+    from cutvib_ss.measurement.reading import read_file
     from cutvib_ss.units import to_si
 
     histories = read_file(file, False, layout_of(model)).histories

@@ -24,7 +24,6 @@ from cutvib_ss.control_design.loop import Loop
 from cutvib_ss.control_design.margins import disk_margin
 from cutvib_ss.control_design.scheduling import ScheduledController
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.laws import LAWS
 from cutvib_ss.model.elements import Attachment, SpringDamperMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.protocol import NonlinearElement
@@ -142,7 +141,7 @@ def quasi_linear(
         )
     amplitude = check_number("amplitude", amplitude, 0.0, strict=True)
     e = machine.nonlinear[element]
-    stiffness, damping = LAWS[e.law].equivalent(amplitude, 2 * np.pi * working_frequency, *e.values)
+    stiffness, damping = e.restoring_force.equivalent(amplitude, 2 * np.pi * working_frequency)
     stand_in = Attachment(e.port, SpringDamperMass(stiffness=float(stiffness), damping=float(damping)))
     return replace(machine, nonlinear=(), attachments=(*machine.attachments, stand_in))
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import (
     Carried,
     Effect,
+    Measured,
     Model,
     Range,
+    Severity,
     applied,
     attached_to,
     check_place,
@@ -18,7 +20,7 @@ from cutvib_ss.effects.base import (
     port_of,
     ports_of,
 )
-from cutvib_ss.effects.scales import port_scale
+from cutvib_ss.effects.scales import carried_at, port_scale
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import Path, value_at, with_value
@@ -38,6 +40,10 @@ class AddedMass(Effect):
     """
 
     effect: ClassVar[str] = "added_mass"
+    severity = Severity("zero", ("mass",))
+    sentence = "{place} carries a mass that the model lacks"
+    inspection = "weigh {place} with what is mounted on it: cables, sensors, brackets, tools"
+    example: ClassVar[Mapping[str, float]] = {"mass": 0.3}
 
     mass: float = parameter("kg", -0.3, 8.0, "linear", minimum=None)
 
@@ -55,6 +61,12 @@ class AddedMass(Effect):
         return {
             "mass": replace(given["mass"], low=-0.5 * scale.mass, high=3.0 * scale.mass),
         }
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for place in cls.places(model):
+            mass = carried_at(model, place)[0] * 0.02
+            yield place, tuple(cls(place, f * mass) for f in (1.0, 4.0, 16.0))
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

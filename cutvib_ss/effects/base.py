@@ -1,16 +1,24 @@
-"""What every effect of the catalogue has: an id, a place, parameters with unit and range, and `apply`."""
+"""What every effect has: id, place, parameters with prior, `apply`; starts, severity and words that it may state."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, replace
-from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import MISSING, Field, dataclass, fields, replace
+from itertools import product
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
+import numpy as np
+
+from cutvib_ss.effects.prior import Measured as Measured
+from cutvib_ss.effects.prior import Motion as Motion
+from cutvib_ss.effects.prior import Range as Range
+from cutvib_ss.effects.prior import Severity as Severity
+from cutvib_ss.effects.prior import parameter as parameter
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.elements import Attachment, SpringDamperMass, SprungMass
+from cutvib_ss.model.elements import Attachment, Element
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.model.paths import Path
+from cutvib_ss.model.paths import Path, moved_values
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number
 
@@ -19,57 +27,8 @@ ModelT = TypeVar("ModelT", Machine, Structure)
 # Paths of an applied model that move with a value, each with its weight.
 Carried: TypeAlias = tuple[tuple[Path, float], ...]
 
-
-@dataclass(frozen=True)
-class Range:
-    """
-    Unit and sensible range of an effect's parameter.
-
-    Parameters
-    ----------
-    unit : str
-        SI unit.
-    low, high : float
-        Range that an engineer would believe; the prior of the diagnosis, not a limit of `apply`.
-    scale : {"log", "linear"}
-        Whether the prior is even in the logarithm or in the value.
-    minimum : float, optional
-        Smallest value that makes sense at all.
-    limits : bool
-        Whether the ends stand for limits, as free and clamped do, beyond which nothing changes.
-    """
-
-    unit: str
-    low: float
-    high: float
-    scale: Literal["log", "linear"] = "log"
-    minimum: float | None = 0.0
-    limits: bool = False
-
-
-def parameter(unit: str, low: float, high: float, scale: Literal["log", "linear"] = "log", **more: Any) -> Any:
-    """
-    A dataclass field that is a fitted parameter of an effect.
-
-    Parameters
-    ----------
-    unit : str
-        SI unit.
-    low, high : float
-        Range that an engineer would believe.
-    scale : {"log", "linear"}
-        Whether the prior is even in the logarithm or in the value.
-    **more : object
-        ``minimum`` of `Range`, or ``default`` of the field.
-
-    Returns
-    -------
-    dataclasses.Field
-        The field.
-    """
-    default = more.pop("default", MISSING)
-    meta = {"range": Range(unit, low, high, scale, **more)}
-    return field(metadata=meta) if default is MISSING else field(default=default, metadata=meta)
+WEAK = 1e-12
+"""Severity that stands for none where none itself is a limit, an infinite stiffness or inertia."""
 
 
 @dataclass(frozen=True)
@@ -77,20 +36,36 @@ class Effect(ABC):
     """
     An unmodelled effect at a place.
 
+    A subclass is a frozen dataclass with an id (`effect`), fields made by `parameter`, `places` and `apply`. All else has
+    defaults, which a subclass overrides where it knows better.
+
     Parameters
     ----------
     place : str
-        Where it sits, one of the catalogue's places.
+        Where it sits, one of `places`.
     """
 
     effect: ClassVar[str]
-    """Id in the catalogue."""
+    """Id: its name in machine.toml and in every JSON."""
     linear: ClassVar[bool] = True
     """Whether the frequency response alone carries it."""
+    measurement: ClassVar[bool] = False
+    """Whether it belongs to the measurement chain, which no law of mechanics holds for."""
     scale_free: ClassVar[bool] = True
     """Whether it does the same at every level of force; of laws those that tell only the sign of the motion."""
     proportional: ClassVar[bool] = False
     """Whether it is a law whose force is in proportion to its one parameter."""
+    severity: ClassVar[Severity | None] = None
+    """How it grows from nothing; by default in proportion to its first parameter."""
+    sentence: ClassVar[str] = ""
+    """What it means, for the report; ``{place}`` and ``{what}`` (its parameters that are names) are filled in."""
+    inspection: ClassVar[str] = ""
+    """What to look at on the machine, for the report; filled in likewise."""
+    example: ClassVar[Mapping[str, float]] = {}
+    """Values of a strong effect on the published machine, for the conformance suite; by default of its first start."""
+
+    retired: ClassVar[Mapping[str, tuple[float | None, str]]] = {}
+    """Keys that older files may carry: the one value that means what the effect is now (None: any), and what that is."""
 
     place: str
 
@@ -115,6 +90,22 @@ class Effect(ABC):
             The places; none where the effect makes no sense.
         """
 
+    @abstractmethod
+    def apply(self, model: Any) -> Any:
+        """
+        The model with the effect.
+
+        Parameters
+        ----------
+        model : Machine or Structure
+            The model without it.
+
+        Returns
+        -------
+        Machine or Structure
+            A new model; the given one is untouched.
+        """
+
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
         """
@@ -136,29 +127,33 @@ class Effect(ABC):
         """
         return {f.name: f.metadata["range"] for f in parameter_fields(cls)}
 
-    @abstractmethod
-    def apply(self, model: Any) -> Any:
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterable[tuple[str, tuple[Effect, ...]]]:
         """
-        The model with the effect.
+        Values from which the effect is fitted.
 
         Parameters
         ----------
         model : Machine or Structure
-            The model without it.
+            The nominal model.
+        measured : Measured
+            What is known of the measurement.
 
         Returns
         -------
-        Machine or Structure
-            A new model; the given one is untouched.
+        iterable of (str, tuple of Effect)
+            For each place, and each discrete choice: what tells it from the others, and the starts. By default the corners and
+            the middle of the parameters' ranges, at every place; of a law only at places that move.
         """
+        for place in cls.places(model):
+            motion = measured.motions.get(place)
+            if cls.linear or (motion is not None and motion.high > 0.0):
+                ranges = cls.ranges(model, place, None if motion is None else motion.high)
+                parts = [(0.5, 0.15, 0.85) if i < 3 else (0.5,) for i in range(len(ranges))]
+                values = ({n: r.at(u) for (n, r), u in zip(ranges.items(), us, strict=True)} for us in product(*parts))
+                yield place, tuple(cls(place, **v) for v in values)
 
-    @property
-    def conventions(self) -> tuple[Effect, ...]:
-        """The same cause as others would model it, where that is a matter of convention: a diagnosis tries them all."""
-        return ()
-
-    @abstractmethod
-    def moves(self, applied: Any) -> Mapping[str, Carried]:
+    def moves(self, applied: Any) -> Mapping[str, Carried] | None:
         """
         Values of the applied model that move with each fitted parameter.
 
@@ -169,9 +164,23 @@ class Effect(ABC):
 
         Returns
         -------
-        mapping of str to tuple of (path, weight)
-            Parameter name to the paths whose values change, and by how much per unit.
+        mapping of str to tuple of (path, weight), or None
+            Parameter name to the paths whose values change, and by how much per unit. None, the default, has `moved_by` find them.
         """
+        return None
+
+    def moved_by(self, under: Any, applied: Any) -> Mapping[str, Carried]:
+        """`moves`, or where the effect does not say, found by applying it again with each parameter moved a little."""
+        stated = self.moves(applied)
+        if stated is not None:
+            return stated
+        found = {}
+        for f in parameter_fields(type(self)):
+            value, r = float(getattr(self, f.name)), f.metadata["range"]
+            # Close to the value, and not below a minimum of zero.
+            ends = (value * (1 - 1e-6), value * (1 + 1e-6)) if value else (0.0, 1e-6 * (r.high - r.low))
+            found[f.name] = moved_values(*((v, self.changed({f.name: v}).apply(under)) for v in ends))
+        return found
 
     def carries(self, path: Path, applied: Any) -> Carried:
         """
@@ -191,89 +200,90 @@ class Effect(ABC):
         """
         return ((path, 1.0),)
 
+    @classmethod
+    def grows(cls) -> Severity:
+        """How it grows from nothing: `severity`, or by default in proportion to its first parameter."""
+        if cls.severity is not None:
+            return cls.severity
+        names = [f.name for f in parameter_fields(cls)]
+        return Severity("zero", (names[0],)) if names else Severity("whole", ("place",))
+
+    def changed(self, values: Mapping[str, Any]) -> Effect:
+        """The effect with some of its values replaced."""
+        return replace(self, **values)
+
+    def at(self, severity: float) -> Effect:
+        """The effect at a severity: 0 is none, 1 the effect itself."""
+        grows = self.grows()
+        if grows.end == "whole":
+            return self
+        values = {name: float(getattr(self, name)) for name in grows.carried_by}
+        if grows.end == "one":
+            return self.changed({name: 1.0 + (value - 1.0) * severity for name, value in values.items()})
+        if grows.end == "infinity":
+            return self.changed({name: value / max(severity, WEAK) for name, value in values.items()})
+        return self.changed({name: value * severity for name, value in values.items()})
+
+    def by_size(self) -> dict[str, float]:
+        """Derivative of each fitted parameter that carries the severity to the logarithm of the effect's size."""
+        grows, own = self.grows(), {f.name for f in parameter_fields(type(self))}
+        sign = -1.0 if grows.end == "infinity" else 1.0
+        middle = 1.0 if grows.end == "one" else 0.0
+        return {name: sign * (float(getattr(self, name)) - middle) for name in grows.carried_by if name in own}
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether it is nothing at the weak end of its severity."""
+        return True
+
+    @classmethod
+    def is_alias(cls, values: Mapping[str, object]) -> bool:
+        """Whether causes outside the catalogue may appear as the effect with these discrete values."""
+        return False
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        """What is discrete about the effect at a place, and the effect as its severity runs, for the conformance suite."""
+        if cls.example:
+            yield "", cls(place, **cls.example).at
+            return
+        for what, starts in cls.starts(model, Measured(motions={place: Motion(1e-4, 1e-4, 0.1)})):
+            if starts[0].place == place:
+                yield ("" if what == place else what), starts[0].at
+
 
 def parameter_fields(effect: type[Effect]) -> tuple[Field[Any], ...]:
-    """
-    The fitted parameters of an effect's class.
-
-    Parameters
-    ----------
-    effect : type of Effect
-        The class.
-
-    Returns
-    -------
-    tuple of dataclasses.Field
-        Fields with a `Range` in their metadata.
-    """
+    """Fields of an effect's class that are fitted: those with a `Range` in their metadata."""
     return tuple(f for f in fields(effect) if "range" in f.metadata)
 
 
+def discrete_values(effect: Effect) -> dict[str, Any]:
+    """What is discrete about an effect beside its place: the value that is shifted, the channel that is late."""
+    return {f.name: getattr(effect, f.name) for f in fields(effect) if f.name != "place" and "range" not in f.metadata}
+
+
+def identifying_values(effect: Effect) -> tuple[str, ...]:
+    """Names that tell one cause from another at a place: of discrete fields that have no default, as a form has."""
+    given = [f.name for f in fields(effect) if f.name != "place" and "range" not in f.metadata and f.default is MISSING]
+    return tuple(v for v in (getattr(effect, name) for name in given) if isinstance(v, str))
+
+
 def check_place(effect: Effect, model: Model) -> None:
-    """
-    Refuse a place at which the effect cannot sit.
-
-    Parameters
-    ----------
-    effect : Effect
-        The effect.
-    model : Machine or Structure
-        The model.
-
-    Raises
-    ------
-    ParameterError
-        If the model has no such place for it.
-    """
+    """Refuse a place at which the effect cannot sit: ParameterError, which lists the places that it has."""
     places = effect.places(model)
-    if effect.place not in places:
+    if effect.place not in places and place_of(effect.place, model) not in places:
         known = ", ".join(places) or "none on this model"
         raise ParameterError(f"{effect.effect} cannot sit at {effect.place!r}; its places are: {known}")
 
 
 def applied(model: ModelT, changed: ModelT, effect: Effect) -> ModelT:
-    """
-    A changed model that remembers the effect, and what it was before any.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model underneath.
-    changed : Machine or Structure
-        The model with the effect's slots filled.
-    effect : Effect
-        The effect.
-
-    Returns
-    -------
-    Machine or Structure
-        ``changed``, with ``effects`` and ``bare`` set.
-    """
+    """A changed model that remembers the effect (``effects``), and what it was before any (``bare``)."""
     bare = model if model.bare is None else model.bare
     return replace(changed, effects=(*model.effects, effect), bare=bare)
 
 
 def machine_only(effect: str, model: Model) -> Machine:
-    """
-    A cutting machine, or a refusal.
-
-    Parameters
-    ----------
-    effect : str
-        Id of the effect that needs a rail or a joint.
-    model : Machine or Structure
-        The model.
-
-    Returns
-    -------
-    Machine
-        The model.
-
-    Raises
-    ------
-    ParameterError
-        If it is another structure.
-    """
+    """A cutting machine; ParameterError for another structure, which has no rail and no joints."""
     if not isinstance(model, Machine):
         raise ParameterError(f"{effect} needs a cutting machine; this model has no rail and no joints")
     return model
@@ -285,88 +295,44 @@ PLACE_PORTS: Mapping[str, str] = {"tool": "tool_x", "head": "head_x"}
 
 def ports_of(model: Model, machine_places: tuple[str, ...]) -> tuple[str, ...]:
     """
-    Places of an effect that is an element at a port.
+    Places of an effect that is an element at a port: those of the cutting machine, or the ports of another structure.
 
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    machine_places : tuple of str
-        Its places on the cutting machine.
-
-    Returns
-    -------
-    tuple of str
-        Those, or every port of another structure.
+    Ports whose rows are multiples of each other move together: they are one place, named after the first.
     """
-    return machine_places if isinstance(model, Machine) else tuple(model.system.ports)
+    if isinstance(model, Machine):
+        return machine_places
+    return tuple(dict.fromkeys(place_of(port, model) for port in model.system.ports))
+
+
+def place_of(port: str, model: Model) -> str:
+    """The place that a port of another structure belongs to: the first port that moves with it; else the name itself."""
+    if isinstance(model, Machine) or port not in model.system.ports:
+        return port
+    row = model.system.ports[port]
+    size = np.linalg.norm(row)
+    rows = ((name, other) for name, other in model.system.ports.items())
+    return next(n for n, other in rows if abs(row @ other) > (1 - 1e-9) * size * np.linalg.norm(other))
 
 
 def port_of(place: str, model: Model) -> str:
-    """
-    The port at a place.
-
-    Parameters
-    ----------
-    place : str
-        The place.
-    model : Machine or Structure
-        The model.
-
-    Returns
-    -------
-    str
-        Name of the port.
-    """
+    """The port at a place."""
     return PLACE_PORTS[place] if isinstance(model, Machine) else place
 
 
-def attached_to(model: ModelT, port: str, element: SpringDamperMass | SprungMass) -> ModelT:
-    """
-    A model with one more element in parallel at a port.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    port : str
-        Name of the port.
-    element : SpringDamperMass or SprungMass
-        The element.
-
-    Returns
-    -------
-    Machine or Structure
-        The new model.
-    """
+def attached_to(model: ModelT, port: str, element: Element) -> ModelT:
+    """A model with one more element in parallel at a port."""
     return replace(model, attachments=(*model.attachments, Attachment(port, element)))
 
 
 def channels_of(effect: str, channel: str, model: Model) -> tuple[str, ...]:
-    """
-    Channels that a name stands for.
-
-    Parameters
-    ----------
-    effect : str
-        Id of the effect, for the message.
-    channel : str
-        Name of a channel, or ``"all"``.
-    model : Machine or Structure
-        The model.
-
-    Returns
-    -------
-    tuple of str
-        The channels.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such channel; the message lists those that are.
-    """
+    """Channels that a name stands for, all of them for ``"all"``; ParameterError if there is no such channel."""
     if channel == "all":
         return tuple(model.channels)
     if channel not in model.channels:
         raise ParameterError(f"{effect}: no channel {channel!r}; there are all, {', '.join(model.channels)}")
     return (channel,)
+
+
+def channel_choices(channels: tuple[str, ...]) -> tuple[str, ...]:
+    """Channels, alone and together, at which a chain may be wrong: what is wrong with all alike is wrong with the force."""
+    return ("all", *channels) if len(channels) > 1 else channels

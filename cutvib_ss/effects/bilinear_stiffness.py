@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cutvib_ss.effects.base import parameter
-from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.base import Severity, parameter
+from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 from cutvib_ss.errors import ParameterError
 
@@ -31,6 +31,9 @@ class BilinearStiffness(LawElement):
     """
 
     effect: ClassVar[str] = "bilinear_stiffness"
+    severity = Severity("zero", ("asymmetry",))
+    sentence = "{place} is stiffer one way than the other"
+    inspection = "look at {place} for a stop or a face that carries in one direction alone"
     scale_free: ClassVar[bool] = True
     proportional: ClassVar[bool] = True
 
@@ -42,5 +45,13 @@ class BilinearStiffness(LawElement):
             raise ParameterError(f"bilinear_stiffness: asymmetry = {self.asymmetry} must lie between -1 and 1")
 
     @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        return ({"asymmetry": a} for a in (-0.7, -0.35, -0.15, -0.05, 0.05, 0.15, 0.35, 0.7))
+
+    @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         return {"asymmetry": (-0.95, 0.95)}
+
+    @classmethod
+    def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:
+        yield {"asymmetry": 0.3}

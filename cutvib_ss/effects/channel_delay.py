@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, channels_of, check_place, parameter
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    channel_choices,
+    channels_of,
+    check_place,
+    parameter,
+)
 
 
 @dataclass(frozen=True)
@@ -25,6 +36,10 @@ class ChannelDelay(Effect):
     """
 
     effect: ClassVar[str] = "channel_delay"
+    measurement = True
+    severity = Severity("zero", ("delay",), {"delay": 1e-4})
+    sentence = "{what} is late against the force"
+    inspection = "compare the filters, sampling and cables of {what} with those of the force"
 
     channel: str
     delay: float = parameter("s", -2e-3, 2e-3, "linear", minimum=None)
@@ -32,6 +47,15 @@ class ChannelDelay(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("measurement",)
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for channel in channel_choices(measured.channels):
+            yield channel, (cls("measurement", channel, 0.0),)
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        return ((channel, cls(place, channel, 1e-4).at) for channel in ("all", *model.channels))
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

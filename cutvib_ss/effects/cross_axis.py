@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, parameter
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, applied, check_place, parameter
 from cutvib_ss.model.machine import Machine
 
 
@@ -24,12 +24,22 @@ class CrossAxis(Effect):
     """
 
     effect: ClassVar[str] = "cross_axis"
+    measurement = True
+    severity = Severity("zero", ("fraction",), {"fraction": 0.05})
+    sentence = "X leaks into Z"
+    inspection = "check how the accelerometer on the tool is mounted and aligned, and its transverse sensitivity"
+    example: ClassVar[Mapping[str, float]] = {"fraction": 0.1}
 
     fraction: float = parameter("1", -1.0, 1.0, "linear", minimum=None)
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("measurement",) if isinstance(model, Machine) else ()
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        if cls.places(model) and "tool_z" in measured.channels:
+            yield "", (cls("measurement", 0.0),)
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cutvib_ss.effects.base import parameter
-from cutvib_ss.effects.law_element import LawElement
+import numpy as np
+
+from cutvib_ss.effects.base import Severity, parameter
+from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 
 
@@ -29,11 +31,23 @@ class CubicStiffness(LawElement):
     """
 
     effect: ClassVar[str] = "cubic_stiffness"
+    severity = Severity("zero", ("stiffness3",))
+    sentence = "{place} changes its stiffness with amplitude"
+    inspection = "look at {place} for a contact that closes or opens under load, or a preload that is lost"
     proportional: ClassVar[bool] = True
 
     stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "linear", minimum=None)
 
     @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        unit = s.stiffness / s.motion**2
+        return ({"stiffness3": float(r) * unit} for r in (*np.geomspace(0.01, 3.0, 6), -0.01, -0.05, -0.2))
+
+    @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         unit = scale.stiffness / scale.motion**2
         return {"stiffness3": (-0.5 * unit, 5.0 * unit)}
+
+    @classmethod
+    def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:
+        yield {"stiffness3": 0.3 * k / motion**2}

@@ -1,20 +1,23 @@
-"""Coulomb friction in a joint."""
+"""Friction in a joint: gross slip."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cutvib_ss.effects.base import parameter
-from cutvib_ss.effects.law_element import LawElement
+import numpy as np
+
+from cutvib_ss.effects.base import Severity, parameter
+from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 
 
 @dataclass(frozen=True)
 class DryFriction(LawElement):
     """
-    Torque against the rate, of one size whatever the rate.
+    Elastic up to the torque, then sliding against it, of one size whatever the rate (Jenkins).
 
     Parameters
     ----------
@@ -22,17 +25,38 @@ class DryFriction(LawElement):
         ``"joint1"`` or ``"joint2"``; any port of another structure.
     torque : float
         Friction [N m; N at a port that is a displacement].
+    sticking_stiffness : float
+        Stiffness beside k while it sticks [N m/rad; N/m]. Infinite by default: Coulomb's law.
 
     Notes
     -----
-    Coulomb's law, sticking included. Its describing function is the damper 4 torque/(π ω A): weaker as the motion grows.
+    The describing function of Coulomb's law is the damper 4 torque/(π ω A): weaker as the motion grows. A motion below
+    torque/sticking_stiffness does not slide, and sees a joint that is stiffer.
     """
 
     effect: ClassVar[str] = "dry_friction"
+    severity = Severity("zero", ("torque",))
+    sentence = "{place} has dry friction"
+    inspection = "look at {place} for rubbing faces, seals or a lack of grease"
 
     torque: float = parameter("N m", 1e-3, 20.0)
+    sticking_stiffness: float = parameter("N m/rad", 1e2, 1e8, default=math.inf)
+
+    @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        ideal = [{"torque": float(r) * s.force} for r in np.geomspace(0.003, 1.5, 8)]
+        elastic = ((r, k) for k in (1.0, 10.0) for r in (0.01, 0.05, 0.25, 1.0))
+        return ideal + [{"torque": r * s.force, "sticking_stiffness": k * s.stiffness} for r, k in elastic]
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         full = scale.stiffness * scale.motion
-        return {"torque": (2e-4 * full, 3.0 * full)}
+        return {
+            "torque": (2e-4 * full, 3.0 * full),
+            "sticking_stiffness": (1e-2 * scale.stiffness, 1e4 * scale.stiffness),
+        }
+
+    @classmethod
+    def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:
+        yield {"torque": 0.1 * k * motion}
+        yield {"torque": 0.1 * k * motion, "sticking_stiffness": 2.0 * k}

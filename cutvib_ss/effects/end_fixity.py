@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    check_place,
+    machine_only,
+    parameter,
+)
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import RailAttachment
@@ -30,6 +40,10 @@ class EndFixity(Effect):
     """
 
     effect: ClassVar[str] = "end_fixity"
+    severity = Severity("zero", ("k_left", "k_right"))
+    sentence = "the rail's ends resist turning"
+    inspection = "check whether the ends of the rail are clamped over a length instead of pinned"
+    example: ClassVar[Mapping[str, float]] = {"k_left": 2e5, "k_right": 5e5}
 
     k_left: float = parameter("N m/rad", 1e3, 1e7, limits=True)
     k_right: float = parameter("N m/rad", 1e3, 1e7, limits=True)
@@ -37,6 +51,14 @@ class EndFixity(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("rail_ends",) if isinstance(model, Machine) else ()
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        if isinstance(model, Machine):
+            p = model.rail.parameters
+            turn = p.bending_stiffness / p.length
+            turns = (0.1, 0.4, 1.2, 4.0, 15.0)
+            yield "", tuple(cls("rail_ends", a * turn, b * turn) for a in turns for b in turns)
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -1,20 +1,20 @@
-"""Micro-slip in a joint: a spring in parallel that gives way."""
+"""Micro-slip in a joint: contacts in parallel that give way one after the other."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cutvib_ss.effects.base import parameter
-from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.base import Severity, parameter
+from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 
 
 @dataclass(frozen=True)
 class JointSlip(LawElement):
     """
-    An elastic element in parallel to the joint that slides beyond a torque (Jenkins).
+    Elastic contacts in parallel to the joint, each sliding beyond a torque of its own (Iwan).
 
     Parameters
     ----------
@@ -23,20 +23,36 @@ class JointSlip(LawElement):
     stiffness : float
         Stiffness before it slides [N m/rad; N/m at a port that is a displacement].
     slip_torque : float
-        Torque at which it slides [N m; N].
+        Torque at which all of it slides in the mean [N m; N].
+    spread : float
+        Slip torques lie evenly between (1 - spread) and (1 + spread) times that, 0 to 1.
 
     Notes
     -----
-    Jenkins' element; a spread of them over slip torques is Iwan's (Iwan, J. Appl. Mech. 33, 1966). The model's own stiffness is
-    that of the joint when it slides: what is quiet is stiffer by ``stiffness``.
+    Iwan, J. Appl. Mech. 33, 1966. With spread 0, the default, it is one Jenkins element, the same as `dry_friction` with that
+    sticking stiffness. The model's own stiffness is that of the joint when all slides: what is quiet is stiffer by ``stiffness``.
     """
 
     effect: ClassVar[str] = "joint_slip"
+    severity = Severity("zero", ("stiffness", "slip_torque"))
+    sentence = "{place} slips a little"
+    inspection = "check the bolts of {place} and the faces that they clamp"
 
     stiffness: float = parameter("N m/rad", 30.0, 3e4)
     slip_torque: float = parameter("N m", 1e-3, 20.0)
+    spread: float = parameter("1", 0.0, 1.0, "linear", default=0.0)
+
+    @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        sizes = ((r, q) for r in (0.05, 0.25, 1.0) for q in (0.03, 0.15, 0.6, 1.5))
+        return ({"stiffness": r * s.stiffness, "slip_torque": q * r * s.force, "spread": 0.5} for r, q in sizes)
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         k, full = scale.stiffness, scale.stiffness * scale.motion
-        return {"stiffness": (3e-3 * k, 3.0 * k), "slip_torque": (2e-4 * full, 3.0 * full)}
+        return {"stiffness": (3e-3 * k, 3.0 * k), "slip_torque": (2e-4 * full, 3.0 * full), "spread": (0.0, 1.0)}
+
+    @classmethod
+    def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:
+        yield {"stiffness": 0.3 * k, "slip_torque": 0.1 * k * motion}
+        yield {"stiffness": 0.3 * k, "slip_torque": 0.1 * k * motion, "spread": 0.6}

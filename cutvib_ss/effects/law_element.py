@@ -1,23 +1,45 @@
-"""What the nonlinear effects share: a law at a port, in the slot that linear analyses ignore."""
+"""What the nonlinear effects share: a restoring force at a port, in the slot that linear analyses ignore."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, NamedTuple
 
-from cutvib_ss.effects.base import Carried, Effect, Model, Range, applied, check_place, parameter_fields, ports_of
-from cutvib_ss.effects.scales import PortScale, port_scale, spring_at
+import numpy as np
+
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Range,
+    applied,
+    check_place,
+    parameter_fields,
+    ports_of,
+)
+from cutvib_ss.effects.scales import TYPICAL_FORCE, PortScale, carried_at, port_scale, spring_at
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.laws import LAWS
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.restoring_forces import RestoringForce, law
+
+
+class StartScale(NamedTuple):
+    """Sizes that the starting values of a law are in proportion to: motion, rate, force, stiffness and damping at the port."""
+
+    motion: float
+    rate: float
+    force: float
+    stiffness: float
+    damping: float
 
 
 @dataclass(frozen=True)
 class LawElement(Effect):
     """
-    A nonlinear law in a joint, or at any port of another structure.
+    A nonlinear restoring force in a joint, or at any port of another structure.
 
     Parameters
     ----------
@@ -26,16 +48,26 @@ class LawElement(Effect):
 
     Notes
     -----
-    The linear model stays as it is: poles, plants and frequency responses ignore the law. `cutvib_ss.laws` gives its describing
-    function, the linear element that it is at an amplitude.
+    The linear model stays as it is: poles, plants and frequency responses ignore the force. Its describing function is the linear
+    element that it is at an amplitude. The law in `cutvib_ss.model.restoring_forces` has the effect's name.
     """
 
     linear: ClassVar[bool] = False
     scale_free: ClassVar[bool] = False
 
+    def __post_init__(self) -> None:
+        for f in parameter_fields(type(self)):
+            self.restoring_force().check(f.name, getattr(self, f.name))
+
+    @classmethod
+    def restoring_force(cls) -> type[RestoringForce]:
+        """The law's class."""
+        return law(cls.effect)
+
     @classmethod
     def _needs_spring(cls) -> bool:
-        return "stiffness" in LAWS[cls.effect].units and "stiffness" not in {f.name for f in parameter_fields(cls)}
+        """Whether the law changes a spring that has to be there."""
+        return "stiffness" in cls.restoring_force().units() and "stiffness" not in {f.name for f in fields(cls)}
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
@@ -44,22 +76,71 @@ class LawElement(Effect):
 
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
-        bounds = cls._bounds(port_scale(model, place, motion))
+        scale, wide = port_scale(model, place, motion), 1.0
+        if scale.stiffness == 0.0:
+            # A free body: what a typical force is over that motion, known to two decades.
+            scale, wide = replace(scale, stiffness=TYPICAL_FORCE / scale.motion), 100.0
+        bounds = cls._bounds(scale)
         given = super().ranges(model, place, motion)
-        return {name: replace(r, low=bounds[name][0], high=bounds[name][1]) for name, r in given.items()}
+        return {
+            name: replace(
+                r,
+                low=bounds[name][0] / (wide if r.scale == "log" else 1.0),
+                high=bounds[name][1] * (wide if r.unit != "1" else 1.0),
+            )
+            for name, r in given.items()
+        }
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for place in cls.places(model):
+            motion = measured.motions.get(place)
+            if motion is None or not motion.middle > 0.0:
+                continue
+            mass, k, c = carried_at(model, place)
+            # Where no spring holds the place: the force that would hold it still, or where that is not known that of its inertia.
+            force = k * motion.middle or motion.force or mass * motion.rate**2 / motion.middle
+            scale = StartScale(
+                motion.middle, motion.rate, force, k or force / motion.middle, max(c, 1e-3 * force / motion.rate)
+            )
+            yield place, tuple(cls(place, **values) for values in cls._starts(scale))
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        # Against a motion of 0.4 mrad in joint 2, 10 µrad in joint 1, and 0.1 mm.
+        motion, k = (4e-4, 1e4) if place == "joint2" else (1e-5, 5e5) if place == "joint1" else (1e-4, 2.5e5)
+        for values in cls._examples(motion, k):
+            yield ", ".join(list(values)[1:]), cls(place, **values).at
+
+    @classmethod
+    def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:
+        """Parameters of a strong law of each form, against a motion and a spring."""
+        raise NotImplementedError
+
+    @classmethod
+    def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
+        """Parameters of each start."""
+        raise NotImplementedError
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         """Sensible range of each parameter at a port."""
         raise NotImplementedError
 
+    def _parameters(self) -> dict[str, float]:
+        """Parameters that are given and finite: those that a fit may move."""
+        given = {f.name: getattr(self, f.name) for f in fields(self) if "range" in f.metadata}
+        return {name: float(v) for name, v in given.items() if v is not None and np.isfinite(v)}
+
     def apply(self, model: Any) -> Any:
+        if self._needs_spring() and self.place in ports_of(model, ()) and spring_at(model, self.place) is None:
+            raise ParameterError(
+                f"{self.effect} changes the spring that a port spans, and there is none at {self.place!r}; "
+                f"places with a spring: {', '.join(self.places(model)) or 'none on this model'}"
+            )
         check_place(self, model)
-        values = {f.name: float(getattr(self, f.name)) for f in parameter_fields(type(self))}
-        if self._needs_spring():
-            spring = spring_at(model, self.place)
-            if spring is None:
-                raise ParameterError(f"{self.effect} needs a spring at {self.place!r}")
+        values = self._parameters()
+        if self._needs_spring() and (spring := spring_at(model, self.place)) is not None:
             values["stiffness"] = spring[0]
         element = NonlinearElement(self.place, self.effect, values)
         return applied(model, replace(model, nonlinear=(*model.nonlinear, element)), self)
@@ -68,7 +149,7 @@ class LawElement(Effect):
         return ("nonlinear", len(model.nonlinear) - 1, "parameters")
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        return {f.name: (((*self._at(applied), f.name), 1.0),) for f in parameter_fields(type(self))}
+        return {name: (((*self._at(applied), name), 1.0),) for name in self._parameters()}
 
     def carries(self, path: Path, applied: Any) -> Carried:
         spring = spring_at(applied, self.place) if self._needs_spring() else None

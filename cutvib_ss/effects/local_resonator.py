@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
+
+import numpy as np
 
 from cutvib_ss.effects.base import (
     Carried,
     Effect,
+    Measured,
     Model,
     Range,
+    Severity,
     applied,
     attached_to,
     check_place,
@@ -18,7 +22,7 @@ from cutvib_ss.effects.base import (
     port_of,
     ports_of,
 )
-from cutvib_ss.effects.scales import port_scale
+from cutvib_ss.effects.scales import carried_at, port_scale
 from cutvib_ss.model.elements import SprungMass
 from cutvib_ss.model.machine import Machine
 
@@ -41,6 +45,10 @@ class LocalResonator(Effect):
     """
 
     effect: ClassVar[str] = "local_resonator"
+    severity = Severity("zero", ("mass",))
+    sentence = "something on {place} resonates on its own"
+    inspection = "look for a panel, hose, cover or cable on {place} that can swing; hold it by hand and measure again"
+    example: ClassVar[Mapping[str, float]] = {"mass": 0.1, "frequency": 150.0, "damping_ratio": 0.03}
 
     mass: float = parameter("kg", 0.002, 5.0)
     frequency: float = parameter("Hz", 10.0, 600.0)
@@ -58,11 +66,19 @@ class LocalResonator(Effect):
             own = model.head.m2 if place == "tool" else model.head.m1
             return {**given, "mass": replace(given["mass"], high=max(given["mass"].high, own))}
         scale = port_scale(model, place)
-        return {
-            "mass": replace(given["mass"], low=1e-3 * scale.mass, high=scale.mass),
-            "frequency": replace(given["frequency"], low=0.1 * scale.natural_freq, high=10.0 * scale.natural_freq),
-            "damping_ratio": given["damping_ratio"],
-        }
+        mass = replace(given["mass"], low=1e-3 * scale.mass, high=scale.mass)
+        own = scale.natural_freq
+        frequency = replace(given["frequency"], low=0.1 * own, high=10.0 * own) if own > 0.0 else given["frequency"]
+        return {**given, "mass": mass, "frequency": frequency}
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        low, high = measured.band
+        grid = np.geomspace(max(low, 1e-3) * 1.2, high, 46)[:-1]
+        for place in cls.places(model):
+            own = carried_at(model, place)[0]
+            masses = (own * 0.01, own * 0.06)
+            yield place, tuple(cls(place, mass, float(f), 0.03) for f in grid for mass in masses)
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

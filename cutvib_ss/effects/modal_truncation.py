@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    check_place,
+    machine_only,
+)
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
+
+FAR = 10.0
+"""A rail mode this many times above the band is no cause."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +37,9 @@ class ModalTruncation(Effect):
     """
 
     effect: ClassVar[str] = "modal_truncation"
+    severity = Severity("whole", ("n_modes",))
+    sentence = "the model has too few rail modes"
+    inspection = "nothing on the machine: raise n_modes of the model"
 
     n_modes: int
 
@@ -36,6 +51,21 @@ class ModalTruncation(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("rail",) if isinstance(model, Machine) else ()
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        if isinstance(model, Machine):
+            p = model.rail.parameters
+            # Modes far above the band add a stiffness that nothing could tell from the tuning.
+            omitted = p.first_frequency * (p.n_modes + 1) ** 2
+            counts = {p.n_modes + 1, p.n_modes + 2, 2 * p.n_modes, 5 * p.n_modes}
+            for n in sorted(counts) if omitted < FAR * measured.band[1] else ():
+                yield str(n), (cls("rail", n),)
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        own = model.rail.parameters.n_modes if isinstance(model, Machine) else 1
+        yield "", lambda severity: cls(place, own + round(3 * severity))
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

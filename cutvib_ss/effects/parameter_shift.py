@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, applied, check_place
 from cutvib_ss.effects.base import parameter as fitted
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
@@ -22,32 +22,13 @@ MACHINE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 """Place of each parameter of the cutting machine; m1 and m2 go by `added_mass`."""
 
 STRUCTURE_PARAMETERS = ("mass", "damping", "stiffness")
-"""Matrices of any other structure; their place is ``"structure"``."""
+"""Matrices of any other structure, where they are not zero; their place is ``"structure"``."""
 
 STAND_INS = frozenset({"l1", "l2", "c1", "c2", "damping"})
 """
 Parameters as which causes that nobody catalogued appear: a spring beside the tool acts as a shorter lever, another law of friction
 as another coefficient of damping.
 """
-
-
-def stands_in(effect: str, parameter: object) -> bool:
-    """
-    Whether a cause is a shift of a value as which others appear.
-
-    Parameters
-    ----------
-    effect : str
-        Id of the effect.
-    parameter : object
-        Name of the shifted parameter, if it has one.
-
-    Returns
-    -------
-    bool
-        True for lengths and damping coefficients that stand alone.
-    """
-    return effect == ParameterShift.effect and parameter in STAND_INS
 
 
 @dataclass(frozen=True)
@@ -66,6 +47,9 @@ class ParameterShift(Effect):
     """
 
     effect: ClassVar[str] = "parameter_shift"
+    severity = Severity("one", ("factor",), {"factor": 1.05})
+    sentence = "{what} is off by more than its tolerance, at {place}"
+    inspection = "measure {what} by itself; look for wear, a loose bolt or a changed part at {place}"
 
     parameter: str
     factor: float = fitted("1", 0.05, 20.0)
@@ -87,11 +71,24 @@ class ParameterShift(Effect):
         """
         if isinstance(model, Machine):
             return tuple((place, name) for place, names in MACHINE_PARAMETERS.items() for name in names)
-        return tuple(("structure", name) for name in STRUCTURE_PARAMETERS)
+        return tuple(("structure", name) for name in STRUCTURE_PARAMETERS if getattr(model.system, name).any())
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return tuple(dict.fromkeys(place for place, _ in cls.choices(model)))
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for place, name in cls.choices(model):
+            yield f"{place}.{name}", tuple(cls(place, name, f) for f in (1.0, 0.6, 0.8, 1.25, 1.7))
+
+    @classmethod
+    def is_alias(cls, values: Mapping[str, object]) -> bool:
+        return values.get("parameter") in STAND_INS
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        return ((name, cls(place, name, 1.3).at) for at, name in cls.choices(model) if at == place)
 
     def _path(self, model: Model) -> Path:
         if (self.place, self.parameter) not in self.choices(model):

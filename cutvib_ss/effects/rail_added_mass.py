@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    check_place,
+    machine_only,
+    parameter,
+)
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import RailAttachment
@@ -30,6 +40,10 @@ class RailAddedMass(Effect):
     """
 
     effect: ClassVar[str] = "rail_added_mass"
+    severity = Severity("zero", ("mass", "damping"))
+    sentence = "a mass rides on the rail"
+    inspection = "look for a cable carrier, motor or bracket on the rail that the model lacks, and weigh it"
+    example: ClassVar[Mapping[str, float]] = {"position": 0.31, "mass": 4.0, "damping": 30.0}
 
     position: float = parameter("1", 0.02, 0.98, "linear")
     mass: float = parameter("kg", 0.1, 60.0)
@@ -38,6 +52,13 @@ class RailAddedMass(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("rail",) if isinstance(model, Machine) else ()
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        if isinstance(model, Machine):
+            spots = (0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.88)
+            mass = model.rail.parameters.mass
+            yield "", tuple(cls("rail", y, mass * f, 1.0) for y in spots for f in (0.01, 0.06))
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    check_place,
+    machine_only,
+    parameter,
+)
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import Shear
 
@@ -33,6 +43,10 @@ class RailShear(Effect):
     """
 
     effect: ClassVar[str] = "rail_shear"
+    severity = Severity("infinity", ("shear_ratio",))
+    sentence = "the rail gives in shear"
+    inspection = "check the rail's cross-section: how thin its webs are, and its joints"
+    example: ClassVar[Mapping[str, float]] = {"shear_ratio": 20.0}
 
     shear_ratio: float = parameter("1", 4.0, 1000.0)
 
@@ -43,6 +57,14 @@ class RailShear(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("rail",) if isinstance(model, Machine) else ()
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        # Shear is told from a softer rail by the square of a mode's number: with one mode in the band the two are the same.
+        if isinstance(model, Machine):
+            p = model.rail.parameters
+            if p.n_modes > 1 and 4 * p.first_frequency < measured.band[1]:
+                yield "", tuple(cls("rail", ratio) for ratio in (15.0, 80.0, 300.0))
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

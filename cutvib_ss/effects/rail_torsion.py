@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    check_place,
+    machine_only,
+    parameter,
+)
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import Torsion
-from cutvib_ss.model.twist import FINE_ELEMENTS, TWIST_ELEMENTS
 
 
 @dataclass(frozen=True)
@@ -29,8 +38,6 @@ class RailTorsion(Effect):
         First natural frequency of torsion, without the head [Hz].
     damping_ratio : float
         Damping ratio of the first torsion mode; of the others in proportion to their frequencies.
-    elements : int
-        Elements of the mesh on which the rail twists, a convention (`cutvib_ss.model.twist`); not fitted.
 
     Notes
     -----
@@ -39,27 +46,40 @@ class RailTorsion(Effect):
     """
 
     effect: ClassVar[str] = "rail_torsion"
+    severity = Severity("infinity", ("inertia",))
+    sentence = "the rail twists, its shear centre being away from the head"
+    inspection = "measure with two accelerometers, at the top and the bottom of the rail, whether it twists"
+    example: ClassVar[Mapping[str, float]] = {
+        "eccentricity": 0.05,
+        "inertia": 0.8,
+        "torsion_frequency": 180.0,
+        "damping_ratio": 0.02,
+    }
+
+    retired: ClassVar[Mapping[str, tuple[float | None, str]]] = {
+        "elements": (None, "the rail twists as a continuous shaft")
+    }
 
     eccentricity: float = parameter("m", -0.2, 0.2, "linear", minimum=None)
     inertia: float = parameter("kg m^2", 0.02, 10.0)
     torsion_frequency: float = parameter("Hz", 30.0, 800.0)
     damping_ratio: float = parameter("1", 0.001, 0.1)
-    elements: int = TWIST_ELEMENTS
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("rail",) if isinstance(model, Machine) else ()
 
-    @property
-    def conventions(self) -> tuple[RailTorsion, ...]:
-        return (replace(self, elements=FINE_ELEMENTS),)
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        if isinstance(model, Machine):
+            first = model.rail.parameters.first_frequency
+            twists = [(e, f) for f in (3.0, 4.5, 6.5, 9.0, 12.0) for e in (0.03, -0.03, 0.09, -0.09)]
+            yield "", tuple(cls("rail", e, 0.5, f * first, 0.02) for e, f in twists)
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)
         machine = machine_only(self.effect, model)
-        torsion = Torsion(
-            self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio, int(self.elements)
-        )
+        torsion = Torsion(self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio)
         return applied(machine, replace(machine, rail=replace(machine.rail, torsion=torsion)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:

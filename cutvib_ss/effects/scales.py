@@ -13,6 +13,8 @@ from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import FloatArray
 
+FREE_FREQUENCY = 77.0
+"""Where nothing holds a body, springs are sized by the mass and this frequency [Hz], the middle of those of resonators."""
 TYPICAL_FORCE = 50.0
 """Force on the tool that moves a joint, where nothing is known of the records [N]; on another structure it is 1 N."""
 
@@ -37,8 +39,13 @@ class PortScale:
     motion: float
 
     @property
+    def holding(self) -> float:
+        """The stiffness, or of a body that nothing holds that of a spring that would matter to it [N/m, or N m/rad]."""
+        return self.stiffness or self.mass * (2 * math.pi * FREE_FREQUENCY) ** 2
+
+    @property
     def natural_freq(self) -> float:
-        """Natural frequency of that mass on that spring [Hz]."""
+        """Natural frequency of that mass on that spring [Hz]; zero of a body that nothing holds."""
         return math.sqrt(self.stiffness / self.mass) / (2 * math.pi)
 
 
@@ -78,7 +85,8 @@ def port_scale(model: Model, place: str, motion: float | None = None) -> PortSca
         held = squares > 1e-9 * squares[-1]
         free = float(moved[~held].sum()) > 1e-9 * float(moved.sum())
         stiffness = mass * float(squares[-1]) if free else 1.0 / float(np.sum(moved[held] / squares[held]))
-    return PortScale(mass, stiffness, motion or force / stiffness)
+    # A body that nothing holds has no motion of its own under a slow force: a millimetre stands for it.
+    return PortScale(mass, stiffness, motion or (force / stiffness if stiffness > 0.0 else 1e-3))
 
 
 def spring_at(model: Model, place: str) -> tuple[float, Carried] | None:
@@ -123,3 +131,27 @@ def _spanned(row: FloatArray, stiffness: FloatArray) -> float:
     if held.size == 2 and row[held[0]] == -row[held[1]]:
         return float(-stiffness[held[0], held[1]] / row[held[0]] ** 2)
     return 0.0
+
+
+def carried_at(model: Model, place: str) -> tuple[float, float, float]:
+    """Mass, stiffness and damping that a place carries, for starts in proportion."""
+    if isinstance(model, Machine):
+        h = model.head
+        return {
+            "head": (h.m1, h.k1 / h.l1**2, h.c1 / h.l1**2),
+            "tool": (h.m2, h.k2 / h.l2**2, h.c2 / h.l2**2),
+            "joint1": (h.m1 * h.l1**2, h.k1, h.c1),
+            "joint2": (h.m2 * h.l2**2, h.k2, h.c2),
+        }[place]
+    row, system = model.system.port(place), model.system
+    own = max(float(row @ row), 1e-30)
+    mass, stiffness, damping = (
+        float(abs(row @ m @ row)) / own**2 for m in (system.mass, system.stiffness, system.damping)
+    )
+    return mass, stiffness, damping
+
+
+def rail_stiffness(model: Machine) -> float:
+    """Stiffness of the rail's first mode [N/m], on which effects of the rail are scaled."""
+    p = model.rail.parameters
+    return float(p.mass / 2 * (2 * np.pi * p.first_frequency) ** 2)

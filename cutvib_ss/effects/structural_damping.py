@@ -2,20 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to, check_place, machine_only, parameter
-from cutvib_ss.model.elements import SpringDamperMass
+import numpy as np
+
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    attached_to,
+    check_place,
+    machine_only,
+    parameter,
+)
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.model.elements import CausalHysteresis, Element, SpringDamperMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import Path, value_at, with_value
+from cutvib_ss.parameters import check_number
+
+FORMS = ("constant", "causal")
+"""Ways in which stiffness and loss may depend on frequency."""
 
 
 @dataclass(frozen=True)
 class StructuralDamping(Effect):
     """
-    k (1 + iη) in place of k + iωc in one joint.
+    A spring with a loss factor in place of spring and viscous damper in one joint.
 
     Parameters
     ----------
@@ -23,19 +41,49 @@ class StructuralDamping(Effect):
         ``"joint1"`` or ``"joint2"``.
     loss_factor : float
         η.
+    form : {"constant", "causal"}
+        ``"constant"``: k (1 + iη), which no causal material has. ``"causal"``: k √(1 + η²) (iω/ω_0)^α with tan(πα/2) = η,
+        the same loss at all frequencies with the storage stiffness that causality then asks for
+        (`cutvib_ss.model.elements.CausalHysteresis`).
+    reference_frequency : float
+        Frequency at which the storage stiffness of the causal form is k [Hz]; the search takes the middle of the band.
 
     Notes
     -----
-    Exact in the frequency response; a plant takes the viscous damping that dissipates as much at one frequency.
+    Exact in the frequency response; a plant takes the spring and damper that are the same at one frequency.
     """
 
     effect: ClassVar[str] = "structural_damping"
+    severity = Severity("whole", ("loss_factor",))
+    sentence = "{place} has hysteretic damping, not viscous"
+    inspection = "look at the material and the contact at {place}: rubber, plastic, glued or bolted faces"
 
     loss_factor: float = parameter("1", 0.001, 0.5)
+    form: str = "constant"
+    reference_frequency: float = field(default=232.5, metadata={"unit": "Hz"})
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_number("structural_damping: reference_frequency", self.reference_frequency, 0.0, strict=True)
+        if self.form not in FORMS:
+            raise ParameterError(f"structural_damping: form = {self.form!r} is not one of {', '.join(FORMS)}")
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("joint1", "joint2") if isinstance(model, Machine) else ()
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        middle = sum(measured.band) / 2
+        for place in cls.places(model):
+            joint = place[-1]
+            loss = value_at(model, ("head", f"c{joint}")) / value_at(model, ("head", f"k{joint}"))
+            yield place, (cls(place, max(2 * np.pi * 220 * loss, 0.005), "causal", middle),)
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        for form in FORMS:
+            yield form, lambda severity, form=form: cls(place, 0.08 * severity, form)  # type: ignore[misc]
 
     def _paths(self) -> tuple[Path, Path]:
         joint = self.place[-1]
@@ -45,17 +93,24 @@ class StructuralDamping(Effect):
         check_place(self, model)
         machine = machine_only(self.effect, model)
         k, c = self._paths()
-        loss = SpringDamperMass(loss_stiffness=self.loss_factor * value_at(machine, k))
+        stiffness = value_at(machine, k)
+        loss: Element = SpringDamperMass(loss_stiffness=self.loss_factor * stiffness)
+        if self.form == "causal":
+            loss = CausalHysteresis(stiffness, self.loss_factor, self.reference_frequency)
         return applied(machine, attached_to(with_value(machine, c, 0.0), self.place, loss), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        at = ("attachments", len(applied.attachments) - 1, "element", "loss_stiffness")
-        return {"loss_factor": ((at, value_at(applied, self._paths()[0])),)}
+        at = ("attachments", len(applied.attachments) - 1, "element")
+        if self.form == "causal":
+            return {"loss_factor": (((*at, "loss_factor"), 1.0),)}
+        return {"loss_factor": (((*at, "loss_stiffness"), value_at(applied, self._paths()[0])),)}
 
     def carries(self, path: Path, applied: Any) -> Carried:
         # The loss moves with the stiffness; the viscous damper is gone.
         k, c = self._paths()
         if path == k:
-            at = ("attachments", len(applied.attachments) - 1, "element", "loss_stiffness")
-            return ((path, 1.0), (at, self.loss_factor))
+            at = ("attachments", len(applied.attachments) - 1, "element")
+            causal = self.form == "causal"
+            moved = ((*at, "stiffness"), 1.0) if causal else ((*at, "loss_stiffness"), self.loss_factor)
+            return ((path, 1.0), moved)
         return () if path == c else ((path, 1.0),)

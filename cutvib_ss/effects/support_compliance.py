@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, machine_only, parameter
+from cutvib_ss.effects.base import (
+    Carried,
+    Effect,
+    Measured,
+    Model,
+    Severity,
+    applied,
+    check_place,
+    machine_only,
+    parameter,
+)
+from cutvib_ss.effects.scales import rail_stiffness
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import EndSupports
 
@@ -24,35 +35,43 @@ class SupportCompliance(Effect):
         Stiffness under the ends [N/m]; infinite stiffness is no effect.
     c_left, c_right : float
         Damping under the ends [N s/m].
-    rigid_damping : float
-        Share of the rail's modal damping that resists rigid motion too, 0 (rate of strain, Eq. 4) to 1 (cables, air); not fitted.
 
     Notes
     -----
-    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.model.rail`). Where
-    ``rigid_damping`` is not 0, ``c_left`` and ``c_right`` also hold what the modes above n_modes would damp at the ends.
+    The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.model.rail`). The rail's own
+    damping goes with the rate of strain (Eq. 4): rigid motion is resisted by ``c_left`` and ``c_right`` alone.
     """
 
     effect: ClassVar[str] = "support_compliance"
+    severity = Severity("infinity", ("k_left", "k_right", "c_left", "c_right"))
+    sentence = "the supports under the rail's ends give"
+    inspection = "check the bolts and feet of the pillars and the fixed rails; measure how far they move under a load on the rail"
+    example: ClassVar[Mapping[str, float]] = {"k_left": 3e7, "k_right": 1e8, "c_left": 400.0, "c_right": 900.0}
+
+    retired: ClassVar[Mapping[str, tuple[float | None, str]]] = {
+        "rigid_damping": (0.0, "the rail's own damping does not resist rigid motion; fit c_left and c_right again")
+    }
 
     k_left: float = parameter("N/m", 1e6, 1e9, limits=True)
     k_right: float = parameter("N/m", 1e6, 1e9, limits=True)
     c_left: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)
     c_right: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)
-    rigid_damping: float = 0.0
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("rail_ends",) if isinstance(model, Machine) else ()
 
-    @property
-    def conventions(self) -> tuple[SupportCompliance, ...]:
-        return (replace(self, rigid_damping=1.0),)
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        if isinstance(model, Machine):
+            k = rail_stiffness(model)
+            ends = [(a * k, b * k) for a in (2, 8, 30, 120) for b in (2, 8, 30, 120)]
+            yield "", tuple(cls("rail_ends", a, b, 500.0, 500.0) for a, b in ends)
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)
         machine = machine_only(self.effect, model)
-        ends = EndSupports(self.k_left, self.k_right, self.c_left, self.c_right, self.rigid_damping)
+        ends = EndSupports(self.k_left, self.k_right, self.c_left, self.c_right)
         return applied(machine, replace(machine, rail=replace(machine.rail, supports=ends)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import (
     Carried,
     Effect,
+    Measured,
     Model,
     Range,
+    Severity,
     applied,
     attached_to,
     check_place,
@@ -18,7 +21,7 @@ from cutvib_ss.effects.base import (
     port_of,
     ports_of,
 )
-from cutvib_ss.effects.scales import port_scale
+from cutvib_ss.effects.scales import carried_at, port_scale
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.machine import Machine
 
@@ -39,6 +42,10 @@ class ToolContact(Effect):
     """
 
     effect: ClassVar[str] = "tool_contact"
+    severity = Severity("zero", ("stiffness", "damping"))
+    sentence = "something touches {place} and holds it like a spring and damper to ground"
+    inspection = "look for what touches {place}: belt, cloth, cable, stop; take it away and measure again"
+    example: ClassVar[Mapping[str, float]] = {"stiffness": 2e4, "damping": 10.0}
 
     stiffness: float = parameter("N/m", 0.0, 1e6, "linear")
     damping: float = parameter("N s/m", 0.0, 300.0, "linear", default=0.0)
@@ -54,9 +61,21 @@ class ToolContact(Effect):
             return given
         scale = port_scale(model, place)
         return {
-            "stiffness": replace(given["stiffness"], high=3.0 * scale.stiffness),
-            "damping": replace(given["damping"], high=(scale.stiffness * scale.mass) ** 0.5),
+            "stiffness": replace(given["stiffness"], high=3.0 * scale.holding),
+            "damping": replace(given["damping"], high=(scale.holding * scale.mass) ** 0.5),
         }
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for place in cls.places(model):
+            m, k, c = carried_at(model, place)
+            if k == 0.0:
+                # Of a body that nothing holds, a spring that puts it into the band, and one percent of critical damping.
+                k = m * (2 * math.pi) ** 2 * measured.band[0] * measured.band[1]
+                c = c or 0.02 * math.sqrt(k * m)
+            stiffness, damping = k * 0.02, c * 0.02
+            grid = [(f, g) for f in (0.3, 2.0, 12.0, 60.0) for g in (0.3, 10.0)]
+            yield place, tuple(cls(place, f * stiffness, g * damping) for f, g in grid)
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, check_place, parameter
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, applied, check_place, parameter
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,21 @@ class WindowDamping(Effect):
     """
 
     effect: ClassVar[str] = "window_damping"
+    measurement = True
+    severity = Severity("zero", ("decay_rate",))
+    sentence = "the damping of an exponential window was never taken out"
+    inspection = "look in the analyser's settings for an exponential window on force and response"
+    example: ClassVar[Mapping[str, float]] = {"decay_rate": 5.0}
 
     decay_rate: float = parameter("1/s", 0.0, 100.0, "linear")
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         return ("measurement",)
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        yield "", (cls("measurement", 1.0),)
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy import stats
+from scipy import ndimage, stats
 
 from cutvib_ss.gap.findings import Band
 from cutvib_ss.gap.metrics import Sides
@@ -95,8 +95,7 @@ def _main(
         np.add.at(height, at, excess.mean(axis=0))
         np.add.at(count, at, 1.0)
     width = max(1, round(SMOOTH / step))
-    kernel = np.ones(width) / width
-    height = np.convolve(height / np.maximum(count, 1.0), kernel, mode="same")
+    height = ndimage.uniform_filter1d(height / np.maximum(count, 1.0), width, mode="constant")
     inside = np.zeros(freq.size, dtype=bool)
     for low, high in stand_out:
         inside |= (freq >= low) & (freq <= high)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
-from cutvib_ss.effects.base import parameter_fields
-from cutvib_ss.effects.parameter_shift import stands_in
+from cutvib_ss.effects.base import discrete_values, parameter_fields
+from cutvib_ss.effects.catalogue import is_alias
 from cutvib_ss.gap.fit import Fit
 from cutvib_ss.gap.ranking import Ranked
 from cutvib_ss.gap.result import CandidateEvidence
@@ -62,15 +60,14 @@ def unspecific(r: Ranked) -> bool:
         the motion of the records, which is known roughly; their ends say nothing.
     """
     hypothesis = r.fit.hypothesis
-    return stands_in(hypothesis.effect, _discrete(r.fit).get("parameter")) or (hypothesis.linear and bool(r.fit.at_end))
+    return is_alias(hypothesis.effect, _discrete(r.fit)) or (hypothesis.linear and bool(r.fit.at_end))
 
 
 def _discrete(fit: Fit) -> dict[str, str]:
     """What is discrete about a fitted cause: the parameter that is shifted, the channel that is late."""
     out = {}
     for e in fit.hypothesis.effects:
-        continuous = {f.name for f in parameter_fields(type(e))}
-        out.update({f.name: str(getattr(e, f.name)) for f in fields(e) if f.name not in continuous | {"place"}})
+        out.update({name: str(value) for name, value in discrete_values(e).items()})
     return out
 
 

@@ -157,26 +157,22 @@ def _rival(nominal: Model, outlook: Records, ranked: Sequence[Ranked]) -> tuple[
 def _rough(nominal: Model, few: Records, found: Sequence[Candidate], workers: Workers) -> list[tuple[Candidate, Fit]]:
     """Each candidate from the best of its starts, on few lines; best first."""
     scan = Scan(nominal, few, Hypothesis(), None, {}, apart=False)
-    each = workers.map(partial(_scouted, nominal, few, scan), found)
-    return sorted((row for rows in each for row in rows), key=lambda pair: pair[1].objective)
+    fits = workers.map(partial(_scouted, nominal, few, scan), found)
+    pairs = [(c, f) for c, f in zip(found, fits, strict=True) if f is not None]
+    return sorted(pairs, key=lambda pair: pair[1].objective)
 
 
-def _scouted(nominal: Model, few: Records, scan: Scan, candidate: Candidate) -> list[tuple[Candidate, Fit]]:
-    """A candidate from the best of its starts, and its other conventions from there; nothing where the model takes none."""
+def _scouted(nominal: Model, few: Records, scan: Scan, candidate: Candidate) -> Fit | None:
+    """A candidate from the best of its starts; None where the model takes none."""
     # All start from the untuned model: the tuning of a model that lacks the cause leads away.
     starts = [Hypothesis((e,)) for e in candidate.starts]
     if len(starts) > CLIMBED:
         starts.sort(key=lambda h: -scan.as_it_stands(h.effects[0]).gain)
     tries = [f for h in starts[:CLIMBED] if (f := first_steps(nominal, few, h, None, FIRST_STEPS)) is not None]
     if not tries:
-        return []
+        return None
     best = min(tries, key=lambda f: f.objective)
-    out = [(candidate, fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH))]
-    [(_, first)] = out
-    for i, other in enumerate(first.hypothesis.effects[0].conventions):
-        again = fit(nominal, few, Hypothesis((other,)), first.x, LATER_STEPS, ROUGH)
-        out.append((Candidate(f"{candidate.name}, convention {i + 2}", (other,)), again))
-    return out
+    return fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)
 
 
 def _rough_laws(

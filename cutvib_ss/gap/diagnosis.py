@@ -237,6 +237,8 @@ def _parameters(fit: Fit) -> dict[str, FittedParameter]:
     out: dict[str, FittedParameter] = {}
     for k, e in enumerate(fit.hypothesis.effects):
         for f in parameter_fields(type(e)):
+            if f"{k}.{f.name}" not in fit.stds:
+                continue
             name = f.name if len(fit.hypothesis.effects) == 1 else f"{e.effect}.{f.name}"
             out[name] = FittedParameter(
                 float(getattr(e, f.name)), float(fit.stds[f"{k}.{f.name}"]), f.metadata["range"].unit
@@ -244,7 +246,7 @@ def _parameters(fit: Fit) -> dict[str, FittedParameter]:
         continuous = {f.name for f in parameter_fields(type(e))}
         for f in fields(e):
             if f.name not in continuous | {"place"}:
-                out[f.name] = FittedParameter(getattr(e, f.name), 0.0, "")
+                out[f.name] = FittedParameter(getattr(e, f.name), 0.0, f.metadata.get("unit", ""))
     return out
 
 

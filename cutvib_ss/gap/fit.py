@@ -6,8 +6,8 @@ The maximum of the posterior is found by Gauss-Newton steps with analytic deriva
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import linalg
@@ -15,16 +15,24 @@ from scipy import linalg
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError, DiagnosisError
 from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.likelihood import Directions, Quadratic, Sizes, Spread, weights
+from cutvib_ss.gap.prediction import Predicted
 from cutvib_ss.gap.problem import Problem
-from cutvib_ss.gap.records import Records
+from cutvib_ss.gap.records import Records, session_of
 from cutvib_ss.gap.simulation import SimulatedProblem, problem_for
 from cutvib_ss.gap.unknowns import from_unknown
-from cutvib_ss.results import FloatArray
+from cutvib_ss.results import ComplexArray, FloatArray
 
+FEW_LINES, WIDENED, ROUGH = 120, 0.1, 1e-2
+"""Lines and relative error of the data on which drifting sessions are started, and the relative gain at which its steps end."""
+HOPELESS, HOPELESS_GAIN = 5.0, 1e-3
+"""Reduced χ² from which a fit is not worth more than steps of this relative gain."""
 FEW_STEPS = 10
 """A fit of no more steps is a scout: it climbs once."""
 GAIN = 0.1
 """Gain of the objective at which steps end: a twentieth of what tells two causes apart by a factor of e."""
+FARTHEST = 6.0
+"""Standard deviations that a session may drift."""
 PASSES = 4
 """Times that any other fit climbs at most."""
 
@@ -63,6 +71,8 @@ class Fit:
         Standard deviation of each effect's parameter, in order ``<index>.<name>``.
     at_end : tuple of str
         Parameters of the effects that lie at an end of their range, ``<index>.<name>``, where other values lie beyond.
+    spread : Spread
+        Drift and discrepancy: their sizes, and what the records say of them.
     """
 
     hypothesis: Hypothesis
@@ -78,6 +88,7 @@ class Fit:
     log_evidence: float
     stds: Mapping[str, float]
     at_end: tuple[str, ...]
+    spread: Spread
 
 
 def fit(
@@ -87,6 +98,7 @@ def fit(
     warm: FloatArray | None = None,
     max_iterations: int = 40,
     tolerance: float = 1e-5,
+    sizes: Sizes | None = None,
 ) -> Fit:
     """
     Maximum of the posterior of a hypothesis, and its evidence.
@@ -105,6 +117,8 @@ def fit(
         Most steps taken.
     tolerance : float
         Relative gain of the objective at which steps end.
+    sizes : Sizes, optional
+        Sizes of drift and discrepancy to start from.
 
     Returns
     -------
@@ -118,79 +132,183 @@ def fit(
     within their ranges by projection. Evidence: χ²/2 + Σ prior²/2 + ½ ln det(JᵀWJ + P), the even priors being one in unit
     coordinates.
     """
-    problem = problem_for(nominal, records, hypothesis)
-    search = _Search(problem, problem.start(warm))
+    problem = problem_for(nominal, records, hypothesis, by_session=not records.widened)
+    # Beside a widened noise drift and discrepancy are nothing.
+    search = _Search(problem, problem.start(warm), spread=not records.widened, sizes=sizes)
+    if hypothesis.linear and not records.rough:
+        search.start_from(_from_afar(nominal, records, hypothesis, search))
     redrawn = not isinstance(problem, SimulatedProblem)
     passes = PASSES if redrawn and max_iterations > FEW_STEPS else 1
     for _ in range(passes):
-        before = search.objective
+        before = search.at.objective
         search.climb(max_iterations, tolerance)
         if passes > 1:
             # The circles were drawn for the first model of the pass; drawn anew they may show that it goes on.
             search.redraw()
-        if before - search.objective < 1.0:
+        if before - search.at.objective < 1.0:
             break
-    # A scout's evidence is a bound: the matrix of its last step will do.
-    if max_iterations > FEW_STEPS or search.matrix is None:
-        matrix, _ = problem.normal(search.x, search.predictions, search.residuals)
-    else:
-        matrix = search.matrix
-    if not np.isfinite(matrix).all() or not np.isfinite(search.objective):
+    search.resize()
+    if search.at.quadratic is None or not np.isfinite(search.at.objective):
         raise DiagnosisError(f"{hypothesis.effect} at {hypothesis.place} runs away from where it starts")
     # Records apart hold the scatter of their levels too, which merging has put aside.
     aside = records.scatter if isinstance(problem, SimulatedProblem) else 0.0
-    return _finished(problem, search, matrix + np.diag(search.precision), aside)
+    return _finished(problem, search, search.at.quadratic, aside)
+
+
+def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: _Search) -> _Search:
+    """
+    Unknowns and drifts on few lines with a widened noise.
+
+    A session that drifts by more than a resonance is wide is caught in a side minimum when the noise is small.
+    """
+    few = records.coarse(FEW_LINES, WIDENED)
+    problem = problem_for(nominal, few, hypothesis, by_session=True)
+    search = _Search(problem, start.at.x, spread=True, sizes=start.sizes)
+    search.climb(FEW_STEPS, ROUGH)
+    return search
+
+
+@dataclass
+class _At:
+    """The objective at some unknowns and drifts of sessions, and what a step from there needs."""
+
+    x: FloatArray
+    drift: FloatArray
+    each: list[FloatArray]
+    predictions: Sequence[Predicted]
+    residuals: list[ComplexArray]
+    squares: float
+    chi2: float
+    objective: float
+    quadratic: Quadratic | None = None
+    factor: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 class _Search:
-    """Levenberg-Marquardt within bounds, from one point."""
+    """Levenberg-Marquardt within bounds, from one point; drift and discrepancy are integrated out."""
 
-    def __init__(self, problem: Problem, x: FloatArray) -> None:
-        self.problem, self.x = problem, x
+    def __init__(self, problem: Problem, x: FloatArray, spread: bool, sizes: Sizes | None) -> None:
+        self.problem, self.spread = problem, spread
+        self.sizes = Sizes() if sizes is None else sizes
+        self.stated = problem.nominal.tolerance.drift
         self.precision = problem.prior_precision()
         self.low, self.high = problem.bounds()
-        self.matrix: FloatArray | None = None
-        self.redraw()
+        weight, _ = weights(problem)
+        self.drifting = np.flatnonzero(weight)
+        self.weight = weight[self.drifting]
+        self.session = [problem.sessions.index(session_of(g.entries[0][0])) for g in problem.groups]
+        self.at = self.evaluated(x, np.zeros((len(problem.sessions), self.drifting.size)))
+
+    def start_from(self, other: _Search) -> None:
+        """Go on from where another search of the same sessions stands."""
+        if other.problem.sessions == self.problem.sessions:
+            there = self.evaluated(other.at.x, other.at.drift)
+            if np.isfinite(there.objective) and there.objective < self.at.objective:
+                self.at = there
 
     def redraw(self) -> None:
         """Evaluate where it stands, with new circles around the slow poles."""
         self.problem.forget_circles()
-        self.predictions, self.residuals, self.chi2 = self.problem.residuals(self.x)
-        self.objective = self.chi2 + float(self.precision @ self.x**2)
+        self.at = self.evaluated(self.at.x, self.at.drift)
+
+    def evaluated(self, x: FloatArray, drift: FloatArray) -> _At:
+        """The objective at some unknowns; without drift and discrepancy it needs no derivatives."""
+        each = [x] * len(self.session)
+        if np.any(drift):
+            each = []
+            for session in self.session:
+                own = x.copy()
+                own[self.drifting] += self.weight * drift[session]
+                each.append(own)
+        predictions, residuals, squares = self.problem.residuals(each)
+        at = _At(x, drift, each, predictions, residuals, squares, squares, squares + float(self.precision @ x**2))
+        if self.spread and np.isfinite(squares):
+            self._linearise(at)
+        return at
+
+    def _linearise(self, at: _At) -> None:
+        """The quadratic there; none where a restoring force has run away."""
+        x = at.x
+        directions = Directions(self.problem, at.each, at.predictions, self.spread)
+        matrix, gradient = directions.normal(at.residuals)
+        if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
+            return
+        pull = gradient[: x.size] - self.precision * x
+        free = ~(((x <= self.low) & (pull < 0)) | ((x >= self.high) & (pull > 0)))
+        even = self.problem.size - self.problem.first_effect
+        lay = directions.layout
+        offsets = np.zeros(lay.size)
+        for k, drift in enumerate(at.drift if lay.sessions else ()):
+            first = lay.unknowns + k * lay.per_session
+            offsets[first : first + drift.size] = drift
+        at.quadratic = Quadratic(lay, matrix, gradient, at.squares, x, self.precision, free, even, offsets)
+        self._weigh(at)
+
+    def _weigh(self, at: _At) -> None:
+        """The objective with drift and discrepancy of the present sizes integrated out."""
+        assert at.quadratic is not None
+        n = at.x.size
+        matrix, gradient = at.quadratic.system(self.sizes)
+        at.factor = linalg.cholesky(matrix[n:, n:], lower=True, check_finite=False)
+        taken = linalg.solve_triangular(at.factor, gradient[n:], lower=True, check_finite=False)
+        log_det = 2.0 * float(np.sum(np.log(np.diag(at.factor))))
+        prior = float(self.precision @ at.x**2)
+        at.chi2 = at.quadratic.at(self.sizes) - prior - float(taken @ taken)
+        at.objective = at.chi2 + log_det + prior
+
+    def resize(self) -> None:
+        """The sizes of drift and discrepancy that suit where it stands."""
+        if self.at.quadratic is None:
+            self._linearise(self.at)
+        q = self.at.quadratic
+        if q is not None and q.layout.size > q.x.size:
+            self.sizes = q.climbed(self.sizes, self.stated)
+            self._weigh(self.at)
 
     def climb(self, max_iterations: int, tolerance: float) -> None:
         """Steps until they gain little."""
         damping = 1e-3
         for _ in range(max_iterations):
-            before = self.objective
-            damping = self._step(damping)
-            gain = before - self.objective
-            if gain < GAIN + tolerance * max(self.objective - 0.9 * self.problem.count, 0.0):
+            self.resize()
+            if self.at.quadratic is None:
+                break
+            before = self.at.objective
+            damping = self._step(damping, self.at.quadratic)
+            gain = before - self.at.objective
+            # What leaves many times the noise needs no exact optimum.
+            far = self.at.chi2 > HOPELESS * self.problem.count
+            least = max(tolerance, HOPELESS_GAIN) if far else tolerance
+            if gain < GAIN + least * max(self.at.objective - 0.9 * self.problem.count, 0.0):
                 break
 
-    def _step(self, damping: float) -> float:
+    def _step(self, damping: float, quadratic: Quadratic) -> float:
         """One step, damped until it gains; the damping that served, eased."""
-        matrix, gradient = self.problem.normal(self.x, self.predictions, self.residuals)
-        self.matrix = matrix
-        if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
-            # A law has run away: nothing leads on from here.
-            return damping
-        matrix, gradient = matrix + np.diag(self.precision), gradient - self.precision * self.x
+        n, x = self.at.x.size, self.at.x
+        matrix, gradient = quadratic.system(self.sizes)
+        beside = np.full(matrix.shape[0] - n, np.inf)
+        low, high = np.concatenate([self.low, -beside]), np.concatenate([self.high, beside])
+        start = np.concatenate([x, np.zeros(beside.size)])
         for _ in range(8):
-            step = _step(matrix, gradient, damping, self.x, self.low, self.high)
-            trial = np.clip(self.x + step, self.low, self.high)
+            step = np.clip(start + _step(matrix, gradient, damping, start, low, high), low, high) - start
             try:
-                predictions, residuals, chi2 = self.problem.residuals(trial)
+                trial = self.evaluated(x + step[:n], self._drifted(step[n:]))
             except (CutvibError, np.linalg.LinAlgError):
                 damping *= 10
                 continue
-            objective = chi2 + float(self.precision @ trial**2)
-            if np.isfinite(objective) and objective < self.objective:
-                self.x, self.predictions, self.residuals = trial, predictions, residuals
-                self.chi2, self.objective = chi2, objective
+            if np.isfinite(trial.objective) and trial.objective < self.at.objective:
+                self.at = trial
                 return max(damping / 10, 1e-9)
             damping *= 10
         return damping
+
+    def _drifted(self, step: FloatArray) -> FloatArray:
+        """Drifts of the sessions after a step in all directions, kept within what their size allows."""
+        lay = self.at.quadratic.layout if self.at.quadratic is not None else None
+        if lay is None or not lay.sessions:
+            return self.at.drift
+        own = step[: lay.per_session * len(lay.sessions)].reshape(len(lay.sessions), -1)[:, : self.drifting.size]
+        most = FARTHEST * self.sizes.drift
+        return np.clip(self.at.drift + self.sizes.drift * own, -most, most)
 
 
 def _step(
@@ -208,19 +326,19 @@ def _step(
     return step
 
 
-def _finished(problem: Problem, search: _Search, matrix: FloatArray, aside: float) -> Fit:
-    x = search.x
-    # An even prior over a unit range knows a parameter to no better than its range.
-    own = matrix.copy()
+def _finished(problem: Problem, search: _Search, quadratic: Quadratic, aside: float) -> Fit:
+    x = search.at.x
     index = np.arange(problem.first_effect, problem.size)
+    own, pull = quadratic.system(search.sizes)
+    # An even prior over a unit range knows a parameter to no better than its range.
     own[index, index] += 12.0
     size = np.sqrt(np.diag(own))
     covariance = linalg.inv(own / np.outer(size, size)) / np.outer(size, size)
-    _, log_det = np.linalg.slogdet(own)
-    # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
-    log_evidence = (
-        -0.5 * (search.objective - aside) - 0.5 * float(log_det) + 0.5 * len(index) * float(np.log(2 * np.pi))
-    )
+    offsets = np.zeros(own.shape[0])
+    if own.shape[0] > problem.size:
+        inner = slice(problem.size, None)
+        offsets[inner] = quadratic.offsets[inner] / quadratic.layout.scale(search.sizes)[inner]
+        offsets[inner] += linalg.solve(own[inner, inner], pull[inner], assume_a="pos")
     stds = {}
     for i, (k, name, r) in enumerate(problem.parameters):
         j = problem.first_effect + i
@@ -236,12 +354,14 @@ def _finished(problem: Problem, search: _Search, matrix: FloatArray, aside: floa
         tuned=problem.tuned(x),
         x=x,
         first_effect=problem.first_effect,
-        covariance=covariance,
-        chi2=search.chi2,
+        covariance=covariance[: problem.size, : problem.size],
+        chi2=search.at.chi2,
         aside=aside,
         count=problem.count,
-        objective=search.objective - aside,
-        log_evidence=log_evidence,
+        objective=search.at.objective - aside,
+        # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
+        log_evidence=quadratic.summed(search.sizes, search.stated) + 0.5 * aside,
         stds=stds,
         at_end=at_end,
+        spread=Spread(quadratic.layout, search.sizes, offsets, own),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 from cutvib_ss.effects.base import Carried, Effect, Model
 
@@ -38,25 +38,6 @@ class Hypothesis:
     def linear(self) -> bool:
         """Whether the frequency response alone carries it."""
         return all(e.linear for e in self.effects)
-
-
-def changed(effect: Effect, values: dict[str, float]) -> Effect:
-    """
-    An effect with some of its values replaced.
-
-    Parameters
-    ----------
-    effect : Effect
-        The effect.
-    values : dict of str to float
-        New values by name.
-
-    Returns
-    -------
-    Effect
-        A new one.
-    """
-    return type(effect)(**{**{f.name: getattr(effect, f.name) for f in fields(effect)}, **values})
 
 
 def stages_of(tuned: Model, effects: Sequence[Effect]) -> list[Model]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutvib_ss.effects.base import Model
-from cutvib_ss.gap.hypotheses import LAWS, Motion
+from cutvib_ss.effects.base import Model, Motion
+from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.gap.records import Records, merged
 from cutvib_ss.gap.simulation import HYSTERESIS_AT
 from cutvib_ss.response.frequency import frequency_response
@@ -84,7 +84,7 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
     dict of str to Motion
         By place, which for laws is the name of a port.
     """
-    places = tuple(dict.fromkeys(place for law in LAWS for place in law.places(model)))
+    places = tuple(dict.fromkeys(place for kind in EFFECTS.values() if not kind.linear for place in kind.places(model)))
     peaks: list[np.ndarray] = []
     rates: list[np.ndarray] = []
     for g in merged(records.simulable, apart=True):

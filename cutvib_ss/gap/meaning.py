@@ -26,7 +26,6 @@ from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.result import Verdict
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.measurement_chain import MeasurementChain
-from cutvib_ss.model.twist import TWIST_ELEMENTS
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.harmonic_balance import sine_response
 from cutvib_ss.results import FloatArray
@@ -205,15 +204,6 @@ def _measured(records: Records, positions: FloatArray, frequency: float, channel
     return out
 
 
-def _coarser(machine: Machine) -> Machine:
-    """With no finer mesh of the twist than a plant needs: its elements are states."""
-    twist = machine.rail.torsion
-    if twist is None:
-        return machine
-    fewer = replace(twist, elements=min(twist.elements, TWIST_ELEMENTS))
-    return replace(machine, rail=replace(machine.rail, torsion=fewer))
-
-
 def _loops(nominal: Model, corrected: Model, positions: FloatArray) -> tuple[tuple[Loop, ...], Sequence[str]]:
     """The prototype on both machines; none for other structures."""
     if not isinstance(nominal, Machine) or not isinstance(corrected, Machine):
@@ -222,7 +212,7 @@ def _loops(nominal: Model, corrected: Model, positions: FloatArray) -> tuple[tup
     hardware = kind.hardware(kind.port, None)
     try:
         made = schedule(lambda y: kind.design(nominal, y, hardware), positions)
-        machines = {"nominal": nominal, "corrected": _coarser(replace(corrected, nonlinear=()))}
+        machines = {"nominal": nominal, "corrected": replace(corrected, nonlinear=())}
         check = check_controller(made, machines, positions, hardware, CONTROLLER, MODES)
     except CutvibError as error:
         return (), (f"no controller was checked: {error}",)

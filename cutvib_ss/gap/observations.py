@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
@@ -25,6 +26,19 @@ NOISY = 5.0
 BELOW_FIRST_MODE = 0.6
 """The band begins at this fraction of the nominal model's lowest natural frequency, below which accelerance drowns in drift."""
 
+LINES, HEARD = 7, 4.0
+"""Lines over whose median the response's power has to exceed the noise by so much: below, noise that goes round a control loop or
+sits on the force biases an estimate by as much as the response is."""
+FEWEST = 8
+"""Lines that a record needs: a resonance has four unknowns, complex lines tell two each, and as many again judge the fit."""
+ADVICE = {
+    "impact": "measure longer, with a harder tip, or with more blows",
+    "timeseries": "record longer, or with a stronger excitation",
+    "random": "record longer, or with a stronger excitation",
+    "multisine": "excite more lines, or repeat more periods",
+    "sine": "sweep more lines around the resonance, with a longer dwell",
+}
+
 BLOW_AT = 0.05
 """Instant of a blow that no record states [s], where one has to be assumed."""
 
@@ -39,7 +53,7 @@ class Observations:
     entries : tuple of Entry
         One a record.
     band : tuple of float
-        The band [Hz].
+        Hull of the records' bands [Hz].
     channels : tuple of str
         All response channels.
     unit : str
@@ -57,7 +71,7 @@ class Observations:
 
 def observe(campaign: Campaign, machine: Model) -> Observations:
     """
-    Frequency responses of a campaign, cut to the band that the excitation and the model cover.
+    Frequency responses of a campaign, each record cut to its band.
 
     Parameters
     ----------
@@ -74,18 +88,27 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
     Raises
     ------
     DiagnosisError
-        If no band is usable.
+        If a record has too few usable lines.
+
+    Notes
+    -----
+    A record's band is what it states, else what its noise allows.
     """
     entries = [_entry(i, record) for i, record in enumerate(campaign.records)]
-    low = _lowest_frequency(machine, [e.position for e in entries]) * BELOW_FIRST_MODE
-    high = min(_highest_quiet(e, low) for e in entries)
+    first = _lowest_frequency(machine, [e.position for e in entries])
+    bands = [_band(e, campaign.records[e.record], first) for e in entries]
+    # One hammer: what scatters from blow to blow for the structure's sake hides where its reach ends.
+    struck = [_kind(campaign.records[e.record]) == "impact" for e in entries]
+    reach = min((high for (_, high), hit in zip(bands, struck, strict=True) if hit), default=np.inf)
     cut = []
-    for e in entries:
-        keep = (e.freq >= low) & (e.freq <= high)
-        if np.count_nonzero(keep) < 8:
+    for e, band, hit in zip(entries, bands, struck, strict=True):
+        record = campaign.records[e.record]
+        low, high = record.band_hz or (band[0], min(band[1], reach) if hit else band[1])
+        keep = (e.freq >= low) & (e.freq <= high) & (e.freq > 0.0)
+        if np.count_nonzero(keep) < FEWEST:
             raise DiagnosisError(
-                f"record {campaign.records[e.record].name}: only {np.count_nonzero(keep)} lines lie in the usable band of "
-                f"{low:.3g} to {high:.3g} Hz; measure longer, with a harder tip, or with more blows"
+                f"record {record.name}: only {np.count_nonzero(keep)} lines lie in its band of {low:.4g} to {high:.4g} Hz; "
+                + ("widen band_hz" if record.band_hz else ADVICE[_kind(record)])
             )
         e = thinned(e, keep)
         cut.append(replace(e, replay=None if e.replay is None else e.replay.slower()))
@@ -93,10 +116,8 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
     acceleration = all(q == "acceleration" for e in cut for q in e.quantities)
     per_newton = acceleration and machine.input_quantity == "force"
     unit = "g/N" if per_newton else campaign_unit(cut, machine)
-    freq = cut[0].freq
-    return Observations(
-        tuple(cut), (float(freq[0]), float(freq[-1])), names, unit, STANDARD_GRAVITY if per_newton else 1.0
-    )
+    hull = (min(float(e.freq[0]) for e in cut), max(float(e.freq[-1]) for e in cut))
+    return Observations(tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0)
 
 
 def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
@@ -155,6 +176,7 @@ def _entry(index: int, record: Record) -> Entry:
         check=record.use == "check",
         replay=replay,
         sweep=record.peak_force if record.excitation == "sine" and record.peak_force is not None else np.nan,
+        session=record.session,
     )
 
 
@@ -162,6 +184,30 @@ def _lowest_frequency(machine: Model, positions: Sequence[float]) -> float:
     places = sorted({p for p in positions if not np.isnan(p)})
     lowest = [float(modes(machine, p).natural_freq[0]) for p in places] or [float(modes(machine).natural_freq[0])]
     return max(min(lowest), 0.0)
+
+
+def _kind(record: Record) -> str:
+    return record.excitation if record.kind == "frf" else record.kind
+
+
+def _band(e: Entry, record: Record, first: float) -> tuple[float, float]:
+    """Lines that a record's noise allows [Hz]."""
+    kind = _kind(record)
+    # Power over noise of the channel that hears best, of some lines together: one line may pass by chance.
+    ratio = np.max(np.abs(e.data) ** 2 / e.variance, axis=0)
+    heard = (ndimage.median_filter(ratio, LINES, mode="nearest") > HEARD) & (e.freq > 0.0)
+    told = e.freq[heard] if heard.any() else e.freq[e.freq > 0.0]
+    if kind in ("sine", "multisine") or not heard.any():
+        # Only excited lines are there.
+        return float(told[0]), float(told[-1])
+    # Below the first mode accelerance drowns in the drift of sensors and amplifiers, which no scatter shows.
+    below = all(q == "acceleration" for q in e.quantities) and first > 0.0
+    low = BELOW_FIRST_MODE * first if below else float(told[0])
+    high = min(_highest_quiet(e, low), float(told[-1]))
+    if record.kind != "frf":
+        # Near the Nyquist frequency the digitiser's filter falls off.
+        high = min(high, 0.9 * float(e.freq[-1]))
+    return (low, high) if low < high else (float(told[0]), float(told[-1]))
 
 
 def _highest_quiet(e: Entry, low: float) -> float:
@@ -172,5 +218,4 @@ def _highest_quiet(e: Entry, low: float) -> float:
     above = e.freq >= low
     quiet = above & (smooth <= NOISY * np.quantile(smooth[above], 0.2)) if above.any() else above
     # The last quiet line: a bump below it is the structure's doing (a response that rattles scatters), not the hammer's.
-    top = float(e.freq[np.flatnonzero(quiet)[-1]]) if quiet.any() else float(e.freq[-1])
-    return min(top, 0.9 * float(e.freq[-1]))
+    return float(e.freq[np.flatnonzero(quiet)[-1]]) if quiet.any() else float(e.freq[-1])

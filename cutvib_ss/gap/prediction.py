@@ -108,7 +108,12 @@ class Prediction:
         g, s = self.group, np.concatenate([self.s, circles.points])
         self.circles = circles
         self._response = ChainedResponse(self.model, g.positions, s, g.quantities, g.channels, ("force",))
-        return self._response.data()[:, :, 0]
+        return self._by_row(self._response.data()[:, :, 0])
+
+    def _by_row(self, values: ComplexArray) -> ComplexArray:
+        """A structure without positions shows the same in every row."""
+        rows = len(self.group.positions)
+        return values if len(values) == rows else np.repeat(values, rows, axis=0)
 
     @cached_property
     def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, ComplexArray]]:
@@ -153,7 +158,7 @@ class Prediction:
         """
         total: ComplexArray | None = None
         for path, weight in carried:
-            change = self._response.derivative(path)[:, :, 0]
+            change = self._by_row(self._response.derivative(path)[:, :, 0])
             change = change if weight == 1.0 else weight * change
             total = change if total is None else total + change
         return np.zeros(self.group.data.shape, dtype=np.complex128) if total is None else self._estimate(total)

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutvib_ss.effects.base import Carried, Effect, Model
-from cutvib_ss.gap.hypothesis import Hypothesis, carried_on, changed, stages_of
+from cutvib_ss.gap.hypothesis import Hypothesis, carried_on, stages_of
 from cutvib_ss.gap.prediction import Circles, Predicted, Prediction
-from cutvib_ss.gap.records import Group
+from cutvib_ss.gap.records import Group, session_of
 from cutvib_ss.gap.unknowns import CALIBRATION_SHAPES, calibration_shapes, from_unknown, to_unknown, tuning_paths
 from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -55,6 +55,8 @@ class Problem:
             (k, name, r)
             for k, e in enumerate(hypothesis.effects)
             for name, r in e.ranges(nominal, e.place, hypothesis.motions.get(e.place)).items()
+            # What is not given, or infinite, is not fitted.
+            if getattr(e, name) is not None and np.isfinite(getattr(e, name))
         ]
         self.n_tuning = len(self.tuning)
         shapes = CALIBRATION_SHAPES if self.calibration > 0 else 0
@@ -66,8 +68,9 @@ class Problem:
         self.first_effect = self._shared_by_all + len(self.loud)
         self.size = self.first_effect + len(self.parameters)
         self._n_shapes = shapes
-        self._band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
+        self.band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
         self.shapes = [self._shapes_at(g.freq) for g in groups]
+        self.sessions = tuple(dict.fromkeys(session_of(same[0]) for g in groups for same in g.entries))
         self._circles: list[Circles | None] = [None] * len(self.groups)
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
 
@@ -133,7 +136,7 @@ class Problem:
         changes: list[dict[str, float]] = [{} for _ in self.hypothesis.effects]
         for i, (k, name, r) in enumerate(self.parameters):
             changes[k][name] = from_unknown(float(x[self.first_effect + i]), r)[0]
-        return tuple(changed(e, c) for e, c in zip(self.hypothesis.effects, changes, strict=True))
+        return tuple(e.changed(c) for e, c in zip(self.hypothesis.effects, changes, strict=True))
 
     def applied(self, x: FloatArray) -> Model:
         """
@@ -201,31 +204,56 @@ class Problem:
         low[self.first_effect :], high[self.first_effect :] = 0.0, 1.0
         return low, high
 
-    def predictions(self, x: FloatArray) -> Sequence[Predicted]:
+    def each(self, x: FloatArray | Sequence[FloatArray]) -> list[FloatArray]:
+        """
+        Unknowns of each group.
+
+        Parameters
+        ----------
+        x : ndarray or sequence of ndarray
+            Unknowns that all groups share, or those of each: sessions drift.
+
+        Returns
+        -------
+        list of ndarray
+            One a group.
+        """
+        return [x] * len(self.groups) if isinstance(x, np.ndarray) else list(x)
+
+    def predictions(self, x: FloatArray | Sequence[FloatArray]) -> Sequence[Predicted]:
         """
         The model seen through the estimator of each group.
 
         Parameters
         ----------
-        x : ndarray
-            Unknowns.
+        x : ndarray or sequence of ndarray
+            Unknowns, of all groups or of each.
 
         Returns
         -------
         sequence of Prediction
             One a group.
         """
-        model, at = self.applied(x), self.blow_at(x)
-        out = [Prediction(model, g, at, c) for g, c in zip(self.groups, self._circles, strict=True)]
+        each = self.each(x)
+        models = self._models(each)
+        out = [
+            Prediction(model, g, self.blow_at(own), c)
+            for model, g, own, c in zip(models, self.groups, each, self._circles, strict=True)
+        ]
         self._circles = [p.circles for p in out]
         return out
+
+    def _models(self, each: Sequence[FloatArray]) -> list[Model]:
+        """The model of each group; groups that share their unknowns share it."""
+        built: dict[int, Model] = {}
+        return [built[id(x)] if id(x) in built else built.setdefault(id(x), self.applied(x)) for x in each]
 
     def forget_circles(self) -> None:
         """Draw the circles around slow poles anew at the next prediction."""
         self._circles = [None] * len(self.groups)
 
     def _shapes_at(self, freq: FloatArray) -> FloatArray:
-        return calibration_shapes(freq, self._band, self._n_shapes)
+        return calibration_shapes(freq, self.band, self._n_shapes)
 
     def calibration_of(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
         """
@@ -250,18 +278,18 @@ class Problem:
         rows = np.ones((len(channels), freq.size), dtype=np.complex128)
         for row, c in zip(rows, channels, strict=True):
             if c in self.channels:
-                own = x[self._own(c, k)]
+                own = x[self.own(c, k)]
                 row += self.calibration * ((own[:k] + 1j * own[k:]) @ shapes)
         return rows
 
-    def residuals(self, x: FloatArray) -> tuple[Sequence[Predicted], list[ComplexArray], float]:
+    def residuals(self, x: FloatArray | Sequence[FloatArray]) -> tuple[Sequence[Predicted], list[ComplexArray], float]:
         """
         Weighted residuals.
 
         Parameters
         ----------
-        x : ndarray
-            Unknowns.
+        x : ndarray or sequence of ndarray
+            Unknowns, of all groups or of each.
 
         Returns
         -------
@@ -274,48 +302,15 @@ class Problem:
         """
         predictions = self.predictions(x)
         out, total = [], 0.0
-        for g, p in zip(self.groups, predictions, strict=True):
-            r = (g.data - p.data * self.calibration_of(g.channels, g.freq, x)) * np.sqrt(2.0 / g.variance)
+        for g, p, own in zip(self.groups, predictions, self.each(x), strict=True):
+            r = (g.data - p.data * self.calibration_of(g.channels, g.freq, own)) * np.sqrt(2.0 / g.variance)
             out.append(r)
             total += float(np.sum(r.real**2 + r.imag**2))
         return predictions, out, total
 
-    def normal(
-        self, x: FloatArray, predictions: Sequence[Predicted], residuals: Sequence[ComplexArray]
-    ) -> tuple[FloatArray, FloatArray]:
+    def jacobian(self, x: FloatArray, p: Predicted) -> tuple[ComplexArray, list[ComplexArray]]:
         """
-        Normal matrix and gradient of the data.
-
-        Parameters
-        ----------
-        x : ndarray
-            Unknowns.
-        predictions, residuals : sequence
-            From `residuals`, at the same unknowns.
-
-        Returns
-        -------
-        matrix : ndarray, shape (unknown, unknown)
-            Jᵀ W J.
-        gradient : ndarray, shape (unknown,)
-            Jᵀ W r.
-        """
-        matrix, gradient = np.zeros((self.size, self.size)), np.zeros(self.size)
-        for g, p, shapes, r in zip(self.groups, predictions, self.shapes, residuals, strict=True):
-            e = self.calibration_of(g.channels, g.freq, x)
-            shared, own = self._jacobian(x, p, e * np.sqrt(2.0 / g.variance), shapes)
-            # Calibration moves its own channel alone: the sums run channel by channel over the rows that it has.
-            for c, name in enumerate(g.channels):
-                index = np.concatenate([self._shared, self._own(name, shapes.shape[0])])
-                rows = np.concatenate([shared[:, :, c].reshape(len(shared), -1), own[c]])
-                flat = np.concatenate([rows.real, rows.imag], axis=1)
-                matrix[np.ix_(index, index)] += flat @ flat.T
-                gradient[index] += flat @ np.concatenate([r[:, c].real.ravel(), r[:, c].imag.ravel()])
-        return matrix, gradient
-
-    def spread(self, x: FloatArray, p: Predicted, covariance: FloatArray) -> FloatArray:
-        """
-        How uncertain a prediction is, of records that were fitted or of others.
+        Weighted derivatives of a prediction, of records that were fitted or of others.
 
         Parameters
         ----------
@@ -323,62 +318,24 @@ class Problem:
             Unknowns.
         p : Predicted
             The model there, seen through the estimator of a group.
-        covariance : ndarray, shape (unknown, unknown)
-            Of the unknowns.
 
         Returns
         -------
-        ndarray, shape (position, channel, frequency)
-            E|Δ|², to first order.
+        shared : ndarray, shape (unknown, position, channel, frequency)
+            To the unknowns that move every channel, over the noise of a real part.
+        own : list of ndarray, shape (unknown, position · frequency)
+            To those of each channel's calibration.
         """
         g = p.group
-        shapes = self._shapes_at(g.freq)
-        root = np.sqrt(2.0 / g.variance)
-        shared, own = self._jacobian(x, p, self.calibration_of(g.channels, g.freq, x) * root, shapes)
-        out = np.empty(g.data.shape)
-        for c, name in enumerate(g.channels):
-            index, rows = self._shared, shared[:, :, c]
-            if name in self.channels:
-                index = np.concatenate([index, self._own(name, shapes.shape[0])])
-                rows = np.concatenate([rows, own[c].reshape(-1, *rows.shape[1:])])
-            moved = np.tensordot(covariance[np.ix_(index, index)], rows, 1)
-            out[:, c] = np.sum((rows.conj() * moved).real, axis=0) / root[:, c] ** 2
-        return out
+        weight = self.calibration_of(g.channels, g.freq, x) * np.sqrt(2.0 / g.variance)
+        return self._jacobian(x, p, weight, self._shapes_at(g.freq))
 
-    def rows(self, x: FloatArray, predictions: Sequence[Predicted]) -> FloatArray:
-        """
-        The whole weighted Jacobian, for few data.
-
-        Parameters
-        ----------
-        x : ndarray
-            Unknowns.
-        predictions : sequence
-            From `residuals`, at the same unknowns.
-
-        Returns
-        -------
-        ndarray, shape (unknown, datum)
-            A row an unknown; per group the real parts of all residuals, then the imaginary ones.
-        """
-        out = []
-        for g, p, shapes in zip(self.groups, predictions, self.shapes, strict=True):
-            e = self.calibration_of(g.channels, g.freq, x)
-            shared, own = self._jacobian(x, p, e * np.sqrt(2.0 / g.variance), shapes)
-            full = np.zeros((self.size, *g.data.shape), dtype=np.complex128)
-            full[self._shared] = shared
-            for c, name in enumerate(g.channels):
-                full[self._own(name, shapes.shape[0]), :, c] = own[c].reshape(-1, len(g.data), g.freq.size)
-            flat = full.reshape(self.size, -1)
-            out.append(np.concatenate([flat.real, flat.imag], axis=1))
-        return np.concatenate(out, axis=1)
-
-    def _own(self, channel: str, count: int) -> IndexArray:
+    def own(self, channel: str, count: int) -> IndexArray:
         """Unknowns of a channel's calibration."""
         return self.n_tuning + 2 * count * self.channels.index(channel) + np.arange(2 * count)
 
     @property
-    def _shared(self) -> IndexArray:
+    def shared(self) -> IndexArray:
         """Unknowns that move every channel."""
         return np.concatenate([np.arange(self.n_tuning), np.arange(self.n_tuning + self.n_calibration, self.size)])
 
@@ -418,5 +375,5 @@ class Problem:
     ) -> tuple[float, Carried]:
         """What moves with an effect's parameter, and by how much a unit of its unknown."""
         index, name, r = self.parameters[i]
-        moved = effects[index].moves(stages[index + 1])[name]
+        moved = effects[index].moved_by(stages[index], stages[index + 1])[name]
         return from_unknown(float(x[self.first_effect + i]), r)[1], carried_on(moved, effects, stages, index + 1)

@@ -53,6 +53,8 @@ class Entry:
         The estimator itself, through which simulated histories pass; None where no force history can be told.
     sweep : float
         Amplitude of the force of a stepped or swept sine [N]; NaN otherwise.
+    session : str or None
+        Name of its session, where stated.
     """
 
     record: int
@@ -69,6 +71,7 @@ class Entry:
     check: bool
     replay: Replay | None = None
     sweep: float = np.nan
+    session: str | None = None
 
 
 @dataclass(frozen=True)
@@ -116,11 +119,14 @@ class Records:
     entries : tuple of Entry
         The records.
     rough : bool
-        Whether the noise has been widened, for starts.
+        Whether lines have been left out, for starts.
+    widened : bool
+        Whether the noise has been widened too: by more than machines drift.
     """
 
     entries: tuple[Entry, ...]
     rough: bool = False
+    widened: bool = False
 
     @cached_property
     def merged(self) -> tuple[Group, ...]:
@@ -128,9 +134,19 @@ class Records:
         return merged(self.entries)
 
     @cached_property
+    def by_session(self) -> tuple[Group, ...]:
+        """The same with one session a group."""
+        return merged(self.entries, by_session=True)
+
+    @cached_property
     def apart(self) -> tuple[Group, ...]:
         """Groups with one row a record, those that can be simulated alone."""
         return merged(self.simulable, apart=True)
+
+    @cached_property
+    def apart_by_session(self) -> tuple[Group, ...]:
+        """The same with one session a group."""
+        return merged(self.simulable, apart=True, by_session=True)
 
     @cached_property
     def simulable(self) -> tuple[Entry, ...]:
@@ -173,7 +189,7 @@ class Records:
             few = thinned(e, slice(None, None, max(1, e.freq.size // lines)))
             widened = few.variance + behind[id(e)] * (error * np.abs(few.data)) ** 2
             out.append(replace(few, variance=widened))
-        return Records(tuple(out), rough=True)
+        return Records(tuple(out), rough=True, widened=error > 0.0)
 
     def for_laws(self, lines: int, error: float) -> Records | None:
         """
@@ -199,7 +215,7 @@ class Records:
         return alone.coarse(lines, error)
 
 
-def merged(entries: Sequence[Entry], apart: bool = False) -> tuple[Group, ...]:
+def merged(entries: Sequence[Entry], apart: bool = False, by_session: bool = False) -> tuple[Group, ...]:
     """
     Records merged by position, weighted by their precision.
 
@@ -209,6 +225,8 @@ def merged(entries: Sequence[Entry], apart: bool = False) -> tuple[Group, ...]:
         Records.
     apart : bool
         Keep every record a row of its own.
+    by_session : bool
+        Give every session a group of its own.
 
     Returns
     -------
@@ -217,14 +235,15 @@ def merged(entries: Sequence[Entry], apart: bool = False) -> tuple[Group, ...]:
     """
     kinds: dict[tuple[object, ...], list[Entry]] = {}
     for e in entries:
-        key = (e.channels, e.quantities, e.freq.size, float(e.freq[0]), float(e.freq[-1]))
+        grid = (e.channels, e.quantities, e.freq.size, float(e.freq[0]), float(e.freq[-1]))
+        key = (*grid, *(session_of(e) if by_session else ()))
         kinds.setdefault(key, []).append(e)
     return tuple(_group(members, apart) for members in kinds.values())
 
 
-def site(e: Entry) -> tuple[float, ...]:
+def site(e: Entry) -> tuple[float | str, ...]:
     """
-    What records must share to be merged: position, and a block that loses the same tails.
+    What records must share to be merged: session, position, and a block that loses the same tails.
 
     Parameters
     ----------
@@ -233,10 +252,30 @@ def site(e: Entry) -> tuple[float, ...]:
 
     Returns
     -------
-    tuple of float
-        Position, block and window.
+    tuple
+        Position, block, window and session.
     """
-    return (float(np.nan_to_num(e.position, nan=-1.0)), round(e.block, 9), round(e.decay_rate, 9))
+    place = float(np.nan_to_num(e.position, nan=-1.0))
+    return (place, round(e.block, 9), round(e.decay_rate, 9), *session_of(e))
+
+
+def session_of(e: Entry) -> tuple[float | str, ...]:
+    """
+    The session of a record, whose records share their drift.
+
+    Parameters
+    ----------
+    e : Entry
+        The record.
+
+    Returns
+    -------
+    tuple
+        As stated, else its position, else the record itself.
+    """
+    if e.session is not None:
+        return (e.session,)
+    return (float(e.position),) if np.isfinite(e.position) else (float(e.record), "record")
 
 
 def one_blow(e: Entry) -> Entry:
@@ -261,7 +300,7 @@ def one_blow(e: Entry) -> Entry:
 
 
 def _group(members: list[Entry], apart: bool) -> Group:
-    places: dict[tuple[float, ...], list[Entry]] = {}
+    places: dict[tuple[float | str, ...], list[Entry]] = {}
     for e in members:
         places.setdefault((float(e.record),) if apart else site(e), []).append(e)
     data, variance = [], []

@@ -20,6 +20,7 @@ from cutvib_ss.effects.base import Effect, Model, parameter_fields
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.likelihood import Directions, Sizes
 from cutvib_ss.gap.problem import Problem
 from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.simulation import problem_for
@@ -94,13 +95,16 @@ class Scan:
         problem = problem_for(nominal, records, hypothesis, apart)
         here = problem.start() if x is None else there.x
         predictions, residuals, _ = problem.residuals(here)
-        self.rows = problem.rows(here, predictions)
+        directions = Directions(problem, here, predictions, spread=not records.widened)
+        sizes = Sizes() if x is None else there.spread.sizes
+        self.rows = directions.layout.scale(sizes)[:, None] * directions.flat()
         self.left = _flat(residuals)
-        precision = problem.prior_precision()
+        beside = directions.layout.size - problem.size
+        precision = np.concatenate([problem.prior_precision(), np.ones(beside)])
         self.factor = linalg.cho_factor(self.rows @ self.rows.T + np.diag(precision + 1e-9))
         # Where the fit was drawn away from the priors' middle to make up for what it lacks, it gains by going back.
-        self.strain = precision * here
-        self.strained = float(self.strain @ here)
+        self.strain = precision * np.concatenate([here, np.zeros(beside)])
+        self.strained = float(self.strain[: here.size] @ here)
         self.leaves = self._freed(self.left)
 
     def promise(self, starts: Sequence[Effect]) -> Scanned:

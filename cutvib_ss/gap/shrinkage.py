@@ -20,7 +20,7 @@ from cutvib_ss.gap.hypothesis import Hypothesis
 from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.prediction import Predicted, Prediction
 from cutvib_ss.gap.problem import WITHIN, Problem
-from cutvib_ss.gap.records import Entry, Group, Records, merged
+from cutvib_ss.gap.records import Entry, Group, Records, merged, session_of
 from cutvib_ss.gap.simulation import LOUDNESS, LOUDNESS_STEP, Simulated, SimulatedProblem, problem_for, simulated
 from cutvib_ss.gap.workers import Workers
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -154,8 +154,8 @@ def _one_turn(nominal: Model, start: Fit, turn: Fold) -> list[Judged]:
     again = fit(nominal, records, start.hypothesis, start.x, AGAIN if start.hypothesis.linear else AGAIN_LAWS)
     problem = problem_for(nominal, records, again.hypothesis)
     blow_at = problem.blow_at(again.x)
-    shown = [predicted(e, again.model, blow_at, problem, again.x, again.covariance) for e in turn.judged]
-    return [judged(e, s.data, s.variance) for e, s in zip(turn.judged, shown, strict=True)]
+    shown = [predicted(e, again.model, blow_at, problem, again.x) for e in turn.judged]
+    return [judged(e, s, problem, again) for e, s in zip(turn.judged, shown, strict=True)]
 
 
 def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tuple[Judged, ...]:
@@ -179,7 +179,7 @@ def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tu
     problem = Problem(nominal, merged(observations.entries), Hypothesis())
     blow_at = problem.blow_at(start.x) if start.x.size == problem.size else 0.0
     entries = [e for e in observations.entries if e.check] or list(observations.entries)
-    return tuple(judged(e, predicted(e, nominal, blow_at).data) for e in entries)
+    return tuple(judged(e, predicted(e, nominal, blow_at)) for e in entries)
 
 
 class Shown(NamedTuple):
@@ -191,12 +191,14 @@ class Shown(NamedTuple):
     data : ndarray, shape (channel, frequency)
         The prediction.
     variance : ndarray, shape (channel, frequency)
-        Its own E|Δ|²: from the unknowns' covariance, where that is given, or of a law whose record does not tell the force on
-        which it depends; else zero.
+        Its own E|Δ|², of a law whose record does not tell the force on which it depends; else zero.
+    seen : Prediction or Simulated
+        The model seen through the record's estimator, calibration errors apart.
     """
 
     data: ComplexArray
     variance: FloatArray
+    seen: Predicted
 
 
 def predicted(
@@ -205,7 +207,6 @@ def predicted(
     blow_at: float,
     problem: Problem | None = None,
     x: FloatArray | None = None,
-    covariance: FloatArray | None = None,
 ) -> Shown:
     """
     What a model predicts of a record.
@@ -222,8 +223,6 @@ def predicted(
         With ``x``: whose calibration errors to apply.
     x : ndarray, optional
         Unknowns of a fit.
-    covariance : ndarray, optional
-        Of these unknowns: what few records do not tell leaves the prediction of others uncertain.
 
     Returns
     -------
@@ -246,15 +245,7 @@ def predicted(
         )
         return _by_its_force(model, group, error, float(np.mean(fitted)) if fitted.size else 0.0)
     seen: Predicted = simulated(model, group) if simulate else Prediction(model, group, blow_at)
-    variance = np.zeros(e.data.shape)
-    if (
-        problem is not None
-        and x is not None
-        and covariance is not None
-        and isinstance(seen, Simulated) == isinstance(problem, SimulatedProblem)
-    ):
-        variance = problem.spread(x, seen, covariance)[0]
-    return Shown(np.asarray(seen.data[0] * error), variance)
+    return Shown(np.asarray(seen.data[0] * error), np.zeros(e.data.shape), seen)
 
 
 def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) -> Shown:
@@ -277,6 +268,7 @@ def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) 
         return data
 
     here = shown(x)
+    seen = simulated(model, group, loudness=np.exp([LOUDNESS * x]))
     slope = np.zeros(here.shape, dtype=np.complex128)
     for _ in range(LOUDNESS_STEPS):
         slope = (shown(x + LOUDNESS_STEP) - here) / LOUDNESS_STEP
@@ -291,10 +283,12 @@ def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) 
         moved = (other - here) * weight
         moved = moved - along * (np.vdot(along, moved).real / (1.0 + np.vdot(along, along).real))
         spread.append(np.abs(moved / weight) ** 2)
-    return Shown(here, np.asarray(np.mean(spread, axis=0)))
+    variance = np.asarray(np.mean(spread, axis=0))
+    less_known = replace(group, variance=group.variance + variance)
+    return Shown(here, variance, replace(seen, group=less_known))
 
 
-def judged(e: Entry, prediction: ComplexArray, variance: FloatArray | None = None) -> Judged:
+def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit | None = None) -> Judged:
     """
     A record against a prediction.
 
@@ -302,21 +296,33 @@ def judged(e: Entry, prediction: ComplexArray, variance: FloatArray | None = Non
     ----------
     e : Entry
         The record.
-    prediction : ndarray, shape (channel, frequency)
+    shown : Shown
         What was predicted of it.
-    variance : ndarray, shape (channel, frequency), optional
-        Of the prediction itself; it counts as noise in χ².
+    problem : Problem, optional
+        With ``fitted``: the fit on other records that predicted it, for the prediction's own uncertainty.
+    fitted : Fit, optional
+        That fit: its covariance, and its drift and discrepancy.
 
     Returns
     -------
     Judged
         Its errors.
     """
-    error = np.abs(e.data - prediction)
-    total = e.variance if variance is None else e.variance + variance
+    error = np.abs(e.data - shown.data)
     # E|n| of complex Gaussian noise of variance v is √(πv)/2.
     noise = np.sqrt(np.pi * e.variance) / 2
-    return Judged(e, error.mean(axis=1), noise.mean(axis=1), np.mean(error**2 / total, axis=1), prediction)
+    total = e.variance + shown.variance
+    if problem is None or fitted is None or isinstance(shown.seen, Simulated) != isinstance(problem, SimulatedProblem):
+        chi2 = np.mean(error**2 / total, axis=1)
+    else:
+        blow_at = problem.blow_at(fitted.x)
+
+        def show(x: FloatArray) -> tuple[Predicted, ComplexArray]:
+            there = shown if np.array_equal(x, fitted.x) else predicted(e, problem.applied(x), blow_at, problem, x)
+            return there.seen, (e.data - there.data) * np.sqrt(2.0 / total)
+
+        chi2 = fitted.spread.left(problem, fitted.x, session_of(e), show)
+    return Judged(e, error.mean(axis=1), noise.mean(axis=1), chi2, shown.data)
 
 
 def mean_error(records: Sequence[Judged]) -> float:

@@ -225,23 +225,24 @@ class SimulatedProblem(Problem):
         self._sites = [_sites(g) for g in self.groups]
         self._site_circles: list[Circles | None] = [None] * len(self.groups)
 
-    def predictions(self, x: FloatArray) -> Sequence[Predicted]:
+    def predictions(self, x: FloatArray | Sequence[FloatArray]) -> Sequence[Predicted]:
         """
         Each record, simulated.
 
         Parameters
         ----------
-        x : ndarray
-            Unknowns.
+        x : ndarray or sequence of ndarray
+            Unknowns, of all groups or of each.
 
         Returns
         -------
         sequence of Simulated
             One a group.
         """
-        model = self.applied(x)
-        louder = self._loudness(x)
-        return [simulated(model, g, None, self.steps, k) for g, k in zip(self.groups, louder, strict=True)]
+        each = self.each(x)
+        louder = self._loudness(each[0])
+        models = self._models(each)
+        return [simulated(m, g, None, self.steps, k) for m, g, k in zip(models, self.groups, louder, strict=True)]
 
     def _loud(self) -> tuple[tuple[int, int], ...]:
         # What a linear model shows does not depend on the force.
@@ -340,7 +341,8 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
     out = np.array([[condensed.receptance(r, p) for p in ports] for r in chain.signals])
     drive = np.array([condensed.receptance(p, "force") for p in ports])
     own = np.array([[condensed.receptance(p, q) for q in ports] for p in ports])
-    # (record, frequency, ...): one small system a record and line.
+    # (record, frequency, ...): one small system a record and line. A structure has one row for all sites.
+    row = row if len(own[0, 0]) > 1 else np.zeros_like(row)
     z = stiffness.transpose(0, 2, 1)
     a_pr, a_rq, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, drive, own))
     below = np.eye(len(ports)) + a_rr * z[:, :, None, :]
@@ -348,7 +350,9 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
     return chain.shown(taken)
 
 
-def problem_for(nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False) -> Problem:
+def problem_for(
+    nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False, by_session: bool = False
+) -> Problem:
     """
     The problem of a hypothesis on some records.
 
@@ -362,6 +366,8 @@ def problem_for(nominal: Model, records: Records, hypothesis: Hypothesis, apart:
         What is fitted.
     apart : bool
         Whether records stay apart although the hypothesis is linear, beside one that is not.
+    by_session : bool
+        Whether every session is a group of its own.
 
     Returns
     -------
@@ -369,5 +375,6 @@ def problem_for(nominal: Model, records: Records, hypothesis: Hypothesis, apart:
         On merged records for linear causes, on records apart for others and where blocks leak.
     """
     if hypothesis.linear and not records.leaking and not apart:
-        return Problem(nominal, records.merged, hypothesis)
-    return SimulatedProblem(nominal, records.apart, hypothesis, ROUGH_STEPS if records.rough else STEPS)
+        return Problem(nominal, records.by_session if by_session else records.merged, hypothesis)
+    groups = records.apart_by_session if by_session else records.apart
+    return SimulatedProblem(nominal, groups, hypothesis, ROUGH_STEPS if records.rough else STEPS)

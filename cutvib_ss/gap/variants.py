@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from cutvib_ss.effects.base import Model
+from cutvib_ss.effects.base import Model, ports_of
 from cutvib_ss.gap import faults
 from cutvib_ss.gap.modification import Lines, Modification
 from cutvib_ss.model.machine import Machine
@@ -97,7 +97,7 @@ def variants(model: Model, channels: Sequence[str]) -> tuple[Variant, ...]:
     """
     if not isinstance(model, Machine):
         # A port's own unit (N/m or N m/rad) is the model's affair.
-        ports = [_parallel(name, (name,), unit="") for name in model.system.ports]
+        ports = [_parallel(name, (name,), unit="") for name in ports_of(model, ())]
         return (*ports, *_measurement(channels, leaks=False))
     out = [_parallel(joint, (joint,), unit="N m/rad") for joint in ("joint1", "joint2")]
     for place in ("tool", "head"):

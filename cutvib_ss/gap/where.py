@@ -41,7 +41,7 @@ def bands(residuals: Sequence[tuple[Group, ComplexArray]], width: float) -> tupl
     for g, r in residuals:
         power = np.mean(np.abs(r) ** 2 / 2, axis=(0, 1))
         step = float(np.median(np.diff(g.freq)))
-        half = max(1, round(width / step / 2))
+        half = min(max(1, round(width / step / 2)), (g.freq.size - 1) // 2)
         kernel = np.ones(2 * half + 1)
         counts = np.convolve(np.ones(power.size), kernel, mode="same")
         smooth = np.convolve(power, kernel, mode="same") / counts

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copyreg
 import os
+import sys
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context, parent_process
@@ -12,6 +13,10 @@ from types import MappingProxyType, TracebackType
 from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
+
+from cutvib_ss.effects.base import Effect
+from cutvib_ss.effects.catalogue import EFFECTS
+from cutvib_ss.errors import ParameterError
 
 ResultT = TypeVar("ResultT")
 
@@ -29,9 +34,23 @@ def _reduced(table: MappingProxyType[Any, Any]) -> tuple[Callable[..., Any], tup
 copyreg.pickle(MappingProxyType, _reduced)
 
 
-def _start() -> None:
+def _start(registered: tuple[type[Effect], ...]) -> None:
     threadpool_limits(1)
+    for kind in registered:
+        EFFECTS.register(kind)
     Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _registered() -> tuple[type[Effect], ...]:
+    """Effects registered by call, which other processes must be able to import."""
+    for kind in EFFECTS.registered:
+        interactive = kind.__module__ == "__main__" and not hasattr(sys.modules["__main__"], "__file__")
+        if interactive or "<locals>" in kind.__qualname__:
+            raise ParameterError(
+                f"the effect {kind.effect!r} cannot be found by other processes: put its class at the top of a module, "
+                "or ask for one process (jobs = 1)"
+            )
+    return EFFECTS.registered
 
 
 def _end_with_parent() -> None:
@@ -91,6 +110,8 @@ class Workers:
         if self.jobs == 1 or len(rows) < 2:
             return [work(*row) for row in rows]
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(self.jobs, mp_context=get_context("spawn"), initializer=_start)
+            self._pool = ProcessPoolExecutor(
+                self.jobs, mp_context=get_context("spawn"), initializer=_start, initargs=(_registered(),)
+            )
         # What the work shares goes along with every chunk: few chunks, yet some to even out.
         return list(self._pool.map(work, *zip(*rows, strict=True), chunksize=max(1, len(rows) // (3 * self.jobs))))

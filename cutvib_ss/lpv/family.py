@@ -204,7 +204,7 @@ class PlantSchedule(Displayed):
         Raises
         ------
         CouplingError
-            If the rail twists: its shapes have kinks.
+            If the rail twists: one of its coordinates belongs to the place of the head.
         """
         places = as_positions(self.machine, positions)
         _, s = as_laplace(freq, 0.0)

@@ -163,7 +163,7 @@ class PlantTable:
         Raises
         ------
         CouplingError
-            If the rail twists: its shapes have kinks.
+            If the rail twists: one of its coordinates belongs to the place of the head.
         """
         k, t, h = self._place(position)
         inside = h * h * t * (1 - t)

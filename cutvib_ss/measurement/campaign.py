@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -13,13 +13,16 @@ import numpy as np
 
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.measurement.checks import check_record
-from cutvib_ss.measurement.conversion import frf_of, histories_of, to_contents
-from cutvib_ss.measurement.formats import format_of, read_file
-from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawResponse
+from cutvib_ss.measurement.conversion import frf_of, histories_of, motion_factor, to_contents
+from cutvib_ss.measurement.formats import format_of
+from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawResponse, Signal, TextOptions
+from cutvib_ss.measurement.inputs import struck_port
 from cutvib_ss.measurement.layout import layout_of
 from cutvib_ss.measurement.noise import frf_variance
+from cutvib_ss.measurement.plausibility import same_data
+from cutvib_ss.measurement.reading import read_file
 from cutvib_ss.measurement.records import FORCE, Campaign, History, MachineLike, Record
-from cutvib_ss.measurement.schema import CampaignFile, RecordTable, read_campaign_file
+from cutvib_ss.measurement.schema import CampaignFile, ChannelTable, RecordTable, read_campaign_file
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.results import MeasuredFrequencyResponse, Quantity
@@ -54,14 +57,17 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
     tables = read_campaign_file(file)
     if machine is None:
         machine = _machine(tables, file)
-    layout = layout_of(machine, tables.dofs, f"{file}: dofs")
     records: list[Record] = []
     warnings: list[str] = []
     for number, table in enumerate(tables.record, start=1):
         _check_position(table, machine, f"{file}: record[{number}]")
-        record, found = _read_record(table, file.parent, machine, layout)
+        struck = struck_port(table.input, machine, f"{file}: record[{number}]")
+        here = layout_of(machine, tables.dofs, f"{file}: dofs", struck)
+        options = TextOptions(**tables.csv_of(table).model_dump())
+        record, found = _read_record(table, file.parent, machine, here, tables.channels_of(table), struck, options)
         records.append(record)
         warnings += found
+    warnings += same_data(records)
     title = tables.campaign.title or file.parent.resolve().name
     return Campaign(title, file.parent, machine, tuple(records), tuple(warnings))
 
@@ -134,19 +140,29 @@ def _check_position(table: RecordTable, machine: MachineLike, where: str) -> Non
 
 
 def _read_record(
-    table: RecordTable, folder: Path, machine: MachineLike, layout: Layout
+    table: RecordTable,
+    folder: Path,
+    machine: MachineLike,
+    layout: Layout,
+    mapping: Mapping[str, ChannelTable],
+    struck: str | None,
+    options: TextOptions,
 ) -> tuple[Record, tuple[str, ...]]:
     paths = [folder / name for name in table.files]
-    contents = [read_file(path, table.kind == "frf", layout) for path in paths]
+    contents = [read_file(path, table.kind == "frf", layout, mapping, options) for path in paths]
     warnings = [warning for content in contents for warning in content.warnings]
     histories: tuple[History, ...] = ()
-    frf = None
+    frf, amplitude, peak_response = None, None, table.peak_response
     if table.kind == "frf":
         raw = _merged(
             [frf_of(content, layout, str(path)) for path, content in zip(paths, contents, strict=True)], paths
         )
         channels = tuple(response.name for response in raw.responses)
         frf = _measured(raw, table, machine)
+        amplitude = None if raw.force_amplitude is None else raw.force_amplitude.values
+        if peak_response is not None:
+            given = next(c.frf for c in contents if c.frf and any(r.name == channels[0] for r in c.frf.responses))
+            peak_response *= motion_factor(given, channels[0], layout, str(paths[0]))
         averages = table.averages
     else:
         histories = tuple(
@@ -175,6 +191,11 @@ def _read_record(
         input_quantity=machine.input_quantity,
         session=table.session,
         band_hz=table.band_hz,
+        input=struck,
+        sweep=table.sweep,
+        controlled=table.controlled,
+        peak_response=peak_response,
+        force_amplitude=amplitude,
     )
     checked, found = check_record(record, machine, str(paths[0]))
     return checked, (*warnings, *found)
@@ -191,7 +212,11 @@ def _merged(parts: Sequence[RawFrf], paths: Sequence[Path]) -> RawFrf:
             if response.name in names:
                 raise DataFormatError(f"{path}: channel {response.name!r} is in another file of this record; keep one")
             names.add(response.name)
-    return RawFrf(freq, tuple(response for part in parts for response in part.responses))
+    amplitudes = [part.force_amplitude for part in parts if part.force_amplitude is not None]
+    if any(not np.allclose(a.values, amplitudes[0].values, rtol=1e-6) for a in amplitudes[1:]):
+        raise DataFormatError(f"{paths[0]}: the files of this record state different force amplitudes; keep one")
+    responses = tuple(response for part in parts for response in part.responses)
+    return RawFrf(freq, responses, amplitudes[0] if amplitudes else None)
 
 
 def _measured(raw: RawFrf, table: RecordTable, machine: MachineLike) -> MeasuredFrequencyResponse:
@@ -239,7 +264,9 @@ def _contents(record: Record, layout: Layout) -> Contents:
         RawResponse(name, unit, frf.data[0, k, 0], frf.coherence[0, k, 0] if known[k] else None)
         for k, (name, unit) in enumerate(zip(frf.outputs, frf.units, strict=True))
     )
-    return Contents(frf=RawFrf(frf.freq, responses))
+    amplitude = record.force_amplitude
+    stated = None if amplitude is None else Signal("force amplitude", record.input_unit, amplitude)
+    return Contents(frf=RawFrf(frf.freq, responses, stated))
 
 
 def _file_names(records: Sequence[Record], suffix: str) -> list[str]:
@@ -270,6 +297,10 @@ def _record_lines(record: Record) -> list[str]:
         "exponential_decay": record.exponential_decay or None,
         "session": record.session,
         "band_hz": record.band_hz,
+        "input": record.input,
+        "sweep": record.sweep,
+        "controlled": record.controlled,
+        "peak_response": record.peak_response,
     }
     return [f"{key} = {_toml(value)}" for key, value in values.items() if value is not None]
 

@@ -1,4 +1,4 @@
-"""What goes wrong in a measurement: double hits, overloads, dead channels; signs are in `signs`."""
+"""What goes wrong in a measurement: double hits, overloads, dead channels; signs and units are in modules of their own."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 from scipy import signal
 
 from cutvib_ss.errors import DataFormatError
+from cutvib_ss.measurement.estimation import estimate
+from cutvib_ss.measurement.plausibility import unit_hints, without_drift
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
 from cutvib_ss.measurement.signs import turned_signs
 from cutvib_ss.results import FloatArray
@@ -69,7 +71,9 @@ def check_record(record: Record, machine: MachineLike, where: str) -> tuple[Reco
                 warnings.append(
                     f"{where}: {history.name}: {name} is overloaded (clipped); lower the gain and record again"
                 )
-    warnings += turned_signs(record, machine, where)
+    record, drifts = without_drift(record, where)
+    frf = estimate(record) if record.frf is None else record.frf
+    warnings += [*drifts, *turned_signs(record, machine, where, frf), *unit_hints(record, machine, where, frf)]
     return record, tuple(warnings)
 
 

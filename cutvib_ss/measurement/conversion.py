@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawHistory, RawResponse, Signal
+from cutvib_ss.measurement.mapping import mapping_line
 from cutvib_ss.measurement.records import FORCE, History
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.units import SI_UNIT, to_si
@@ -22,7 +24,9 @@ FEWEST_LINES = 4
 ABSURD = {"force": 1e8, "acceleration": 1e6, "velocity": 1e5, "displacement": 1e3}
 """Magnitudes (SI) beyond which a value is a wrong unit or a fault, not a measurement."""
 
-_PER = re.compile(r"^(?P<numerator>.+?)/(?P<denominator>N|newton|g|m/s\^?2|m/s²|m/s\*\*2|m/sec\^2)$", re.IGNORECASE)
+_ELECTRICAL = ("V", "mV", "uV", "µV", "Volt", "Volts", "volt", "volts")
+
+_PER = re.compile(r"^(?P<numerator>.+?)/(?P<denominator>N|newtons?|g|m/s\^?2|m/s²|m/s\*\*2|m/sec\^2)$", re.IGNORECASE)
 
 
 def histories_of(contents: Contents, layout: Layout, where: str) -> tuple[History, ...]:
@@ -81,14 +85,48 @@ def frf_of(contents: Contents, layout: Layout, where: str) -> RawFrf:
     frf = contents.frf
     if frf is None or not frf.responses:
         raise DataFormatError(f"{where}: holds no frequency response of a channel; export at least one")
+    frf = _ascending(frf)
     freq = frf.freq
     if freq.size < FEWEST_LINES:
         raise DataFormatError(f"{where}: {freq.size} frequency lines are too few; give at least {FEWEST_LINES}")
     if not np.all(np.isfinite(freq)) or freq[0] < 0 or not np.all(np.diff(freq) > 0):
-        raise DataFormatError(f"{where}: frequencies must be finite, from 0 Hz up and ascending; sort the lines")
+        raise DataFormatError(
+            f"{where}: frequencies must be finite, from 0 Hz up and ascending, none of them twice; sort the lines"
+        )
     _check_names([r.name for r in frf.responses], layout, where)
     ordered = sorted(frf.responses, key=lambda r: list(layout.quantities).index(r.name))
-    return RawFrf(freq, tuple(_response(r, layout, where) for r in ordered))
+    amplitude = None if frf.force_amplitude is None else _amplitude(frf.force_amplitude, freq.size, layout, where)
+    return RawFrf(freq, tuple(_response(r, layout, where) for r in ordered), amplitude)
+
+
+def motion_factor(frf: RawFrf, channel: str, layout: Layout, where: str) -> float:
+    """SI value of one unit of a channel's motion, as the file (or ``[channels]``) names it."""
+    unit = next((response.unit for response in frf.responses if response.name == channel), None)
+    quantity = layout.quantities[channel]
+    if unit is None:
+        return 1.0
+    numerator, _ = _split_unit(unit, f"{where}: channel {channel!r}", f"{SI_UNIT[quantity]}/N")
+    return to_si(numerator, quantity, f"{where}: channel {channel!r}")
+
+
+def _ascending(frf: RawFrf) -> RawFrf:
+    """Lines in ascending order: a sweep may have been listed from the top down, or at random."""
+    freq = frf.freq
+    if freq.size < 2 or np.all(np.diff(freq) > 0) or not np.all(np.isfinite(freq)):
+        return frf
+    order = np.argsort(freq, kind="stable")
+    if not np.all(np.diff(freq[order]) > 0):
+        return frf
+    if any(response.values.size != freq.size for response in frf.responses):
+        return frf
+    responses = tuple(
+        replace(r, values=r.values[order], coherence=None if r.coherence is None else r.coherence[order])
+        for r in frf.responses
+    )
+    amplitude = frf.force_amplitude
+    if amplitude is not None and amplitude.values.size == freq.size:
+        amplitude = replace(amplitude, values=amplitude.values[order])
+    return RawFrf(freq[order], responses, amplitude)
 
 
 def to_contents(histories: Sequence[History], layout: Layout) -> Contents:
@@ -118,12 +156,13 @@ def to_contents(histories: Sequence[History], layout: Layout) -> Contents:
 
 
 def _history(raw: RawHistory, layout: Layout, where: str) -> History:
-    where = f"{where}: {raw.name}" if raw.name else where
+    where = f"{where}: {raw.name}" if raw.name not in ("", "1") else where
     names = [signal.name for signal in raw.signals]
     _check_names(names, layout, where)
     if FORCE not in names:
         raise DataFormatError(
-            f"{where}: no channel {FORCE!r} among {', '.join(names)}; record the force with the responses"
+            f"{where}: no channel {FORCE!r} among {', '.join(names)}; record the force with the responses, or say under "
+            f"[channels] which it is: {mapping_line(FORCE, names)}"
         )
     if len(names) == 1:
         raise DataFormatError(f"{where}: no response channel; record at least one of {_responses(layout)}")
@@ -145,6 +184,12 @@ def _si(signal: Signal, quantity: str, where: str) -> FloatArray:
     where = f"{where}: channel {signal.name!r}"
     if signal.unit is None:
         raise DataFormatError(f"{where} names no unit; say which, for instance {SI_UNIT[quantity]}")
+    if signal.unit.strip() in _ELECTRICAL:
+        raise DataFormatError(
+            f"{where}: unit {signal.unit!r} is not read, since it needs the sensor's sensitivity; state it under [channels]: "
+            f'{signal.name} = {{ unit = "{SI_UNIT[quantity]}", gain = … }} with the gain in {SI_UNIT[quantity]} per '
+            f"{signal.unit.strip()}"
+        )
     values = signal.values * to_si(signal.unit, quantity, where)
     _check_finite(values, where, "sample")
     worst = float(np.max(np.abs(values)))
@@ -154,6 +199,19 @@ def _si(signal: Signal, quantity: str, where: str) -> FloatArray:
             "check scale and unit"
         )
     return values
+
+
+def _amplitude(raw: Signal, lines: int, layout: Layout, where: str) -> Signal:
+    """Amplitude of the force line by line, in SI units: positive throughout."""
+    if raw.values.size != lines:
+        raise DataFormatError(f"{where}: {raw.name!r} has {raw.values.size} values for {lines} lines; give one a line")
+    values = _si(raw, layout.quantities[FORCE], where)
+    if not np.all(values > 0):
+        line = int(np.argmin(values > 0))
+        raise DataFormatError(
+            f"{where}: {raw.name!r} is {raw.values[line]:g} at line {line + 1}; an amplitude is positive: remove that line"
+        )
+    return Signal(raw.name, SI_UNIT[layout.quantities[FORCE]], values)
 
 
 def _response(raw: RawResponse, layout: Layout, where: str) -> RawResponse:
@@ -190,10 +248,17 @@ def _check_names(names: Sequence[str], layout: Layout, where: str) -> None:
     for name in names:
         if name not in layout.quantities:
             raise DataFormatError(
-                f"{where}: channel {name!r} is not known; the model has {FORCE} and {_responses(layout)}"
+                f"{where}: channel {name!r} is not known; the model has {FORCE} and {_responses(layout)}; the file has "
+                f"{', '.join(names)}; say under [channels] which is which, for instance: {_first_line(names, layout)}"
             )
         if list(names).count(name) > 1:
             raise DataFormatError(f"{where}: channel {name!r} comes {list(names).count(name)} times; keep one")
+
+
+def _first_line(names: Sequence[str], layout: Layout) -> str:
+    """The line that would map the first channel that is missing to the likeliest column that is none of the model's."""
+    missing = next((channel for channel in layout.quantities if channel not in names), FORCE)
+    return mapping_line(missing, [name for name in names if name not in layout.quantities])
 
 
 def _responses(layout: Layout) -> str:

@@ -16,6 +16,8 @@ from cutvib_ss.results.display import Displayed, Table
 
 Kind: TypeAlias = Literal["impact", "frf", "timeseries"]
 Use: TypeAlias = Literal["fit", "check"]
+Sweep: TypeAlias = Literal["up", "down", "random"]
+Controlled: TypeAlias = Literal["force", "response"]
 InputQuantity: TypeAlias = Literal["force", "acceleration"]
 
 FORCE = "force"
@@ -135,6 +137,16 @@ class Record:
         Name of the session, where stated: records of one session share their drift.
     band_hz : tuple of float or None
         Lines to use [Hz], where stated.
+    input : str or None
+        Where the force acted, if not at the model's input: a port, or ``"rail@"`` and the fraction y / L of the rail.
+    sweep : {"up", "down", "random"} or None
+        Order in which a sine record ran through its lines, where stated.
+    controlled : {"force", "response"} or None
+        Amplitude that was held during a sine record, where stated.
+    peak_response : float or None
+        Response amplitude that was held, of the record's first channel in the SI unit of its quantity.
+    force_amplitude : array_like or None, shape (frequency,)
+        Force amplitude at each line of ``frf`` [N], where the file states it.
     """
 
     name: str
@@ -154,10 +166,19 @@ class Record:
     input_quantity: InputQuantity = "force"
     session: str | None = None
     band_hz: tuple[float, float] | None = None
+    input: str | None = None
+    sweep: Sweep | None = None
+    controlled: Controlled | None = None
+    peak_response: float | None = None
+    force_amplitude: FloatArray | None = None
 
     def __post_init__(self) -> None:
         for name in ("channels", "quantities", "histories"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
+        if self.force_amplitude is not None:
+            object.__setattr__(self, "force_amplitude", read_only(self.force_amplitude, np.float64))
+            if self.frf is None or self.force_amplitude.shape != self.frf.freq.shape:
+                raise ParameterError(f"record {self.name!r}: force_amplitude needs one value for each line of `frf`")
         if (self.frf is not None) != (self.kind == "frf") or bool(self.histories) == (self.kind == "frf"):
             raise ParameterError(f"record {self.name!r} of kind {self.kind!r} needs {_needs(self.kind)}")
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import codecs
 import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from cutvib_ss.errors import DataFormatError
 
@@ -32,6 +33,48 @@ class CampaignTable(_Table):
 
     title: str = ""
     machine: str | None = None
+
+
+class ChannelTable(_Table):
+    """Where one channel is in a file, and what its numbers mean: physical = sign · gain · e^(iφ) · value in `unit`."""
+
+    name: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)] | None = None
+    unit: Annotated[str, Field(min_length=1)] | None = None
+    gain: _Positive | None = None
+    sign: Literal[1, -1] | None = None
+    phase_deg: Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)] | None = None
+
+
+class CsvTable(_Table):
+    """What of a CSV file cannot be told from the file itself."""
+
+    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
+    decimal: Literal[".", ","] | None = None
+    encoding: Annotated[str, Field(min_length=1)] | None = None
+    header_lines: Annotated[int, Field(ge=0)] | None = None
+    time: Annotated[str, Field(min_length=1)] | Annotated[int, Field(ge=1)] | None = Field(
+        default=None, validation_alias=AliasChoices("time", "time_column")
+    )
+
+    @field_validator("encoding")
+    @classmethod
+    def _known_encoding(cls, value: str | None) -> str | None:
+        if value is not None:
+            try:
+                codecs.lookup(value)
+            except LookupError:
+                raise ValueError("no encoding of that name; utf-8, cp1252, latin-1 and utf-16 are usual") from None
+        return value
+
+
+_Channels = dict[str, ChannelTable]
+
+
+def _short_channels(value: Any) -> Any:
+    """``tool_x = "Acc 1"`` and ``tool_x = 2`` are short for ``tool_x = { name = … }``."""
+    if not isinstance(value, dict):
+        return value
+    return {k: {"name": v} if isinstance(v, (str, int)) and not isinstance(v, bool) else v for k, v in value.items()}
 
 
 class RecordTable(_Table):
@@ -64,6 +107,18 @@ class RecordTable(_Table):
         Records of one session share their drift; left out: all records at one position (without positions: each record).
     band_hz : (float, float), optional
         Lines to use [Hz].
+    input : str, optional
+        Port that was struck, or ``rail@`` and a fraction of the rail's length.
+    sweep : {"up", "down", "random"}, optional
+        Order in which a sine record ran through its lines.
+    controlled : {"force", "response"}, optional
+        Amplitude that was held during a sine record.
+    peak_response : float, optional
+        The response amplitude that was held, in the channel's unit.
+    channels : dict of str to ChannelTable
+        What this record's files call the channels.
+    csv : CsvTable, optional
+        How this record's CSV files are written.
     """
 
     file: str | list[str]
@@ -78,6 +133,14 @@ class RecordTable(_Table):
     exponential_decay: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
     session: str | None = None
     band_hz: tuple[_Positive, _Positive] | None = Field(default=None, strict=False)
+    input: Annotated[str, Field(min_length=1)] | None = None
+    sweep: Literal["up", "down", "random"] | None = None
+    controlled: Literal["force", "response"] | None = None
+    peak_response: _Positive | None = None
+    channels: _Channels = {}
+    csv: CsvTable | None = None
+
+    _short = field_validator("channels", mode="before")(_short_channels)
 
     @field_validator("file")
     @classmethod
@@ -94,6 +157,15 @@ class RecordTable(_Table):
         if value is not None and not value[0] < value[1]:
             raise ValueError("give the lower end first")
         return value
+
+    @model_validator(mode="after")
+    def _of_one_piece(self) -> RecordTable:
+        stated = [key for key in ("sweep", "controlled", "peak_response") if getattr(self, key) is not None]
+        if stated and (self.kind == "impact" or self.excitation != "sine"):
+            raise ValueError(f'{stated[0]} is of a sine record; add excitation = "sine" (kind = "frf"), or remove it')
+        if self.peak_response is not None and self.controlled != "response":
+            raise ValueError('peak_response needs controlled = "response"')
+        return self
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -113,11 +185,31 @@ class CampaignFile(_Table):
         Records, at least one.
     dofs : dict of str to int
         Node number of each place.
+    channels : dict of str to ChannelTable
+        What the files call the channels.
+    csv : CsvTable
+        How CSV files are written, where that cannot be told from them.
     """
 
     campaign: CampaignTable = CampaignTable()
     record: Annotated[list[RecordTable], Field(min_length=1)]
     dofs: dict[str, Annotated[int, Field(ge=0)]] = {}
+    channels: _Channels = {}
+    csv: CsvTable = CsvTable()
+
+    _short = field_validator("channels", mode="before")(_short_channels)
+
+    def channels_of(self, record: RecordTable) -> dict[str, ChannelTable]:
+        """Mapping of a record's channels: the campaign's, each key overridden by the record's own."""
+        merged = dict(self.channels)
+        for name, own in record.channels.items():
+            common = merged.get(name, ChannelTable())
+            merged[name] = common.model_copy(update=own.model_dump(exclude_unset=True))
+        return merged
+
+    def csv_of(self, record: RecordTable) -> CsvTable:
+        """How a record's CSV files are written: the campaign's statements, each overridden by the record's own."""
+        return self.csv if record.csv is None else self.csv.model_copy(update=record.csv.model_dump(exclude_unset=True))
 
 
 def read_campaign_file(path: Path) -> CampaignFile:
@@ -173,5 +265,7 @@ def _say(error: Any) -> str:
         return f"{where}: unknown key; remove it or correct its spelling"
     if kind == "missing":
         return f"{where}: missing; add it"
+    if isinstance(value, dict):  # a check of a whole table: its message names the key
+        return f"{where}: {error['msg'].removeprefix('Value error, ')}"
     hint = "; y_b / L lies strictly inside (0, 1)" if error["loc"][-1] == "position" else ""
     return f"{where} = {value!r}: {error['msg'][0].lower()}{error['msg'][1:]}{hint}"

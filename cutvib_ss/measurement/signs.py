@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cutvib_ss.measurement.estimation import estimate
-from cutvib_ss.measurement.records import MachineLike, Record
+from cutvib_ss.measurement.inputs import port_of
+from cutvib_ss.measurement.records import FORCE, MachineLike, Record
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.frequency import frequency_response
@@ -14,7 +15,9 @@ from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 _TURNED = -0.5  # of a sign or correlation between -1 and 1; models far off their machine still stay above zero
 
 
-def turned_signs(record: Record, machine: MachineLike, where: str) -> list[str]:
+def turned_signs(
+    record: Record, machine: MachineLike, where: str, frf: MeasuredFrequencyResponse | None = None
+) -> list[str]:
     """
     A word on every channel of a record whose sign is turned.
 
@@ -26,6 +29,8 @@ def turned_signs(record: Record, machine: MachineLike, where: str) -> list[str]:
         Nominal model: names the driving point, and tells a turned force from a turned sensor.
     where : str
         File, for the messages.
+    frf : MeasuredFrequencyResponse, optional
+        The record's responses, where they are known already.
 
     Returns
     -------
@@ -37,12 +42,15 @@ def turned_signs(record: Record, machine: MachineLike, where: str) -> list[str]:
     That something is turned is certain from the driving point alone (`sign_at_driving_point`). Whether it is the force
     (a hammer that acts along -X turns every channel) or one sensor is read from the correlation with the nominal model.
     """
-    frf = estimate(record) if record.frf is None else record.frf
+    if frf is None:
+        frf = estimate(record) if record.frf is None else record.frf
     against = _against_nominal(frf, record, machine)
     turned = []
     for k, name in enumerate(record.channels):
-        at_force = machine.input_quantity == "force" and machine.channels[name].port == machine.input_port
-        if (sign_at_driving_point(frf, name) if at_force else against[k]) < _TURNED:
+        at_force = machine.input_quantity == "force" and machine.channels[name].port == port_of(record.input, machine)
+        sign = sign_at_driving_point(frf, name) if at_force else against[k]
+        # under feedback or friction the driving point may lie, where it follows the model throughout
+        if sign < _TURNED and not (at_force and against[k] > -_TURNED):
             turned.append((name, at_force))
     driven = [name for name, at_force in turned if at_force]
     if driven and np.all(~(against > -_TURNED)):
@@ -98,7 +106,11 @@ def _against_nominal(frf: MeasuredFrequencyResponse, record: Record, machine: Ma
     if not isinstance(machine, (Machine, Structure)):
         return against
     position = None if record.position is None else [record.position]
-    nominal = frequency_response(machine, position, frf.freq, outputs=record.channels).data[0, :, 0]
+    inputs = (FORCE,) if record.input is None else (port_of(record.input, machine),)
+    above = np.where(
+        frf.freq > 0, frf.freq, np.max(frf.freq)
+    )  # a free body has no response at 0 Hz; it is left out below
+    nominal = frequency_response(machine, position, above, inputs=inputs, outputs=record.channels).data[0, :, 0]
     for k, (h, model) in enumerate(zip(frf.data[0, :, 0], nominal, strict=True)):
         clear = (np.abs(h) ** 2 > 100 * frf.variance[0, k, 0]) & np.isfinite(model) & (frf.freq > 0)
         if np.count_nonzero(clear) >= 8:

@@ -1,1 +1,1 @@
-"""The machine's parts: the equivalent robot of the head, the modal rail, and elements that attach at a port."""
+"""The models: head, rail, their elements, and what couples them."""

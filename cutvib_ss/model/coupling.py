@@ -195,7 +195,9 @@ class Coupling:
         out: FloatArray = np.zeros_like(self.constant) if order else self.constant.copy()
         for dof, twist in self._riding:
             if twist:
-                raise CouplingError("the rail's twist has kinks along the rail: there is no bound on its derivatives")
+                raise CouplingError(
+                    "one coordinate of the rail's twist belongs to the place of the head: it has no bounds"
+                )
             out[dof] += self.rows_bound(order)
         return out
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from math import pi
+from math import atan, pi, sqrt
 from typing import Literal, Protocol
 
 import numpy as np
@@ -152,6 +152,83 @@ class SprungMass:
 
 
 @dataclass(frozen=True)
+class CausalHysteresis:
+    """
+    What hysteresis adds to a spring k, so that both together are a fractional spring: causal, and damped alike at all frequencies.
+
+    Parameters
+    ----------
+    stiffness : float
+        k, the spring's storage stiffness at the reference frequency [N/m or N m/rad].
+    loss_factor : float
+        η, the same at all frequencies.
+    reference_frequency : float
+        f_0 [Hz].
+
+    Notes
+    -----
+    The spring with it is k √(1 + η²) (s/ω_0)^α, with α = (2/π) atan η: at s = iω its phase is πα/2 throughout, so that the loss
+    is tan(πα/2) = η, and its modulus at ω_0 is k √(1 + η²), so that the storage there is k. A power of s is analytic in the right
+    half plane: storage and loss are what Kramers and Kronig ask of each other, storage rises by (ω/ω_0)^α, 2η/π per unit of
+    ln ω. A constant k (1 + iη) is its limit for small η near ω_0, and is not causal.
+    """
+
+    stiffness: float
+    loss_factor: float
+    reference_frequency: float
+
+    def __post_init__(self) -> None:
+        check_number("stiffness", self.stiffness)
+        check_number("loss_factor", self.loss_factor, 0.0)
+        check_number("reference_frequency", self.reference_frequency, 0.0, strict=True)
+
+    @property
+    def exponent(self) -> float:
+        """α, between 0 and 1."""
+        return 2 / pi * atan(self.loss_factor)
+
+    def _whole(self, s: ComplexArray) -> ComplexArray:
+        """√(1 + η²) (s/ω_0)^α."""
+        whole: ComplexArray = sqrt(1 + self.loss_factor**2) * (s / (2 * pi * self.reference_frequency)) ** self.exponent
+        return whole
+
+    def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
+        """k (√(1 + η²) (s/ω_0)^α - 1)."""
+        return np.asarray(self.stiffness * (self._whole(s) - 1.0))
+
+    def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
+        """Derivative of z(s) to ``"stiffness"``, ``"loss_factor"``, ``"reference_frequency"`` or ``"s"``."""
+        whole = self._whole(s)
+        if name == "stiffness":
+            return np.asarray(whole - 1.0)
+        if name == "loss_factor":
+            turned = self.loss_factor + 2 / pi * np.log(s / (2 * pi * self.reference_frequency))
+            return np.asarray(self.stiffness * whole * turned / (1 + self.loss_factor**2))
+        slope = self.stiffness * self.exponent * whole
+        return np.asarray({"s": slope / s, "reference_frequency": -slope / self.reference_frequency}[name])
+
+    def second_order(self) -> SecondOrder:
+        """CouplingError: there is none of finite size."""
+        raise CouplingError(
+            "structural (hysteretic) damping has no finite second-order form; ask for equivalent viscous damping"
+        )
+
+
+def viscous_equivalent(element: Element, s: complex) -> Element:
+    """The element, or where it has no finite second-order form the spring and damper k + sc that equal it at one s [rad/s]."""
+    if isinstance(element, SpringDamperMass):
+        damping = element.loss_stiffness / s.imag
+        stiffness = element.stiffness - s.real * damping
+        return replace(element, stiffness=stiffness, damping=element.damping + damping, loss_stiffness=0.0)
+    try:
+        element.second_order()
+    except CouplingError:
+        z = complex(element.dynamic_stiffness(np.array([s]))[0])
+        return SpringDamperMass(z.real - s.real * z.imag / s.imag, z.imag / s.imag)
+    return element
+
+
+@dataclass(frozen=True)
 class Attachment:
     """
     An element at a port.
@@ -165,7 +242,7 @@ class Attachment:
     """
 
     port: str
-    element: SpringDamperMass | SprungMass
+    element: Element
 
 
 @dataclass(frozen=True)
@@ -200,14 +277,8 @@ class Guide:
 
 
 def viscous_attachments(attachments: Iterable[Attachment], viscous_at: float | None) -> tuple[Attachment, ...]:
-    """The attachments with c = kη/ω in place of hysteretic loss, which dissipates as much at one frequency [Hz]."""
+    """The attachments, those without a finite form replaced by the spring and damper that equal them at one frequency [Hz]."""
     if viscous_at is None:
         return tuple(attachments)
-    omega = 2 * pi * check_number("viscous_at", viscous_at, 0.0, strict=True)
-    out = []
-    for a in attachments:
-        e = a.element
-        if isinstance(e, SpringDamperMass) and e.loss_stiffness:
-            e = replace(e, damping=e.damping + e.loss_stiffness / omega, loss_stiffness=0.0)
-        out.append(replace(a, element=e))
-    return tuple(out)
+    s = 2j * pi * check_number("viscous_at", viscous_at, 0.0, strict=True)
+    return tuple(replace(a, element=viscous_equivalent(a.element, s)) for a in attachments)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeAlias, TypeVar, cast
 
@@ -30,6 +30,32 @@ def with_values(model: ModelT, values: Mapping[Path, float]) -> ModelT:
     """A copy of a model with several numbers changed at once."""
     rebuilt: ModelT = _rebuilt(model, {path: (path, value) for path, value in values.items()})
     return rebuilt
+
+
+def moved_values(one: tuple[float, Any], other: tuple[float, Any]) -> tuple[tuple[Path, float], ...]:
+    """Numbers of a model that move with a parameter, each with its slope, from two values with their models."""
+    (low, below), (high, above) = one, other
+    before, after = dict(_numbers(below)), dict(_numbers(above))
+    if before.keys() != after.keys():
+        raise ParameterError("a parameter changes what the model is made of; say in `moves` which values it moves")
+    slopes = ((path, (after[path] - value) / (high - low)) for path, value in before.items())
+    return tuple((path, slope) for path, slope in slopes if slope != 0.0)
+
+
+def _numbers(node: Any, path: Path = ()) -> Iterator[tuple[Path, float]]:
+    """Every number of a model that is not part of a matrix; effects and where values come from are left out."""
+    if isinstance(node, float | int) and not isinstance(node, bool):
+        yield path, float(node)
+    elif isinstance(node, Mapping):
+        for name, item in node.items():
+            yield from _numbers(item, (*path, name))
+    elif isinstance(node, tuple):
+        for i, item in enumerate(node):
+            yield from _numbers(item, (*path, i))
+    elif is_dataclass(node) and not isinstance(node, type):
+        for f in fields(node):
+            if f.name not in ("effects", "bare", "tolerance"):
+                yield from _numbers(getattr(node, f.name), (*path, f.name))
 
 
 def _child(node: Any, step: str | int, path: Path) -> Any:

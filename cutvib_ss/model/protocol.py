@@ -8,18 +8,17 @@ with a slot filled. A value in a slot is named by its path, so that fits can mov
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, field, fields
 from types import MappingProxyType
 from typing import Literal, Protocol, runtime_checkable
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.laws import LAWS
 from cutvib_ss.model.coupling import Assembly, Changes
 from cutvib_ss.model.elements import Attachment
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path
+from cutvib_ss.model.restoring_forces import RestoringForce, law
 from cutvib_ss.model.second_order import Channel, SecondOrder
-from cutvib_ss.parameters import check_number
 from cutvib_ss.results import FloatArray, Quantity
 
 
@@ -33,7 +32,7 @@ class NonlinearElement:
     port : str
         Name of the port.
     law : str
-        Name of the law, one of `cutvib_ss.laws.LAWS`.
+        Name of the law, one of `cutvib_ss.model.restoring_forces`.
     parameters : mapping of str to float
         The law's parameters [SI].
 
@@ -48,21 +47,17 @@ class NonlinearElement:
     parameters: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        if self.law not in LAWS:
-            raise ParameterError(f"no law {self.law!r}; there are {', '.join(LAWS)}")
-        names = LAWS[self.law].units
-        if set(self.parameters) != set(names):
+        kind = law(self.law)
+        needed = {f.name for f in fields(kind) if f.default is MISSING}
+        if not needed <= set(self.parameters) <= set(kind.units()):
             raise ParameterError(
-                f"{self.law} has the parameters {', '.join(names)}; {', '.join(self.parameters)} given"
+                f"{self.law} has the parameters {', '.join(kind.units())}; {', '.join(self.parameters)} given"
             )
-        for name in names:
-            check_number(f"{self.law}: {name}", self.parameters[name])
         object.__setattr__(self, "parameters", MappingProxyType(dict(self.parameters)))
+        object.__setattr__(self, "restoring_force", kind(**self.parameters))
 
-    @property
-    def values(self) -> tuple[float, ...]:
-        """The parameters in the order in which the law takes them."""
-        return tuple(self.parameters[name] for name in LAWS[self.law].units)
+    restoring_force: RestoringForce = field(init=False, repr=False, compare=False)
+    """The law with its parameters."""
 
 
 @runtime_checkable

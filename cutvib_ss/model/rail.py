@@ -26,7 +26,7 @@ from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.pinned_modes import PinnedModes, euler_bernoulli, timoshenko
 from cutvib_ss.model.second_order import SecondOrder
-from cutvib_ss.model.twist import TWIST_ELEMENTS, twist_modes, twist_shapes
+from cutvib_ss.model.twist import TWIST_MODES, twist_shapes, twist_stiffness
 from cutvib_ss.parameters import RailParameters, check_number, check_position
 from cutvib_ss.results import FloatArray
 
@@ -42,24 +42,18 @@ class EndSupports:
         Stiffness at y = 0 and y = L [N/m].
     c_left, c_right : float
         Damping [N s/m].
-    rigid_damping : float
-        Share of a mode's damping that resists rigid motion too: 0 where it comes from the rate of strain (Eq. 4), 1 where it
-        acts on all motion of the mode's shape (cables, air, guides).
     """
 
     k_left: float
     k_right: float
     c_left: float = 0.0
     c_right: float = 0.0
-    rigid_damping: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("k_left", "k_right"):
             check_number(name, getattr(self, name), 0.0, strict=True)
         for name in ("c_left", "c_right"):
             check_number(name, getattr(self, name), 0.0)
-        if check_number("rigid_damping", self.rigid_damping, 0.0) > 1.0:
-            raise ParameterError(f"rigid_damping = {self.rigid_damping} is a share: it must lie between 0 and 1")
 
 
 @dataclass(frozen=True)
@@ -96,23 +90,18 @@ class Torsion:
     damping_ratio : float
         Damping ratio of the first torsion mode; damping goes with the rate of strain, so that of mode s is s times as
         large.
-    elements : int
-        Elements of the mesh, a convention (`cutvib_ss.model.twist`).
     """
 
     eccentricity: float
     inertia: float
     torsion_frequency: float
     damping_ratio: float
-    elements: int = TWIST_ELEMENTS
 
     def __post_init__(self) -> None:
         check_number("eccentricity", self.eccentricity)
         check_number("inertia", self.inertia, 0.0, strict=True)
         check_number("torsion_frequency", self.torsion_frequency, 0.0, strict=True)
         check_number("damping_ratio", self.damping_ratio, 0.0)
-        if self.elements != int(self.elements) or not 2 <= self.elements <= 1000:
-            raise ParameterError(f"elements = {self.elements} must be a whole number from 2 to 1000")
 
 
 @dataclass(frozen=True)
@@ -218,18 +207,18 @@ def rail_rows(model: Rail, positions: ArrayLike, order: int = 0, twist: bool = F
     """
     φ(y): how the rail moves at points, or a derivative of that to y / L, over all its coordinates; shape (position, n).
 
-    dᵏ/dyᵏ sin(rπy) = (rπ)ᵏ sin(rπy + kπ/2); ends that give add 1 - y and y. The twist has kinks at the nodes of its mesh.
+    dᵏ/dyᵏ sin(rπy) = (rπ)ᵏ sin(rπy + kπ/2); ends that give add 1 - y and y. One coordinate of the twist belongs to the place
+    of the head.
     """
     y = np.atleast_1d(np.asarray(positions, dtype=float))
     rows = np.zeros((y.size, _size(model)))
     if twist:
         if order:
             raise CouplingError(
-                "the rail's twist is linear between the nodes of its mesh and has no derivatives along the rail"
+                "one coordinate of the rail's twist belongs to the place of the head and has no derivatives along the rail"
             )
         assert model.torsion is not None
-        _, inertia = twist_modes(model.torsion.elements)
-        shapes = twist_shapes(y, model.torsion.elements) / np.sqrt(model.torsion.inertia / 2 * inertia)
+        shapes = twist_shapes(y) / np.sqrt(model.torsion.inertia / 2)
         rows[:, -shapes.shape[1] :] = shapes
         return rows
     modes, scale = model.modes, np.sqrt(2.0 / model.parameters.mass)
@@ -252,7 +241,7 @@ def rail_rows_bound(model: Rail, order: int) -> FloatArray:
 
 
 def _size(model: Rail) -> int:
-    twists = 0 if model.torsion is None else int(model.torsion.elements) - 1
+    twists = 0 if model.torsion is None else TWIST_MODES + 1
     return model.modes.number.size + (2 if model.supports else 0) + twists
 
 
@@ -260,13 +249,11 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     """
     The rail as a second-order system in modal coordinates, with ports at points along it.
 
-    Eq. 9. Where the ends give, a share κ (``rigid_damping``) of each mode's damping also resists what the rigid motions have of
-    its shape: with g_r = e_r + κ √(μL/2) 2 c_r on the ends, c_r the row of `PinnedModes.coupling`, C = Σ 2ζω_r g_r g_rᵀ.
-    For κ > 0 the sum on the ends' own motion grows with the number of modes, so that ``c_left`` and ``c_right`` also stand for what
-    the modes above n_modes would add there.
+    Eq. 9. Where the ends give, the rail's own damping, which goes with the rate of strain (Eq. 4), does not resist its rigid
+    motions: they do not bend it.
 
     Eq. 4's c_s I ∂⁵w/∂y⁴∂t is its E I ∂⁴w/∂y⁴ with c_s/E ∂/∂t before it. It adds (c_s/E) ω_r² to the damping of each mode, as much
-    as ζ_r = (c_s/E) ω_r / 2, and resists no rigid motion. With shear the strain of either kind is damped alike.
+    as ζ_r = (c_s/E) ω_r / 2. With shear the strain of either kind is damped alike.
     """
     p = model.parameters
     modes = model.modes
@@ -275,7 +262,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     w = 2 * np.pi * p.first_frequency * modes.frequency
     dofs = [f"eta{r}" for r in range(1, p.n_modes + 1)] + [f"shear{r}" for r in range(m - p.n_modes)]
     ends = ["rail_left", "rail_right"] if model.supports else []
-    twists = [f"twist{r}" for r in range(1, model.torsion.elements)] if model.torsion else []
+    twists = [f"twist{r}" for r in range(1, TWIST_MODES + 2)] if model.torsion else []
     n = m + len(ends) + len(twists)
     mass, damping, stiffness = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
     elastic = np.arange(m)
@@ -287,18 +274,12 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         mass[u, u] = p.mass * modes.rigid_inertia
         mass[:m, u] = scale * p.mass * modes.coupling
         mass[u, :m] = mass[:m, u].T
-        share = model.supports.rigid_damping
-        damping[:m, u] = share * modal[:, None] * mass[:m, u]
-        damping[u, :m] = damping[:m, u].T
-        damping[u, u] = np.diag([model.supports.c_left, model.supports.c_right]) + share * (
-            mass[u, :m] @ damping[:m, u]
-        )
+        damping[u, u] = np.diag([model.supports.c_left, model.supports.c_right])
         stiffness[u, u] = np.diag([model.supports.k_left, model.supports.k_right])
     if model.torsion:
         t = np.arange(n - len(twists), n)
-        relative_stiffness, relative_inertia = twist_modes(model.torsion.elements)
         wt = 2 * np.pi * model.torsion.torsion_frequency
-        squares = relative_stiffness / relative_inertia
+        squares = twist_stiffness()
         damping[t, t] = 2 * model.torsion.damping_ratio * wt * squares
         stiffness[t, t] = wt**2 * squares
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, replace
 from math import radians
@@ -169,8 +170,8 @@ def read_machine(path: str | os.PathLike[str]) -> Model:
     except ValidationError as error:
         more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
         raise DataFormatError(f"{file}: {_say(error.errors()[0])}{more}") from None
-    except ParameterError as error:
-        raise ParameterError(f"{file}: {error}") from error
+    except (ParameterError, DataFormatError) as error:
+        raise type(error)(f"{file}: {error}") from error
 
 
 def model_of(content: dict[str, Any], source: str) -> Model:
@@ -275,6 +276,12 @@ def _with_effects(model: Model, tables: Sequence[Mapping[str, Any]]) -> Model:
         kind = catalogue.EFFECTS[name]
         known_fields = {f.name: f for f in fields(kind)}
         values = {k: v for k, v in table.items() if k != "effect"}
+        for key in kind.retired.keys() & values.keys():
+            same, now = kind.retired[key]
+            value = values.pop(key)
+            if same is not None and value != same:
+                raise DataFormatError(f"{where}.{key} = {value!r}: this key is no longer read: {now}")
+            warnings.warn(f"{where}.{key} = {value!r} is ignored: {now}", UserWarning, stacklevel=2)
         for key in values:
             if key not in known_fields:
                 raise ParameterError(f"{where}.{key}: unknown key; {name} has {', '.join(known_fields)}")

@@ -88,7 +88,7 @@ def _lines(model: Model) -> Iterator[str]:
     for effect in model.effects:
         assert isinstance(effect, Effect)
         yield from ["", "[[effect]]", _entry("effect", effect.effect)]
-        yield from (_entry(f.name, getattr(effect, f.name)) for f in fields(effect))
+        yield from (_entry(f.name, v) for f in fields(effect) if (v := getattr(effect, f.name)) is not None)
 
 
 def _structure_lines(bare: Structure) -> Iterator[str]:

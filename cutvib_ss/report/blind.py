@@ -186,7 +186,7 @@ def wrong_cells(case: Case) -> list[str]:
 
 def score_markdown(score: Score) -> str:
     """
-    The score as a page of Markdown.
+    The score as tables in Markdown, to stand in a page.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def score_markdown(score: Score) -> str:
         Goals beside figures, then the groups and the list of sure and wrong answers.
     """
     methods = list(score.baselines)
-    parts = ["# Latest result of the sealed trial", "", *(f"{line}  " for line in heading(score)), ""]
+    parts = ["## Figures", "", *(f"{line}  " for line in heading(score)), ""]
     head = ["figure", "goal", "measured", "95 % interval", "cases", "met", *methods]
     parts += _table(head, [row_cells(score, row) for row in score.rows])
     notes = [f"- {row.title}: {row.note}." for row in score.rows if row.note]
@@ -211,6 +211,8 @@ def score_markdown(score: Score) -> str:
         "",
         *_table(group_head, [group_cells(g) for g in score.by_severity]),
     ]
+    for title, groups in score.groups.items():
+        parts += ["", f"## {title.capitalize()}", "", *_table(group_head, [group_cells(g) for g in groups])]
     parts += ["", "## By cause", "", *_table(group_head, [group_cells(g) for g in score.by_cause])]
     wrong = [wrong_cells(c) for c in score.sure_and_wrong]
     parts += ["", "## Sure and wrong", ""]

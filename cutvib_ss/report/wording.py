@@ -5,34 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from cutvib_ss.effects.parameter_shift import stands_in
+from cutvib_ss.effects.catalogue import EFFECTS, is_alias
 from cutvib_ss.gap.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
-
-EFFECTS = {
-    "rail_torsion": "the rail twists, its shear centre being away from the head",
-    "support_compliance": "the supports under the rail's ends give",
-    "end_fixity": "the rail's ends resist turning",
-    "rail_added_mass": "a mass rides on the rail",
-    "rail_shear": "the rail gives in shear",
-    "modal_truncation": "the model has too few rail modes",
-    "guide_compliance": "the guide between rail and head gives",
-    "local_resonator": "something on {place} resonates on its own",
-    "added_mass": "{place} carries a mass that the model lacks",
-    "tool_contact": "something touches {place} and holds it like a spring and damper to ground",
-    "parameter_shift": "{what} is off by more than its tolerance, at {place}",
-    "structural_damping": "{place} has hysteretic damping, not viscous",
-    "cubic_stiffness": "{place} changes its stiffness with amplitude",
-    "freeplay": "{place} has play",
-    "dry_friction": "{place} has dry friction",
-    "joint_slip": "{place} slips a little",
-    "bilinear_stiffness": "{place} is stiffer one way than the other",
-    "quadratic_damping": "{place} has damping that grows with speed",
-    "channel_delay": "{what} is late against the force",
-    "calibration_error": "the sensitivity of {what} is wrong",
-    "cross_axis": "X leaks into Z",
-    "window_damping": "the damping of an exponential window was never taken out",
-}
-"""What each effect of the catalogue means, at its place and with what it names; others go by their id."""
 
 PLACES = {
     "none": "nowhere",
@@ -112,7 +86,7 @@ def cause_name(effect: str, place: str, parameters: Mapping[str, FittedParameter
     what = {"": "one value or channel", "all": "every channel"}.get(named, named)
     parts = []
     for e, p in zip(effect.split("+"), place.split("+")):
-        words = EFFECTS.get(e, e.replace("_", " ") + " at {place}")
+        words = (EFFECTS[e].sentence if e in EFFECTS else "") or e.replace("_", " ") + " at {place}"
         parts.append(words.format(place=PLACES.get(p, p), what=what))
     return "; together with: ".join(parts)
 
@@ -148,7 +122,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         few = [diagnosis.causes[i] for i in diagnosis.ambiguity_set]
         listed = "; or ".join(cause_name(c.effect, c.place, c.parameters) for c in few)
         told = f"There is a gap, and this campaign cannot tell these causes apart: {listed}."
-        shifted = next((v for c in few if (v := _stand_in(c)) is not None), None)
+        shifted = next((v for c in few if (v := _alias(c)) is not None), None)
         if shifted is None or all(c.effect != "unknown" for c in few):
             return told
         return f"{told} Measure {shifted} by itself, since other causes at its place show as such a value."
@@ -160,10 +134,10 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     )
 
 
-def _stand_in(cause: Cause) -> str | None:
+def _alias(cause: Cause) -> str | None:
     """Name of the shifted value as which other causes appear, if that is the cause."""
-    value = cause.parameters["parameter"].value if "parameter" in cause.parameters else None
-    return str(value) if stands_in(cause.effect, value) else None
+    named = {name: p.value for name, p in cause.parameters.items() if isinstance(p.value, str)}
+    return next(iter(named.values()), None) if is_alias(cause.effect, named) else None
 
 
 def next_test_sentence(test: NextTest) -> str:

@@ -14,13 +14,12 @@ from typing import TypeAlias
 import numba
 import numpy as np
 
+from cutvib_ss.model.restoring_forces.packed import Packed
 from cutvib_ss.response.compiled_forces import _Tables, forces
 from cutvib_ss.results import ComplexArray, FloatArray
 
 _System: TypeAlias = tuple[ComplexArray, ComplexArray, ComplexArray]
 """Poles (mode,); participation of the force and of the ports (mode, 1 + port); displacement of the ports (port, mode)."""
-_Elements: TypeAlias = tuple[np.ndarray, FloatArray]
-"""Codes of the laws (port,), their parameters (port, 2)."""
 
 _TURN = 1e-7
 """Relative step of the derivative to frequency."""
@@ -60,7 +59,7 @@ def balance(
     omega: float,
     force: float,
     system: _System,
-    elements: _Elements,
+    elements: Packed,
     tables: _Tables,
     residual: FloatArray,
     jacobian: FloatArray,
@@ -89,13 +88,12 @@ def balance(
     slopes : ndarray, shape (port, unknown, unknown)
         Takes their derivatives to the motion of the same port.
     """
-    codes, parameters = elements
+    laws, values, sliders = elements
     numbers, n = tables[0], tables[1].shape[1]
-    ports = codes.size
+    ports = laws.size
     for j in range(ports):
-        forces(
-            x[j * n : (j + 1) * n], omega, codes[j], parameters[j], tables, harmonics[j * n : (j + 1) * n], slopes[j]
-        )
+        at_port = slice(j * n, (j + 1) * n)
+        forces(x[at_port], omega, laws, j, values[j], sliders[j], tables, harmonics[at_port], slopes[j])
     for row in range(x.size):
         residual[row] = x[row]
         for w in range(x.size):
@@ -160,7 +158,7 @@ def _solve(a: FloatArray, b: FloatArray) -> None:
 
 
 @numba.njit(cache=True)
-def newton(x: FloatArray, omega: float, force: float, system: _System, elements: _Elements, tables: _Tables) -> bool:
+def newton(x: FloatArray, omega: float, force: float, system: _System, elements: Packed, tables: _Tables) -> bool:
     """
     The solution at a frequency.
 
@@ -182,7 +180,7 @@ def newton(x: FloatArray, omega: float, force: float, system: _System, elements:
     """
     n = x.size
     r, j, f = np.zeros(n), np.zeros((n, n)), np.zeros(n)
-    slopes = np.zeros((elements[0].size, tables[1].shape[1], tables[1].shape[1]))
+    slopes = np.zeros((elements.laws.size, tables[1].shape[1], tables[1].shape[1]))
     for _ in range(_NEWTON):
         balance(x, omega, force, system, elements, tables, r, j, f, slopes)
         left = _size(r)
@@ -203,7 +201,7 @@ def sweep(
     omegas: FloatArray,
     force: float,
     system: _System,
-    elements: _Elements,
+    elements: Packed,
     tables: _Tables,
     reach: float,
 ) -> tuple[int, FloatArray]:
@@ -236,7 +234,7 @@ def sweep(
     it runs back along the unstable branch to the next fold; a line counts when it is reached for the first time, so that the
     sweep jumps as a slow one does.
     """
-    lines, n, ports = omegas.size, start.size, elements[0].size
+    lines, n, ports = omegas.size, start.size, elements.laws.size
     sign = 1.0 if lines < 2 or omegas[-1] > omegas[0] else -1.0
     motions = np.zeros((lines, n))
     x, new, guess, trial = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
@@ -315,7 +313,7 @@ def sweep(
 
 @numba.njit(cache=True)
 def balances(
-    motions: FloatArray, omegas: FloatArray, system: _System, elements: _Elements, tables: _Tables
+    motions: FloatArray, omegas: FloatArray, system: _System, elements: Packed, tables: _Tables
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """
     `balance` at many lines, without force.
@@ -341,7 +339,7 @@ def balances(
         Their derivatives to the motion of the same port.
     """
     lines, n = motions.shape
-    ports, width = elements[0].size, tables[1].shape[1]
+    ports, width = elements.laws.size, tables[1].shape[1]
     residuals, jacobians, harmonics = np.zeros((lines, n)), np.zeros((lines, n, n)), np.zeros((lines, n))
     slopes = np.zeros((lines, ports, width, width))
     for k in range(lines):

@@ -20,7 +20,7 @@ from typing import TypeAlias
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.elements import SpringDamperMass, SprungMass
+from cutvib_ss.model.elements import Element, SpringDamperMass, SprungMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import rail_point
 from cutvib_ss.model.structure import Structure
@@ -250,8 +250,8 @@ def _over_frequency(row: Row) -> Row:
     return row[:, None] if row.ndim == 1 else row
 
 
-def apparent_mass(element: SpringDamperMass | SprungMass, s: ComplexArray) -> ComplexArray:
+def apparent_mass(element: Element, s: ComplexArray) -> ComplexArray:
     """What of an element's mass resists an acceleration of its foot, shape (frequency,)."""
     if isinstance(element, SprungMass):
         return element.dynamic_stiffness(s) / s**2
-    return element.mass + 0 * s
+    return (element.mass if isinstance(element, SpringDamperMass) else 0.0) + 0 * s

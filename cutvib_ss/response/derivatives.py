@@ -23,7 +23,7 @@ from typing import TypeAlias, cast
 import numpy as np
 
 from cutvib_ss.model.coupling import Changes
-from cutvib_ss.model.elements import SpringDamperMass, SprungMass
+from cutvib_ss.model.elements import Element, SpringDamperMass, SprungMass
 from cutvib_ss.model.paths import Path
 from cutvib_ss.response.condensed import CondensedModel, Row
 from cutvib_ss.response.rail_derivatives import RailPair
@@ -286,9 +286,9 @@ def _rail_name(path: Path) -> Path:
     return path[1:]
 
 
-def _apparent_mass_change(element: SpringDamperMass | SprungMass, name: str, s: ComplexArray) -> ComplexArray:
+def _apparent_mass_change(element: Element, name: str, s: ComplexArray) -> ComplexArray:
     """Derivative of `condensed.apparent_mass`."""
     if isinstance(element, SprungMass):
         change = element.derivative(name, s) / s**2
         return change - 2 * element.dynamic_stiffness(s) / s**3 if name == "s" else change
-    return (1.0 if name == "mass" else 0.0) + 0 * s
+    return (1.0 if name == "mass" and isinstance(element, SpringDamperMass) else 0.0) + 0 * s

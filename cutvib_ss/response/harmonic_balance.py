@@ -13,7 +13,7 @@ sweep (`cutvib_ss.response.compiled_balance`). Elements at ports condense everyt
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Literal
@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.laws import LAWS
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.restoring_forces import RestoringForce
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
@@ -37,10 +37,6 @@ from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quant
 
 _SAMPLES = 32
 """Samples of a period for each harmonic kept; corners of a law alias less the more there are."""
-_STICKS = 1000.0
-"""Stiffness that stands for friction at rest, over the model's own at the port; the largest motion over that at which it yields."""
-_EVEN = ("bilinear_stiffness",)
-"""Laws that are not odd: their forces have a mean and even harmonics."""
 
 
 def sine_response(
@@ -163,7 +159,7 @@ class SineSweep:
             self.machine, self.positions, self._s, (*self.quantities, *still),
             self.outputs + ports, ("force", *ports),
         )  # fmt: skip
-        even = any(e.law in _EVEN for e in self.elements)
+        even = any(not e.restoring_force.odd for e in self.elements)
         self._tables = harmonic_tables(
             np.arange(harmonics + 1) if even else np.arange(1, harmonics + 1, 2), _SAMPLES * (harmonics + 1)
         )
@@ -197,7 +193,7 @@ class SineSweep:
         return found
 
     @cached_property
-    def _slopes(self) -> list[tuple[FloatArray, FloatArray]]:
+    def _slopes(self) -> list[tuple[FloatArray, Mapping[tuple[int, str], FloatArray]]]:
         omegas = 2 * np.pi * self.freq
         return [b.slopes(omegas, motions) for b, (motions, _) in zip(self._balances, self._solved, strict=True)]
 
@@ -206,20 +202,14 @@ class SineSweep:
         """Channels, then ports, by the force, then by the ports; shape (position, output, input, frequency)."""
         return self._linear.data()
 
-    def _laws(self, receptances: ComplexArray) -> tuple[np.ndarray, FloatArray]:
-        """Codes and parameters; friction as an element that slips, from a spring as good as rigid."""
-        names, values = list(LAWS), np.zeros((len(self.elements), 2))
-        codes = np.zeros(len(self.elements), dtype=np.int64)
-        n = len(self.outputs)
+    def _laws(self, receptances: ComplexArray) -> list[RestoringForce]:
+        """The elements' laws without jumps: friction sticks as stiffly as may be resolved."""
+        n, out = len(self.outputs), []
         for j, e in enumerate(self.elements):
-            codes[j] = names.index(e.law)
-            values[j, : len(e.values)] = e.values
-            if e.law == "dry_friction":
-                own = 1.0 / np.abs(receptances[n + j, 1 + j])
-                moved = self.amplitude * np.abs(receptances[n + j, 0]).max()
-                codes[j] = names.index("joint_slip")
-                values[j] = _STICKS * max(float(np.median(own)), e.values[0] / moved), e.values[0]
-        return codes, values
+            own = float(np.median(1.0 / np.abs(receptances[n + j, 1 + j])))
+            moved = self.amplitude * float(np.abs(receptances[n + j, 0]).max())
+            out.append(e.restoring_force.regularised(own, moved))
+        return out
 
     @cached_property
     def data(self) -> ComplexArray:
@@ -264,10 +254,7 @@ class SineSweep:
             pushed = f * d[i, n:, 0].T - np.einsum("jif,fi->fj", d[i, n:, 1:], forces)
             explicit = np.zeros((self.freq.size, 2 * len(self.elements)))
             if by_law:
-                k = int(path[1])
-                explicit = by_parameter[:, :, k, list(LAWS[self.elements[k].law].units).index(str(path[3]))]
-                if self.elements[k].law == "dry_friction":
-                    explicit = by_parameter[:, :, k, 1]
+                explicit = by_parameter[int(path[1]), str(path[3])]
             right = _pairs(pushed) - np.einsum("fab,fb->fa", own, explicit)
             moved = np.linalg.solve(np.eye(own.shape[1]) + own @ by_motion, right[..., None])[..., 0]
             change = np.einsum("fab,fb->fa", by_motion, moved) + explicit

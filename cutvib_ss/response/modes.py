@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg, optimize
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.elements import Element, SpringDamperMass, viscous_equivalent
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import ModelT
 from cutvib_ss.model.second_order import SecondOrder
@@ -20,6 +20,8 @@ from cutvib_ss.results import ComplexArray, FloatArray, Modes, TrackedModes
 
 _RIGID = 1e-12
 """Squared natural frequencies below this part of the largest are a free body's."""
+_START, _STEPS = 600j, 30
+"""First s [rad/s], and most steps, in the search of a mode's pole where elements have no finite form."""
 _SAME_MODE = 0.9
 """Where the modal assurance criterion falls below this, a step along the rail is halved."""
 
@@ -50,7 +52,8 @@ def modes(machine: Machine | Structure, position: float | None = None) -> Modes:
     Notes
     -----
     K φ = ω² M φ, and (p² M + p C + K + jH) ψ = 0, where H is what hysteretic elements add at positive frequencies. A
-    mode damped beyond oscillation is given its slower real pole, a free body's motion the pole 0.
+    mode damped beyond oscillation is given its slower real pole, a free body's motion the pole 0. Where an element has no finite
+    form, each mode is that of the model with the spring and damper that equal it at the mode's pole, which is exact for the pole.
 
     Examples
     --------
@@ -59,10 +62,48 @@ def modes(machine: Machine | Structure, position: float | None = None) -> Modes:
     array([ 24.5, 126.8, 210.6, 220.6, 409.1, 507.2])
     """
     place = float(as_positions(machine, position)[0])
+    if any(_without_form(a.element) for a in machine.attachments):
+        return _each_at_its_own(machine, None if np.isnan(place) else place)
     system, loss = _matrices(machine, None if np.isnan(place) else place)
     freq, shapes = _undamped(system)
     poles = _poles(system, loss, freq, shapes)
     return Modes(freq, _ratio(poles), poles, shapes, system.dofs, place)
+
+
+def _without_form(element: Element) -> bool:
+    """Whether an element has no finite second-order form, and is no constant loss, for which poles are known."""
+    return not isinstance(element, SpringDamperMass) and viscous_equivalent(element, 1j) is not element
+
+
+def _each_at_its_own(machine: Machine | Structure, position: float | None) -> Modes:
+    """Each mode of the model whose elements without a finite form are replaced by what equals them at that mode's pole."""
+
+    def at(s: complex) -> Modes:
+        replaced = tuple(
+            replace(a, element=viscous_equivalent(a.element, s)) if _without_form(a.element) else a
+            for a in machine.attachments
+        )
+        return modes(replace(machine, attachments=replaced), position)
+
+    start = at(_START)
+    each = range(start.poles.size)
+    found = [start] * len(each)
+    for r in each:
+        for _ in range(_STEPS):
+            pole = complex(found[r].poles[r])
+            if pole.imag == 0.0:
+                break
+            found[r] = at(pole)
+            if abs(found[r].poles[r] - pole) <= 1e-10 * abs(pole):
+                break
+    poles = np.array([found[r].poles[r] for r in each])
+    return replace(
+        start,
+        natural_freq=np.array([found[r].natural_freq[r] for r in each]),
+        damping_ratio=_ratio(poles),
+        poles=poles,
+        mode_shapes=np.column_stack([found[r].mode_shapes[:, r] for r in each]),
+    )
 
 
 def mac(a: ArrayLike, b: ArrayLike, mass: ArrayLike | None = None) -> FloatArray:

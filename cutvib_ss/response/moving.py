@@ -83,7 +83,8 @@ def moving_response(
     ParameterError
         If a signal is unknown, or a shape does not fit.
     CouplingError
-        If the rail twists, whose shapes have kinks along it; the machine has nonlinear elements; or damping is hysteretic and no
+        If the rail twists, of which one coordinate belongs to the place of the head; if the
+        machine has nonlinear elements; or damping is hysteretic and no
         ``viscous_at`` is given.
 
     Examples
@@ -134,7 +135,7 @@ def moving_response(
 def _checked(machine: Machine, viscous_at: float | None, points: Mapping[str, float]) -> Coupling:
     if machine.rail.torsion is not None:
         raise CouplingError(
-            "the rail's twist is linear between the nodes of its mesh: a head cannot travel over such kinks; leave it out"
+            "one coordinate of the rail's twist belongs to the place of the head, which cannot travel with it; leave it out"
         )
     if machine.nonlinear:
         raise CouplingError(

@@ -9,8 +9,8 @@ from typing import Any
 import control
 import numpy as np
 
-from cutvib_ss.laws import LAWS
 from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.restoring_forces import Hysteretic
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number
 from cutvib_ss.response.modal_form import row_of, system_with
@@ -84,30 +84,35 @@ def nonlinear_system(
         reads |= {f"motion {k}": (f"element {k}", "displacement"), f"rate {k}": (f"element {k}", "velocity")}
     plant = replace(system, ports=ports).state_space(inputs, reads)
     count, n = len(names), plant.nstates
-    slips = [k for k, e in enumerate(elements) if e.law == "joint_slip"]
-    states = [*plant.state_labels, *(f"slip {k}" for k in slips)]
+    # Of Coulomb friction a smooth sign; of other Jenkins elements each is a state.
+    laws = [e.restoring_force for e in elements]
+    sliders = {k: f.sliders() for k, f in enumerate(laws) if isinstance(f, Hysteretic) and not f.jumps}
+    owner = np.array([k for k, own in sliders.items() for _ in own], dtype=int)
+    stiffness, limit = np.vstack([np.zeros((0, 2)), *sliders.values()]).T
+    states = [
+        *plant.state_labels,
+        *(f"slip {k}" if len(own) == 1 else f"slip {k}.{i}" for k, own in sliders.items() for i in range(len(own))),
+    ]
 
     def resisting(x: FloatArray) -> FloatArray:
         motion = plant.C[count:] @ x[:n]
+        slipping = np.clip(x[n:], -limit, limit)
         forces = np.zeros(len(elements))
-        for k, e in enumerate(elements):
+        for k, force in enumerate(laws):
             q, v = motion[2 * k], motion[2 * k + 1]
-            if k in slips:
-                forces[k] = np.clip(x[n + slips.index(k)], -e.values[1], e.values[1])
-            elif e.law == "dry_friction":
-                forces[k] = e.values[0] * np.tanh(v / sticking_rate)
+            if k in sliders:
+                forces[k] = slipping[owner == k].sum()
+            elif isinstance(force, Hysteretic):
+                forces[k] = force.sliders()[0, 1] * np.tanh(v / sticking_rate)
             else:
-                forces[k] = LAWS[e.law].force(q, v, *e.values)
+                forces[k] = force.force(q, v)
         return forces
 
     def update(t: float, x: FloatArray, u: FloatArray, params: Any) -> FloatArray:
         rates = plant.A @ x[:n] + plant.B @ np.concatenate([np.atleast_1d(u), -resisting(x)])
-        slipping = []
-        for k in slips:
-            stiffness, limit = elements[k].values
-            v, f = plant.C[count + 2 * k + 1] @ x[:n], x[n + slips.index(k)]
-            slipping.append(0.0 if abs(f) >= limit and f * v > 0.0 else stiffness * v)
-        return np.concatenate([rates, slipping])
+        v = plant.C[count + 2 * owner + 1] @ x[:n]
+        slides = (np.abs(x[n:]) >= limit) & (x[n:] * v > 0.0)
+        return np.concatenate([rates, np.where(slides, 0.0, stiffness * v)])
 
     def output(t: float, x: FloatArray, u: FloatArray, params: Any) -> FloatArray:
         inputs_ = np.concatenate([np.atleast_1d(u), -resisting(x)])

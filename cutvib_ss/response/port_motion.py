@@ -7,11 +7,13 @@ compiled (`cutvib_ss.response.compiled_balance`); here are their start, and what
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
-from cutvib_ss.laws import LAWS
+from cutvib_ss.model.restoring_forces import RestoringForce, packed
 from cutvib_ss.results import ComplexArray, FloatArray
 
 System: TypeAlias = tuple[ComplexArray, ComplexArray, ComplexArray]
@@ -23,10 +25,6 @@ _SHORTEST_RAMP = 1e-4
 """Shortest part of the force by which the first line's motion is ramped up."""
 _STEP = 1e-6
 """Relative step of the forces' derivatives to the laws' parameters."""
-_STRENGTH = {
-    "cubic_stiffness": (0,), "freeplay": (1,), "bilinear_stiffness": (0,), "quadratic_damping": (0,), "joint_slip": (0, 1),
-}  # fmt: skip
-"""Which of a law's parameters its force is proportional to."""
 
 
 class PortMotion:
@@ -37,31 +35,28 @@ class PortMotion:
     ----------
     system : tuple
         Poles (mode,), participation of the force and the ports (mode, 1 + port), displacement of the ports (port, mode).
-    laws : tuple
-        Codes of the laws (port,), their parameters (port, 2).
+    laws : sequence of RestoringForce
+        The law at each port, without jumps.
     tables : tuple
         From `harmonic_tables`.
     """
 
-    def __init__(self, system: System, laws: tuple[np.ndarray, FloatArray], tables: Tables) -> None:
+    def __init__(self, system: System, laws: Sequence[RestoringForce], tables: Tables) -> None:
         from cutvib_ss.response import compiled_balance  # numba takes half a second to import
 
         self._compiled = compiled_balance
-        self._system, self._laws, self._tables = system, laws, tables
-        self.ports, self.width = laws[0].size, tables[1].shape[1]
+        self._system, self._forces, self._tables = system, tuple(laws), tables
+        self._laws = packed(laws)
+        self.ports, self.width = len(laws), tables[1].shape[1]
         self.first = int(tables[0][0] == 0)
         self.size = self.ports * self.width
-        names = list(LAWS)
-        # Parameters that a law's force is proportional to.
-        self._strength = np.array([[n in _STRENGTH[names[c]] for n in range(2)] for c in laws[0]])
 
     def _ramped(self, omega: float, force: float, by_law: bool) -> FloatArray | None:
         """The motion at a frequency as the force grows out of rest, or the laws out of nothing; None where that folds."""
-        codes, values = self._laws
         x, share, step = np.zeros(self.size), 0.0, 1.0
         while share < 1.0:
             level = min(share + step, 1.0)
-            laws = (codes, np.where(self._strength, level * values, values)) if by_law else self._laws
+            laws = packed([f.scaled(level) for f in self._forces]) if by_law else self._laws
             # Newton's first step from rest is the linear response.
             trial = x.copy() if by_law or not share else x * (level / share)
             if self._compiled.newton(
@@ -105,11 +100,11 @@ class PortMotion:
         """Lines before the first whose motion passes the top of a softening spring's potential, beyond which nothing holds it."""
         passed = np.zeros(len(motions), dtype=bool)
         poles, drives, shapes = self._system
-        for j, (code, (k3, _)) in enumerate(zip(*self._laws, strict=True)):
-            if list(LAWS)[code] == "cubic_stiffness" and k3 < 0.0:
-                static = float(-(shapes[j] * drives[:, 1 + j] / poles).sum().real)
+        for j, force in enumerate(self._forces):
+            static = float(-(shapes[j] * drives[:, 1 + j] / poles).sum().real)
+            if np.isfinite(far := force.holds_below(static)):
                 own = motions[:, j * self.width : (j + 1) * self.width] @ self._tables[1].T
-                passed |= (own**2).max(axis=1) * static * -k3 > 1.0
+                passed |= np.abs(own).max(axis=1) > far
         return int(np.argmax(passed)) if passed.any() else len(motions)
 
     def fundamentals(self, omegas: FloatArray, motions: FloatArray) -> ComplexArray:
@@ -132,7 +127,9 @@ class PortMotion:
         own = forces.reshape(omegas.size, self.ports, self.width)[:, :, self.first : self.first + 2]
         return np.asarray(own[:, :, 0] - 1j * own[:, :, 1])
 
-    def slopes(self, omegas: FloatArray, motions: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def slopes(
+        self, omegas: FloatArray, motions: FloatArray
+    ) -> tuple[FloatArray, Mapping[tuple[int, str], FloatArray]]:
         """
         Small changes of the forces' fundamentals, the other harmonics following.
 
@@ -147,10 +144,9 @@ class PortMotion:
         -------
         by_motion : ndarray, shape (frequency, 2 port, 2 port)
             With the motion's fundamentals, cosine and sine of each port.
-        by_parameter : ndarray, shape (frequency, 2 port, port, 2)
-            These held, with the laws' parameters.
+        by_parameter : mapping of (port, name) to ndarray, shape (frequency, 2 port)
+            These held, with each parameter of the laws.
         """
-        values = self._laws[1]
         own = (self.width * np.arange(self.ports)[:, None] + self.first + np.arange(2)).ravel()
         rest = np.setdiff1d(np.arange(self.size), own)
         r, j, f, blocks = self._compiled.balances(motions, omegas, self._system, self._laws, self._tables)
@@ -160,13 +156,18 @@ class PortMotion:
             direct[:, at, at] = blocks[:, i]
         inner, to_rest = j[:, rest][:, :, rest], direct[:, own][:, :, rest]
         by_motion = direct[:, own][:, :, own] - to_rest @ np.linalg.solve(inner, j[:, rest][:, :, own])
-        by_parameter = np.zeros((omegas.size, own.size, self.ports, 2))
-        for i, c in np.ndindex(self.ports, 2):
-            moved = values.copy()
-            moved[i, c] += (h := _STEP * abs(values[i, c]) or _STEP)
-            r2, _, f2, _ = self._compiled.balances(motions, omegas, self._system, (self._laws[0], moved), self._tables)
-            pushed = np.linalg.solve(inner, (r2 - r)[:, rest, None])
-            by_parameter[:, :, i, c] = ((f2 - f)[:, own] - (to_rest @ pushed)[..., 0]) / h
+        by_parameter = {}
+        for i, force in enumerate(self._forces):
+            for name, value in force.parameters.items():
+                h = _STEP * abs(value) or _STEP
+                if value + h > force.highest(name):
+                    h = -h
+                moved = packed(
+                    [replace(force, **{name: value + h}) if k == i else g for k, g in enumerate(self._forces)]
+                )
+                r2, _, f2, _ = self._compiled.balances(motions, omegas, self._system, moved, self._tables)
+                pushed = np.linalg.solve(inner, (r2 - r)[:, rest, None])
+                by_parameter[i, name] = ((f2 - f)[:, own] - (to_rest @ pushed)[..., 0]) / h
         return by_motion, by_parameter
 
 

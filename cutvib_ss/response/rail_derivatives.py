@@ -63,10 +63,8 @@ class RailPair:
             sums = mixed(weights[:, None] * shapes, rail.flexibility_squared)
             return sums[:n], sums[n:]
         elastic = self.left.elastic * self.right.elastic
-        if self.left.damped is self.left.elastic:
-            sums = mixed(weights, elastic)
-            return sums[:n], sums[n:]
-        return mixed(weights[:n], elastic), mixed(weights[n:], self.left.damped * self.right.damped)
+        sums = mixed(weights, elastic)
+        return sums[:n], sums[n:]
 
     @cached_property
     def _kinetic(self) -> ComplexArray:
@@ -103,29 +101,10 @@ class RailPair:
         elif name[0] == "shear":
             value = 2 * half * (undamped[2] * strained + (p.damping_ratio * s) * damped[1])
             if self.rail.released:
-                value = value + self._shear_of_released()
+                value = value + s * s * self._carried(self._by_shear)
         else:
             value = np.zeros((1, s.size), dtype=np.complex128)
         return value
-
-    def _shear_of_released(self) -> ComplexArray:
-        """What shear moves of the coupling between modes and rigid motion."""
-        s, supports = self.rail.s, self.rail.model.supports
-        assert supports is not None
-        out = s * s * self._carried(self._by_shear)
-        if supports.rigid_damping:
-            moved = 2 * self._by_shear.coupling
-            out = out + supports.rigid_damping * self._dissipated(
-                mixed(moved, self.left.rigid), mixed(moved, self.right.rigid)
-            )
-        return out
-
-    def _dissipated(self, left: ComplexArray, right: ComplexArray) -> ComplexArray:
-        """Work of the modal damping when the motion that it resists moves by these."""
-        p, s = self.rail.model.parameters, self.rail.s
-        both = left * self.right.damped + self.left.damped * right
-        out: ComplexArray = (2 * self.rail.half * p.damping_ratio * s) * mixed(self.rail.damped_w, both)
-        return out
 
     def _ports_under_shear(self) -> ComplexArray:
         out: ComplexArray = np.zeros((1, self.rail.s.size), dtype=np.complex128)
@@ -151,8 +130,6 @@ class RailPair:
             return both
         if name[0] != "supports":
             return 0.0
-        if name[1] == "rigid_damping":
-            return self._dissipated(self.left.shared, self.right.shared)
         what, side = str(name[1]).split("_")
         end: ComplexArray = ends[("left", "right").index(side)]
         return s * end if what == "c" else end

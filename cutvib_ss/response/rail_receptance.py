@@ -105,15 +105,11 @@ class RailReceptance:
         s, supports = self.s, self.model.supports
         vectors, factors, unknowns = [], [], []
         if supports is not None:
-            # The rigid motions' part of each mode's shape is 2 c u: inertia resists it, and a share of the damping.
+            # The rigid motions' part of each mode's shape is 2 c u: inertia resists it.
             for j in range(2):
                 vectors.append(2 * self.modes.coupling[:, j])
                 factors.append(self.half * s * s)
                 unknowns.append(j)
-                if supports.rigid_damping:
-                    vectors.append(vectors[-1] * self.damped_w)
-                    factors.append(supports.rigid_damping * self.model.parameters.damping_ratio * 2 * self.half * s)
-                    unknowns.append(j)
         for k, at in enumerate(self.attached):
             vectors.append(at.elastic[0])
             factors.append(np.ones(s.size, dtype=np.complex128))
@@ -131,10 +127,6 @@ class RailReceptance:
             schur[:2, :2] = p.mass * self.modes.rigid_inertia[:, :, None] * (s * s)
             schur[0, 0] += supports.k_left + s * supports.c_left
             schur[1, 1] += supports.k_right + s * supports.c_right
-            if supports.rigid_damping:
-                shared = 2 * supports.rigid_damping * self.modes.coupling
-                resisting = (shared * self.damped_w[:, None]).T @ shared
-                schur[:2, :2] += resisting[:, :, None] * (2 * self.half * p.damping_ratio * s)
         for k, (at, attachment) in enumerate(zip(self.attached, self.model.attachments, strict=True)):
             i = self.released + k
             z[i] = attachment.element.dynamic_stiffness(s)
@@ -224,17 +216,3 @@ class RailField:
     def rigid(self) -> ComplexArray:
         """The ends' motions [m/N], shape (2, position or 1, frequency); only where they give."""
         return self.unknowns[:2]
-
-    @cached_property
-    def shared(self) -> ComplexArray:
-        """The modes' part of the rigid motion [m/N], 2 c u, shape (mode, position or 1, frequency)."""
-        return mixed(2 * self.rail.modes.coupling, self.rigid)
-
-    @cached_property
-    def damped(self) -> ComplexArray:
-        """The motion that modal damping resists [m/N], shape (mode, position or 1, frequency)."""
-        supports = self.rail.model.supports
-        if supports is None or not supports.rigid_damping:
-            return self.elastic
-        out: ComplexArray = self.elastic + supports.rigid_damping * self.shared
-        return out

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 from scipy import fft
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.laws import LAWS
 from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.restoring_forces import packed
 from cutvib_ss.response.modal_basis import linear_course, parts, reading
 from cutvib_ss.response.modal_form import ModalForm, modal_form
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -255,7 +255,7 @@ class _Run:
         mean = float(np.abs(self.s) @ power / np.sum(power)) / (2 * np.pi) if power.any() else 0.0
         if self.initial is not None:
             mean = max(mean, float(np.abs(self.form.poles).min()) / (2 * np.pi))
-        steps = self.steps * (2 if any(e.law == "dry_friction" for e in self.elements) else 1)
+        steps = self.steps * (2 if any(e.restoring_force.jumps for e in self.elements) else 1)
         return int(min(_FINEST, 2 ** np.ceil(np.log2(max(1.0, steps * mean / self.fs)))))
 
     def _nonlinear(self, linear: ComplexArray, surplus: ComplexArray) -> tuple[ComplexArray, np.ndarray]:
@@ -271,16 +271,13 @@ class _Run:
         turn, pushes = linear_course(form.poles[modes], form.drives[modes, 1:].T, h)
         beyond = ~modes
         still = (rows[:, beyond] * -1.0 / form.poles[beyond]) @ form.drives[beyond, 1:]
-        values = np.zeros((len(self.elements), 2))
-        for row, e in zip(values, self.elements, strict=True):
-            row[: len(e.values)] = e.values
+        laws = packed([e.restoring_force for e in self.elements])
         begin = surplus[:, modes]
         reads = np.stack([reading(rows[:, modes] * form.poles[modes] ** k) for k in range(2)])
-        codes = np.array([list(LAWS).index(e.law) for e in self.elements])
         forces, away, _ = compiled.interact(
             motion, np.ascontiguousarray(np.stack([begin.real, begin.imag], axis=1)), h, parts(turn),
             np.stack([parts(p) for p in pushes]), reads,
-            np.stack([still.real, np.zeros(still.shape)]), codes, values, np.zeros((len(linear), len(values))),
+            np.stack([still.real, np.zeros(still.shape)]), *laws, np.zeros((len(linear), *laws.sliders.shape[:2])),
         )  # fmt: skip
         forces[..., -_TAPER * fine :] *= _fade(_TAPER * fine)
         spectrum = self._transform(forces, fine)
@@ -289,7 +286,7 @@ class _Run:
         even = (np.sinh(x / 2) / (x / 2)) ** 2
         constant = np.expm1(x) / x
         for k, e in enumerate(self.elements):
-            spectrum[:, k] *= constant if e.law == "dry_friction" else even
+            spectrum[:, k] *= constant if e.restoring_force.jumps else even
         return spectrum, away
 
 

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 from scipy import optimize
 
 from cutvib_ss.errors import ConvergenceError, ParameterError
-from cutvib_ss.laws import LAWS
 from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.restoring_forces import packed
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import names_of
 from cutvib_ss.response.compiled import interact
@@ -169,16 +169,15 @@ class _Run:
         self.direct = np.array([r.direct(system, drives, signs) for r in rows])
         self.drives = (self.modes.drives @ drives).T
         self.ports = np.array([row_of(system, p) @ self.modes.shapes for p in ports])
-        self.values = np.zeros((len(ports), 2))
-        for row, e in zip(self.values, self.elements, strict=True):
-            row[: len(e.values)] = e.values
+        self.laws = packed([e.restoring_force for e in self.elements])
+        self.jumps = [e.restoring_force.jumps for e in self.elements]
 
     def histories(self, force: FloatArray, begin: ComplexArray, oversample: int | None) -> FloatArray:
         """Outputs at the samples of a force, from given modes."""
         fine = self._enough(force, begin) if oversample is None else oversample
         # One sample more, since a nonlinear force at an instant is complete when the step after it is known.
         longer = np.append(force, force[-1]) if self.elements else force
-        data = self._run(_refined(longer, fine), fine, begin, np.zeros(len(self.elements)))[0]
+        data = self._run(_refined(longer, fine), fine, begin, np.zeros(self.laws.sliders.shape[:2]))[0]
         return data[:, : force.size]
 
     def periodic(self, force: FloatArray, oversample: int | None) -> FloatArray:
@@ -189,7 +188,7 @@ class _Run:
             raise ParameterError("an undamped mode is in tune with the force: there is no periodic steady state")
         begin = self._linear(closed, np.zeros_like(turned))[1] / turned
         if not self.elements:
-            return self._run(closed, 1, begin, np.zeros(0))[0][:, :-1]
+            return self._run(closed, 1, begin, np.zeros((0, 1)))[0][:, :-1]
         fine = self._enough(closed, begin) if oversample is None else oversample
         refined, n, size = _refined(closed, fine), begin.size, float(np.abs(begin).max()) or 1.0
 
@@ -203,7 +202,7 @@ class _Run:
             return np.concatenate([modes.real, modes.imag])
 
         # Where a run from rest goes to of itself, to start from: where several steady states live, this one is meant.
-        begin, kept = np.zeros_like(begin), np.zeros(len(self.elements))
+        begin, kept = np.zeros_like(begin), np.zeros(self.laws.sliders.shape[:2])
         for steps in _SETTLING:
             many = np.append(np.tile(refined[:-1], max(5, steps // refined.size)), refined[0])
             _, begin, kept = self._run(many, fine, begin, kept)
@@ -221,15 +220,17 @@ class _Run:
         )
 
     def _slid(self, modes: ComplexArray, kept: FloatArray) -> FloatArray:
-        """Where the sliders of elements with memory stand: displacement less that of their springs."""
-        at = [(self.ports[k] @ modes).real - kept[k] / (v[0] or 1.0) for k, v in enumerate(self.values)]
-        return np.array([s if e.law == "joint_slip" else 0.0 for e, s in zip(self.elements, at, strict=True)])
+        """Where Jenkins elements stand: displacement of their port less that of their springs, shape (element, slider)."""
+        stiffness = self.laws.sliders[..., 0]
+        slides = np.isfinite(stiffness) & (stiffness > 0.0)
+        at = (self.ports @ modes).real[:, None] - kept / np.where(slides, stiffness, 1.0)
+        return np.where(slides, at, 0.0)
 
     def _kept(self, modes: ComplexArray, slid: FloatArray) -> FloatArray:
         """Forces of their springs."""
-        forces = self.values[:, 0] * ((self.ports @ modes).real - slid)
-        slips = np.array([e.law == "joint_slip" for e in self.elements])
-        return np.where(slips, np.clip(forces, -self.values[:, 1], self.values[:, 1]), 0.0)
+        stiffness, limit = np.moveaxis(self.laws.sliders, -1, 0)
+        forces = np.where(np.isfinite(stiffness), stiffness, 0.0) * ((self.ports @ modes).real[:, None] - slid)
+        return np.asarray(np.clip(forces, -limit, limit))
 
     def _linear(self, force: FloatArray, begin: ComplexArray) -> tuple[FloatArray, ComplexArray]:
         """Displacements and velocities of the elements' ports without nonlinear forces, and the modes at the end."""
@@ -246,8 +247,8 @@ class _Run:
         every: int,
     ) -> tuple[FloatArray, ComplexArray]:
         turn, pushes = linear_course(self.modes.poles, drives, 1.0 / (self.fs * fine))
-        for k, e in enumerate(self.elements[: len(forces) - 1], start=1):
-            if e.law == "dry_friction":  # its history is the mean over each step
+        for k, jumps in enumerate(self.jumps[: len(forces) - 1], start=1):
+            if jumps:  # its history is the mean over each step
                 pushes[:, k] = 0.0 * pushes[0, k], pushes[0, k] + pushes[1, k]
         out, end = advance(
             np.ascontiguousarray(forces), parts(turn), np.stack([parts(p) for p in pushes]), reading(weights),
@@ -263,7 +264,7 @@ class _Run:
         if self.elements:
             resisting, memory = self._resisting(force, fine, begin, memory)
             if closed:
-                _close(resisting, memory, [e.law == "dry_friction" for e in self.elements])
+                _close(resisting, memory.sum(axis=-1), self.jumps)
             forces = np.concatenate([forces, resisting])
         data, end = self._advance(forces, self.drives, self.weights, begin, fine, fine)
         return data + self.direct @ forces[:, ::fine], end, memory
@@ -280,7 +281,7 @@ class _Run:
             motion.reshape(1, 2, count, -1), np.zeros((1, 2, begin.size)), h, parts(turn),
             np.stack([parts(p) for p in pushes]),
             np.stack([reading(self.ports), reading(self.ports * self.modes.poles)]), np.zeros((2, count, count)),
-            np.array([list(LAWS).index(e.law) for e in self.elements]), self.values, memory[None],
+            *self.laws, memory[None],
         )  # fmt: skip
         if away.any():
             raise ConvergenceError("a softening spring lets the motion run away; lower the force or the softening")
@@ -293,7 +294,7 @@ class _Run:
         rates = self._linear(force, begin)[0][len(self.elements) :]
         size = np.sqrt(np.sum(rates**2))
         mean = float(np.sqrt(np.sum(np.diff(rates, axis=1) ** 2)) / size) * self.fs / (2 * np.pi) if size > 0 else 0.0
-        steps = _STEPS * (2 if any(e.law == "dry_friction" for e in self.elements) else 1)
+        steps = _STEPS * (2 if any(self.jumps) else 1)
         return int(min(_FINEST, 2 ** np.ceil(np.log2(max(1.0, steps * mean / self.fs)))))
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from cutvib_ss.model.rail import Torsion
-from cutvib_ss.model.twist import twist_modes, twist_shapes
+from cutvib_ss.model.twist import twist_shapes, twist_stiffness
 from cutvib_ss.response.stacked import mixed
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -27,16 +27,16 @@ class TwistReceptance:
 
     Notes
     -----
-    Σ ψ_k² / (J/2 (m_k s² + g_k (2ζω_1 s + ω_1²))) [rad/(N m)], as in `cutvib_ss.model.twist`.
+    Σ ψ_k² / (J/2 (s² + g_k (2ζω_1 s + ω_1²))) [rad/(N m)], as in `cutvib_ss.model.twist`.
     """
 
     def __init__(self, torsion: Torsion, positions: FloatArray, s: ComplexArray) -> None:
         self.torsion, self.s = torsion, s
         self.w = 2 * np.pi * torsion.torsion_frequency
-        self._squares = twist_shapes(positions, torsion.elements) ** 2
-        self._stiffness, self._inertia = twist_modes(torsion.elements)
+        self._squares = twist_shapes(positions) ** 2
+        self._stiffness = twist_stiffness()
         elastic = self.w * self.w + 2 * torsion.damping_ratio * self.w * s
-        below = np.multiply.outer(self._stiffness, elastic) + np.multiply.outer(self._inertia, s * s)
+        below = np.multiply.outer(self._stiffness, elastic) + s * s
         self._flexibility: ComplexArray = np.reciprocal(torsion.inertia / 2 * below)
 
     @cached_property
@@ -46,8 +46,8 @@ class TwistReceptance:
 
     @cached_property
     def _sums(self) -> ComplexArray:
-        """Σ ψ² (g, m) / (…)² over the modes."""
-        weights = np.array([self._stiffness, self._inertia])
+        """Σ ψ² (g, 1) / (…)² over the modes."""
+        weights = np.array([self._stiffness, np.ones(self._stiffness.size)])
         return mixed(weights[:, None] * self._squares, self._flexibility**2)
 
     def derivative(self, name: str) -> ComplexArray:

@@ -78,8 +78,10 @@ def test_dissipation(case: Case) -> None:
     scale = np.sum(np.abs(0.5 * (f[1:] + f[:-1]) * np.diff(q)))
     # Work done against the element over the whole motion; corners of friction lie above the Nyquist frequency.
     if case.id in DISSIPATIVE:
-        assert work[-1] > (0.0 if case.id == "joint_slip" else 0.5 * scale)
-        if case.id != "joint_slip":
+        # A slipping element gives back what it holds while it sticks.
+        elastic = case.id == "joint_slip" or "sticking" in case.name
+        assert work[-1] > (0.0 if elastic else 0.5 * scale)
+        if not elastic:
             assert np.diff(work).min() > -0.05 * np.diff(work).max()
     elif case.id != "bilinear_stiffness":
         # Forces of a spring give back all but what the last motion holds.
@@ -92,8 +94,10 @@ def test_moves_and_carries_say_what_the_element_takes_along(case: Case, under: s
     model = case.model if under == "bare" else loaded(case.model)
     effect = case.build(1.0)
     applied = effect.apply(model)
-    moved = effect.moves(applied)
-    assert set(moved) == {f.name for f in parameter_fields(type(effect))}
+    moved = effect.moved_by(model, applied)
+    # What is not given, or infinite, is not fitted.
+    given = {f.name: getattr(effect, f.name) for f in parameter_fields(type(effect))}
+    assert set(moved) == {name for name, value in given.items() if value is not None and np.isfinite(value)}
     for name, carried in moved.items():
         other = with_parameter(effect, name, 1.1 * getattr(effect, name)).apply(model)
         for path, weight in carried:

@@ -20,8 +20,6 @@ from cutvib_ss.parameters import HeadParameters, RailParameters
 FREQ = np.array([3.0, 24.6, 77.7, 151.3, 211.9, 240.4, 333.3, 480.1])
 """Frequencies of the comparisons [Hz]."""
 POSITIONS = st.floats(0.01, 0.99)
-SHARES = st.sampled_from([0.0, 0.5, 1.0])
-"""Shares of the modal damping that resist rigid motion of the rail."""
 SIDES = st.sampled_from(["head", "rail"])
 """Where base_x sits."""
 
@@ -87,7 +85,7 @@ def rails(draw: st.DrawFn, torsion: bool = True) -> Rail:
     springs = st.builds(SpringDamperMass, reals(1e3, 1e6))
     return Rail(
         draw(rail_parameters()),
-        supports=draw(st.none() | st.builds(EndSupports, *[reals(1e5, 1e9)] * 2, *[reals(1.0, 1e4)] * 2, SHARES)),
+        supports=draw(st.none() | st.builds(EndSupports, *[reals(1e5, 1e9)] * 2, *[reals(1.0, 1e4)] * 2)),
         torsion=draw(
             st.none() | st.builds(Torsion, st.floats(-0.1, 0.1), reals(0.1, 3.0), reals(40.0, 400.0), reals(0.003, 0.1))
         ) if torsion else None,
@@ -128,7 +126,7 @@ def full_machines(draw: st.DrawFn) -> Machine:
         head=draw(heads()),
         rail=Rail(
             draw(rail_parameters(strained=True)),
-            EndSupports(*(draw(reals(1e6, 1e8)) for _ in "lr"), *(draw(reals(1.0, 1e4)) for _ in "lr"), draw(SHARES)),
+            EndSupports(*(draw(reals(1e6, 1e8)) for _ in "lr"), *(draw(reals(1.0, 1e4)) for _ in "lr")),
             Torsion(
                 draw(st.floats(0.02, 0.1)), draw(reals(0.1, 3.0)), draw(reals(40.0, 400.0)), draw(reals(0.003, 0.1))
             ),

@@ -29,8 +29,6 @@ SKIPPED = {
     "nonlinear",
     "slope",
     "system",
-    "rigid_damping",
-    "elements",
     "damping_profile",
 }
 FEWER = max(5, settings().max_examples // 5)

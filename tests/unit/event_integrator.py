@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from cutvib_ss.laws import LAWS
 from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.restoring_forces import Hysteretic
 from cutvib_ss.model.second_order import SecondOrder
 
 TIGHT = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-14}
@@ -41,22 +41,22 @@ def _integrate(
 ) -> np.ndarray:
     n = len(system.dofs)
     inverse, row = np.linalg.inv(system.mass), system.port(element.port)
-    law, values = LAWS[element.law], element.values
+    law = element.restoring_force
 
     def free(t: float, x: np.ndarray) -> np.ndarray:
         return inverse @ (drive * force(t) - system.damping @ x[n:] - system.stiffness @ x[:n])
 
-    if element.law not in ("dry_friction", "joint_slip"):
+    if not isinstance(law, Hysteretic):
 
         def smooth(t: float, x: np.ndarray) -> np.ndarray:
-            f = law.forces(row @ x[:n], row @ x[n:], *values)
+            f = law.force(row @ x[:n], row @ x[n:])
             return np.concatenate([x[n:], free(t, x) - inverse @ row * f])
 
         return row @ solve_ivp(smooth, times[[0, -1]], np.zeros(2 * n), t_eval=times, max_step=max_step, **TIGHT).y[:n]
 
     compliance = row @ inverse @ row
-    limit = values[0] if element.law == "dry_friction" else values[1]
-    k = 0.0 if element.law == "dry_friction" else values[0]
+    [(k, limit)] = law.sliders()
+    k = 0.0 if law.jumps else k
 
     # The state: displacements, velocities, and the element's force where it is elastic. Modes: stick (0), slide to either side.
     def rates(mode: int) -> Callable[[float, np.ndarray], np.ndarray]:

@@ -1,8 +1,6 @@
-"""The simpler methods: features of campaigns, lookups, a forest, plain criteria on the diagnosis' own fits."""
+"""The simpler methods: features of campaigns, lookups, a forest."""
 
 import json
-import shutil
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +11,9 @@ from cutvib_ss.blind import baselines
 from cutvib_ss.blind.baselines import (
     answer,
     answered,
-    bic,
     forest,
-    least_chi2,
     nearest_signature,
-    untuned,
+    seen_as,
     with_baselines,
 )
 from cutvib_ss.blind.cases import NONE, UNKNOWN, Case, read_cases
@@ -27,16 +23,11 @@ from cutvib_ss.blind.rows import rows
 from cutvib_ss.blind.score import scored
 from cutvib_ss.blind.seal import Trial
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.gap.fit import fit
-from cutvib_ss.gap.hypothesis import Hypothesis
-from cutvib_ss.gap.ranking import Ranked
 from cutvib_ss.model.machine import published_machine
-from cutvib_ss.model_files import read_machine
 from cutvib_ss.response.frequency import frequency_response
 from tests.unit.blind_example import diagnosis, label, opened_trial
 from tests.unit.test_blind_score import ABOUT
 
-DEMO = Path(str(files("cutvib_ss"))) / "data" / "demo"
 JOINT, GUIDE = frozenset({("cubic_stiffness", "joint2")}), frozenset({("guide_compliance", "head_base")})
 
 
@@ -123,30 +114,6 @@ def test_an_answer_is_read_as_the_diagnosis_would_give_it() -> None:
     assert answer({}).verdict == "failed"
 
 
-def with_chi2(*candidates: tuple[str, str, float | None, int]) -> dict[str, Any]:
-    listed = [
-        {"name": e, "effect": e, "place": p, "parameters": {}, "chi2": chi2, "unknowns": k, "log_evidence": 0.0,
-         "judged": False, "held_reduced_chi2": None}
-        for e, p, chi2, k in candidates
-    ]  # fmt: skip
-    said = [("none", "none", 0.6), ("cubic_stiffness", "joint2", 0.4)]
-    return diagnosis(said, "ambiguous", evidence={"data": 1000, "reduced_chi2": 1.0, "candidates": listed})
-
-
-def test_criteria_on_the_fits() -> None:
-    found = with_chi2(
-        ("none", "none", 1012.0, 0), ("cubic_stiffness", "joint2", 1008.0, 1), ("guide_compliance", "head_base", 1006.0, 2),
-        ("freeplay", "joint2", None, 1),
-    )  # fmt: skip
-    odds = least_chi2(found)
-    assert max(odds, key=lambda k: odds[k]) == GUIDE, "more unknowns always fit better"
-    odds = bic(found)
-    assert max(odds, key=lambda k: odds[k]) == NONE
-    assert odds[NONE] / odds[JOINT] == pytest.approx(np.exp((1008 + np.log(1000) - 1012) / 2))
-    assert len(odds) == 3
-    assert bic(None) == least_chi2(None) == {}
-
-
 def test_baselines_stand_beside_the_score(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("sklearn")
     monkeypatch.setattr(baselines, "TREES", 20)
@@ -156,7 +123,7 @@ def test_baselines_stand_beside_the_score(tmp_path: Path, monkeypatch: pytest.Mo
     def cases() -> list:
         return [
             (label(e, "none" if e == "none" else "joint2"),
-             with_chi2(("none", "none", 1000.0, 0), ("cubic_stiffness", "joint2", 900.0, 1)))
+             diagnosis([("none", "none", 0.6), ("cubic_stiffness", "joint2", 0.4)], "ambiguous"))
             for e in truths
         ]  # fmt: skip
 
@@ -167,12 +134,11 @@ def test_baselines_stand_beside_the_score(tmp_path: Path, monkeypatch: pytest.Mo
         return centre[truths[int(folder.name[1:])]] + 0.01 * int(folder.name[1:])
 
     monkeypatch.setattr(baselines, "features", seen)
-    monkeypatch.setattr(baselines, "untuned", lambda campaigns, jobs: [c[1] for c in cases()])
     score = scored(read_cases(Trial(asked), read_json(asked / "labels.json")["labels"]), ABOUT)
     found = with_baselines(score, [asked], [learnt])
-    assert list(found.baselines) == ["nearest signature", "classifier", "untuned χ²", "BIC"]
+    assert list(found.baselines) == ["nearest signature", "classifier"]
     right = {name: next(r for r in own if r.key == "right_all").estimate.value for name, own in found.baselines.items()}
-    assert right == {"nearest signature": 1.0, "classifier": 1.0, "untuned χ²": 0.5, "BIC": 0.5}
+    assert right == {"nearest signature": 1.0, "classifier": 1.0}
     # They name causes and correct no model.
     closed = {r.estimate.cases for own in found.baselines.values() for r in own if r.key == "achieved"}
     assert closed == {0}
@@ -182,30 +148,23 @@ def test_baselines_stand_beside_the_score(tmp_path: Path, monkeypatch: pytest.Mo
             with_baselines(score, [asked], [bad])
 
 
-def test_the_untuned_model_has_next_to_no_tolerances_and_its_fits_are_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "campaigns").mkdir()
-    shutil.copytree(DEMO, tmp_path / "campaigns" / "c1")
-    asked = []
-
-    def searched(nominal: Any, records: Any, *_: Any, pairs: bool, laws: bool) -> Any:
-        assert not pairs
-        assert not laws
-        asked.append(nominal)
-        found = fit(nominal, records.coarse(40, 0.03), Hypothesis(), max_iterations=1)
-        return (Ranked("none", found, True), Ranked("guide_compliance", found, False))
-
-    monkeypatch.setattr(baselines, "search", searched)
-    (first,) = untuned([tmp_path / "campaigns" / "c1"], 1)
-    assert untuned([tmp_path / "campaigns" / "c1"], 1) == [first]
-    (nominal,) = asked
-    given = read_machine(DEMO / "machine.toml")
-    assert max(vars(nominal.tolerance).values()) < 1e-5
-    assert (nominal.head, nominal.rail) == (given.head, given.rail)
-    assert list(least_chi2(first)) == [NONE], "what was not fitted on all lines has no χ²"
-    (tmp_path / "campaigns" / "c2").mkdir()
-    assert untuned([tmp_path / "campaigns" / "c2"], 1) == [{}]
+def test_another_structure_is_left_without_an_answer(tmp_path: Path) -> None:
+    (tmp_path / "machine.toml").write_text(
+        '[model]\nkind = "second_order"\ndofs = ["x"]\nmass = [[1.0]]\ndamping = [[1.0]]\nstiffness = [[1e6]]\n'
+        '[ports]\ndrive = [1.0]\n[channels]\ny = { port = "drive", quantity = "acceleration" }\n[input]\nforce = "drive"\n'
+    )
+    freq = np.arange(10.0, 300.0)
+    np.savetxt(
+        tmp_path / "r.csv",
+        np.column_stack([freq, freq, freq, np.ones_like(freq)]),
+        delimiter=",",
+        header="freq [Hz],y re [m/s^2/N],y im [m/s^2/N],y coherence",
+        comments="",
+    )
+    (tmp_path / "campaign.toml").write_text(
+        '[campaign]\ntitle = "t"\nmachine = "machine.toml"\n[[record]]\nfile = "r.csv"\nkind = "frf"\naverages = 3\n'
+    )
+    assert seen_as(tmp_path) is None
 
 
 def test_another_methods_answers_take_no_time_and_no_gap_figures() -> None:

@@ -11,7 +11,7 @@ import pytest
 from cutvib_ss.blind.calibration import BOUNDS, calibrate, figures, fit_numbers
 from cutvib_ss.blind.cases import NONE, UNKNOWN
 from cutvib_ss.blind.evidence import CaseEvidence, case_evidence, read_evidence, stated
-from cutvib_ss.effects.parameter_shift import stands_in
+from cutvib_ss.effects.catalogue import is_alias
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.gap import calibration
 from cutvib_ss.gap.calibration import Calibration, Evidence, posterior, shipped
@@ -114,7 +114,7 @@ def test_a_value_as_which_others_appear_leaves_unknown_its_share() -> None:
      ("parameter_shift+added_mass", "l2", False)],
 )  # fmt: skip
 def test_lengths_and_damping_are_what_others_appear_as(effect: str, parameter: str | None, expected: bool) -> None:
-    assert stands_in(effect, parameter) is expected
+    assert is_alias(effect, {"parameter": parameter}) is expected
 
 
 def test_only_some_numbers_are_fitted() -> None:

@@ -131,7 +131,7 @@ def test_a_rail_that_twists_has_its_functions_too() -> None:
     assert _close(np.einsum("k,kij->ij", weights, terms.mass), machine.second_order(0.37).mass)
     with pytest.raises(CouplingError, match="no derivatives"):
         exact.matrices(0.37, 1)
-    with pytest.raises(CouplingError, match="kinks"):
+    with pytest.raises(CouplingError, match="place of the head"):
         exact.matrices_bound(1)
 
 

@@ -119,7 +119,7 @@ def test_circles_of_a_model_close_by_serve():
 def test_effects_are_seen_through_the_estimator(effect):
     machine, g = published_machine(), group()
     applied = effect.apply(machine)
-    moves = effect.moves(applied)
+    moves = effect.moved_by(machine, applied)
     base = Prediction(applied, g)
     for name, carried in moves.items():
         value = getattr(effect, name)

@@ -133,7 +133,7 @@ def test_what_has_no_table_is_refused() -> None:
         schedule(MACHINE, [0.2, 0.8]).interpolated(0.1)
     twisting = schedule(RailTorsion("rail", 0.05, 1.0, 120.0, 0.02).apply(MACHINE), [0.3, 0.4], outputs=["tool_x"])
     assert twisting.error([0.35], FREQ).max() > 0.0
-    with pytest.raises(CouplingError, match="kinks"):
+    with pytest.raises(CouplingError, match="place of the head"):
         twisting.error_bound([0.35], FREQ)
 
 

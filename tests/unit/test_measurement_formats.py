@@ -14,7 +14,7 @@ from scipy.io import savemat
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.measurement import Campaign, History, Record, read_campaign
 from cutvib_ss.measurement.campaign import write_campaign
-from cutvib_ss.measurement.formats import FORMATS, read_file
+from cutvib_ss.measurement.formats import FORMATS
 from cutvib_ss.measurement.formats.raw import (
     Contents,
     RawFrf,
@@ -25,6 +25,7 @@ from cutvib_ss.measurement.formats.raw import (
     sampling_frequency,
 )
 from cutvib_ss.measurement.layout import layout_of
+from cutvib_ss.measurement.reading import read_file
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.second_order import Channel
 from cutvib_ss.results import MeasuredFrequencyResponse
@@ -379,7 +380,7 @@ def test_uff_quantity_tells_channels_of_one_place_apart(tmp_path):
     )  # fmt: skip
     sets = [_set58(ordinate_spec_data_type=12), _set58(ordinate_spec_data_type=8)]
     frf = read_file(_uff(tmp_path, sets), True, layout_of(machine)).frf
-    assert [r.name for r in frf.responses] == ["a", "d"]
+    assert {r.name: r.unit for r in frf.responses} == {"d": "m/N", "a": "m/s^2/N"}
 
 
 # --- TDMS, MAT, LVM --------------------------------------------------------------------------------------------------

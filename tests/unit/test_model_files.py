@@ -240,3 +240,15 @@ def _refused(file: Path, message: str) -> None:
     assert said.startswith(str(file))
     assert "\n" not in said
     assert re.search(message, said), said
+
+
+def test_keys_of_older_files_are_ignored_with_a_warning_or_refused(tmp_path: Path) -> None:
+    twist = '[[effect]]\neffect = "rail_torsion"\nplace = "rail"\neccentricity = 0.05\ninertia = 1.0\n'
+    twist += "torsion_frequency = 120.0\ndamping_ratio = 0.02\n"
+    with pytest.warns(UserWarning, match=r"effect\[1\].elements = 40 is ignored"):
+        assert read_machine(put(tmp_path, twist + "elements = 40\n")) == read_machine(put(tmp_path, twist))
+    ends = '[[effect]]\neffect = "support_compliance"\nplace = "rail_ends"\nk_left = 1e7\nk_right = 2e7\n'
+    with pytest.warns(UserWarning, match="rigid_damping = 0.0 is ignored"):
+        assert read_machine(put(tmp_path, ends + "rigid_damping = 0.0\n")) == read_machine(put(tmp_path, ends))
+    with pytest.raises(DataFormatError, match=r"effect\[1\].rigid_damping = 1.0: this key is no longer read"):
+        read_machine(put(tmp_path, ends + "rigid_damping = 1.0\n"))

@@ -271,7 +271,7 @@ def test_what_cannot_travel_is_refused(wrong: Callable[[], object], message: str
 
 def test_a_twisting_rail_and_nonlinear_joints_are_refused() -> None:
     twisting = RailTorsion("rail", 0.05, 1.0, 120.0, 0.02).apply(MACHINE)
-    with pytest.raises(CouplingError, match="kinks"):
+    with pytest.raises(CouplingError, match="place of the head"):
         moving_response(twisting, FAST, FORCE, FS)
     from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 

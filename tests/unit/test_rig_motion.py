@@ -5,10 +5,19 @@ import pytest
 
 pytest.importorskip("exudyn")
 
+from cutvib_ss.blind.rig import motion
 from cutvib_ss.blind.rig.blows import FINE, FS, Blow, Pulse, antialiased
 from cutvib_ss.blind.rig.direct import stepped
 from cutvib_ss.blind.rig.fittings import Law, Oscillator, Spring, Supports, Twist
-from cutvib_ss.blind.rig.motion import CHANNELS, frequency_response, linear_answer, nonlinear_answer
+from cutvib_ss.blind.rig.motion import (
+    CHANNELS,
+    CONVERGED,
+    NotConvergedError,
+    converged_answer,
+    frequency_response,
+    linear_answer,
+    nonlinear_answer,
+)
 from cutvib_ss.blind.rig.multibody import build, linearise
 from cutvib_ss.blind.rig.structure import Head, Rig
 
@@ -137,6 +146,31 @@ def test_the_time_step_has_converged(law: Law) -> None:
     # an end that lands on a pin rattles: landings fall between steps
     tolerance = 1e-3 if law.kind == "lift_off" else 1e-4
     assert np.linalg.norm(answers[0] - answers[1]) / np.linalg.norm(answers[1]) < tolerance
+
+
+NOISE = (0.02, 0.02, 0.02)
+HARD = Blow((Pulse(0.05, 150.0, 2.8e-3, -0.1),))
+
+
+def test_friction_beside_a_compliant_guide_is_integrated_where_a_fixed_point_diverges() -> None:
+    # what a force does to its own port within a step, times the slope of the force: 1.9, so f <- F(y + A f) runs away
+    rig = Rig().fitted(guide=(5e7, 1e3), laws=(Law("joint1", "jenkins", (3.0, 60 * Head().k1)),))
+    machine = linearise(build(rig, POSITION))
+    response, fine, error = converged_answer(rig, machine, HARD, NOISE)
+    assert error <= CONVERGED
+    finest = antialiased(nonlinear_answer(rig, machine, HARD.force(8 * fine), FS * 8 * fine), 8 * fine)
+    assert np.sqrt(np.mean((response - finest) ** 2)) < CONVERGED * NOISE[0]
+    alone = rig.fitted(laws=())
+    linear = linear_answer(alone, machine, antialiased(HARD.force())[None], FS)[0]
+    assert np.sqrt(np.mean((response - linear) ** 2)) > 20 * NOISE[0]
+
+
+def test_a_blow_that_has_not_converged_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig().fitted(laws=(Law("joint2", "freeplay", (2e-5, K2)),))
+    machine = linearise(build(rig, POSITION))
+    monkeypatch.setattr(motion, "STEPS", (16, 32))
+    with pytest.raises(NotConvergedError, match=r"freeplay: halving steps of 1/64000 s still changes \d"):
+        converged_answer(rig, machine, HARD, (1e-4,) * 3)
 
 
 def test_modes_give_what_the_matrices_give() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,6 @@ BLOCK = 2.0
 
 SIMULATED = 2.1
 
-_FIRST = signal.firwin(257, 6500.0, window=("kaiser", 8.0), fs=FS * FINE)
 _SECOND = signal.firwin(257, 1820.0, window=("kaiser", 8.0), fs=FS * 4)
 
 
@@ -61,16 +61,21 @@ class Blow:
 
     pulses: tuple[Pulse, ...]
 
-    def force(self) -> Array:
+    def force(self, fine: int = FINE) -> Array:
         """
         The force over time.
+
+        Parameters
+        ----------
+        fine : int
+            Steps to a sample of the records.
 
         Returns
         -------
         ndarray, shape (sample,)
-            Force [N] at FS x FINE, over SIMULATED.
+            Force [N] at FS x fine, over SIMULATED.
         """
-        time = np.arange(round(SIMULATED * FS * FINE)) / (FS * FINE)
+        time = np.arange(round(SIMULATED * FS * fine)) / (FS * fine)
         total = np.zeros(time.size)
         for p in self.pulses:
             phase = (time - p.at) / p.width
@@ -113,21 +118,29 @@ def draw_blow(rng: np.random.Generator, level: float, width: float, bounce: floa
     return Blow(tuple(pulses))
 
 
-def antialiased(history: Array) -> Array:
+@cache
+def _first(fine: int) -> Array:
+    """The filter before the first decimation: the same in hertz at every rate."""
+    return np.asarray(signal.firwin(8 * fine + 1, 6500.0, window=("kaiser", 8.0), fs=FS * fine))
+
+
+def antialiased(history: Array, fine: int = FINE) -> Array:
     """
     Through the digitiser's filter and down to FS; without delay.
 
     Parameters
     ----------
     history : ndarray, shape (..., sample)
-        Histories at FS x FINE.
+        Histories at FS x fine.
+    fine : int
+        Steps to a sample of the records.
 
     Returns
     -------
     ndarray, shape (..., sample)
         Histories at FS.
     """
-    for taps, down in ((_FIRST, FINE // 4), (_SECOND, 4)):
+    for taps, down in ((_first(fine), fine // 4), (_SECOND, 4)):
         count = -(-history.shape[-1] // down)
         delay = taps.size // 2
         padded = np.concatenate([history, np.zeros((*history.shape[:-1], delay))], axis=-1)

@@ -55,7 +55,14 @@ def plan(cases: int, seed: int, shares: dict[Kind, float]) -> list[tuple[int, Ki
     return planned
 
 
-def make(folder: Path, seed: int, kind: Kind, cause: str | None, severity: tuple[float, float]) -> dict[str, Any]:
+def make(
+    folder: Path,
+    seed: int,
+    kind: Kind,
+    cause: str | None,
+    severity: tuple[float, float],
+    drift: tuple[float, float] | None = None,
+) -> dict[str, Any]:
     """
     Write one case; a complete folder is left as it is.
 
@@ -71,6 +78,8 @@ def make(folder: Path, seed: int, kind: Kind, cause: str | None, severity: tuple
         Its cause.
     severity : (float, float)
         Range of severities.
+    drift : (float, float), optional
+        Range of how far the machine moves between sessions.
 
     Returns
     -------
@@ -81,7 +90,7 @@ def make(folder: Path, seed: int, kind: Kind, cause: str | None, severity: tuple
     if kept.is_file():
         label: dict[str, Any] = json.loads(kept.read_text())
         return label
-    case = draw_case(seed, kind, cause, severity)
+    case = draw_case(seed, kind, cause, severity, drift=drift)
     write_campaign(case, folder)
     label = case.label | {"seed": seed}
     kept.write_text(json.dumps(label))
@@ -103,6 +112,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder to write to")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--severity", type=float, nargs=2, default=(0.3, 2.0), metavar=("FROM", "TO"))
+    parser.add_argument(
+        "--drift", type=float, nargs=2, metavar=("FROM", "TO"), help="how far machines move: 0.001 0.01"
+    )
     for kind, share in _SHARES.items():
         parser.add_argument(f"--{kind}", type=float, default=share, metavar="SHARE", help=f"share of {kind} cases")
     parser.add_argument("--cause", help="only this cause of the catalogue, or outside kind")
@@ -117,7 +129,7 @@ def main(arguments: list[str] | None = None) -> None:
     names = [f"c{i:04d}" for i in range(1, len(planned) + 1)]
     with ProcessPoolExecutor(a.jobs, mp_context=get_context("spawn")) as pool:
         jobs = {
-            pool.submit(make, a.out / name, *case, tuple(a.severity)): name
+            pool.submit(make, a.out / name, *case, tuple(a.severity), a.drift and tuple(a.drift)): name
             for name, case in zip(names, planned, strict=True)
         }
         for done, job in enumerate(as_completed(jobs), start=1):

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cutvib_ss.blind.rig.blows import BLOCK, FINE, FS, Blow, antialiased, draw_blow
+from cutvib_ss.blind.rig.blows import BLOCK, FS, Blow, antialiased, draw_blow
 from cutvib_ss.blind.rig.chain import frequencies, hum, recorded, sensed, smooth_error
 from cutvib_ss.blind.rig.conditions import Conditions
-from cutvib_ss.blind.rig.motion import CHANNELS, linear_answer, nonlinear_answer
+from cutvib_ss.blind.rig.motion import CHANNELS, converged_answer, linear_answer
 from cutvib_ss.blind.rig.multibody import Linearised, build, linearise
+from cutvib_ss.blind.rig.repeatability import State, at_rest, states
 from cutvib_ss.blind.rig.structure import Rig
 
 Array = NDArray[np.float64]
@@ -80,13 +81,26 @@ class Campaign:
         )
 
     @cached_property
+    def sessions(self) -> tuple[int, ...]:
+        """Session of each record: those at one position are measured in one."""
+        return tuple(i // len(self.conditions.levels) for i in range(len(self.records)))
+
+    @cached_property
+    def states(self) -> tuple[State, ...]:
+        """How far the machine has moved during each record."""
+        return states(self.conditions.repeatability, self.sessions, len(CHANNELS), self.seed)
+
+    @cached_property
     def _machines(self) -> dict[tuple[float, int], Linearised]:
         return {}
 
     def _machine(self, record: int) -> tuple[Rig, Linearised]:
         """The machine during a record, assembled once for each state that it is in."""
         rig = self.rig.at(record / max(len(self.records) - 1, 1))
-        key = (self.records[record][0], record if self.rig.drift else 0)
+        moves = self.conditions.repeatability.moves
+        if moves:
+            rig = at_rest(rig, self.states[record])
+        key = (self.records[record][0], record if self.rig.drift or moves else 0)
         if key not in self._machines:
             self._machines[key] = linearise(build(rig, key[0]))
         return rig, self._machines[key]
@@ -114,12 +128,12 @@ class Campaign:
         key = (record, blow)
         if key not in self._answers:
             rig, machine = self._machine(record)
-            fine = self.blows[record][blow].force()
-            force = antialiased(fine)
+            struck = self.blows[record][blow]
+            force = antialiased(struck.force())
             if rig.linear:
                 response = linear_answer(rig, machine, force[None], FS)[0]
             else:
-                response = antialiased(nonlinear_answer(rig, machine, fine, FS * FINE))
+                response, _, _ = converged_answer(rig, machine, struck, self.conditions.noise)
             self._answers[key] = (force, response)
         return self._answers[key]
 
@@ -162,6 +176,7 @@ class Campaign:
         late = np.random.default_rng([self.seed, _LATE, record, blow]).standard_normal() * self.rig.chain.jitter
         force, response = self.answer(record, blow)
         shown = sensed(self.rig.chain, response, late, self.errors)
+        shown = shown * np.array(self.states[record].gains)[:, None]
         rng = np.random.default_rng([self.seed, _NOISE, record, blow])
         overload = (record, blow) in self.overloaded()
         return recorded(self.rig.chain, self.conditions, force, shown, rng, overload)
@@ -289,4 +304,5 @@ def conditions_label(campaign: Campaign) -> Mapping[str, object]:
         "noise": list(c.noise),
         "bits": c.bits,
         "overloads": c.overloads,
+        "repeatability": asdict(c.repeatability),
     }

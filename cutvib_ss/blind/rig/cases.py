@@ -18,6 +18,7 @@ from cutvib_ss.blind.rig.causes import MEASUREMENT, MECHANICAL, Parameters
 from cutvib_ss.blind.rig.conditions import Conditions, Nominal, changed, draw_conditions, draw_nominal
 from cutvib_ss.blind.rig.motion import CHANNELS
 from cutvib_ss.blind.rig.outside import OUTSIDE
+from cutvib_ss.blind.rig.repeatability import draw_repeatability
 from cutvib_ss.blind.rig.structure import TOLERANCE, Rig, scattered
 
 Kind: TypeAlias = Literal["none", "single", "pair", "outside"]
@@ -32,6 +33,7 @@ BAND = np.arange(15.0, 450.5, 0.5)
 """Lines over which gaps are measured [Hz]."""
 
 _SCATTER_DRAWS = 3
+_REPEATABILITY = 21
 _SAMPLES = round(BLOCK * FS)
 
 
@@ -157,6 +159,7 @@ def draw_case(
     cause: str | None = None,
     severity: tuple[float, float] = (0.3, 2.0),
     conditions: Mapping[str, Any] | None = None,
+    drift: tuple[float, float] | None = None,
 ) -> Case:
     """
     Draw a case.
@@ -173,6 +176,9 @@ def draw_case(
         Range of severities, drawn evenly in their logarithm; 1 is a clear fault.
     conditions : mapping, optional
         Fields of `Conditions` to fix instead of drawing them.
+    drift : (float, float), optional
+        Range of how far the machine moves between sessions (relative, of stiffnesses and gains); every other seed states it in
+        machine.toml. None: it repeats.
 
     Returns
     -------
@@ -188,6 +194,9 @@ def draw_case(
     nominal = draw_nominal(rng)
     plain = scattered(Rig(nominal.head, nominal.rail), rng)
     drawn = changed(draw_conditions(rng), dict(conditions or {}))
+    if drift is not None:
+        own = np.random.default_rng([seed, _REPEATABILITY])
+        drawn = replace(drawn, repeatability=draw_repeatability(own, *drift, stated=bool(own.random() < 0.5)))
     size = float(np.exp(rng.uniform(*np.log(severity))))
     names = _names(kind, cause, rng)
     unknown = [name for name in names if name not in (OUTSIDE_KINDS if kind == "outside" else CAUSES)]

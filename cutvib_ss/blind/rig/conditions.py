@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cutvib_ss.blind.rig.repeatability import Repeatability
 from cutvib_ss.blind.rig.structure import Head, Rail
 
 HEADROOM = 2.0
@@ -72,6 +73,8 @@ class Conditions:
         Probability that the hammer bounces.
     overloads : int
         How many blows exceed the range of a response channel.
+    repeatability : Repeatability
+        How the machine moves between records.
     """
 
     positions: tuple[float, ...]
@@ -89,6 +92,7 @@ class Conditions:
     force_range: float
     hit_twice: float
     overloads: int
+    repeatability: Repeatability = field(default_factory=Repeatability)
 
     @property
     def frf(self) -> bool:

@@ -50,12 +50,13 @@ def write(campaign: Campaign, nominal: Nominal, folder: Path) -> None:
         lines += [f"position = {position!r}", f"peak_force = {level!r}"]
         lines += [f"averages = {averages}"] if c.frf else []
         tables.append("\n".join(["[[record]]", *lines]))
-    (folder / "machine.toml").write_text(machine_toml(nominal), encoding="utf-8")
+    drift = c.repeatability.stated
+    (folder / "machine.toml").write_text(machine_toml(nominal, drift), encoding="utf-8")
     head = '[campaign]\ntitle = "measurement campaign"\nmachine = "machine.toml"\n'
     (folder / "campaign.toml").write_text("\n\n".join([head.rstrip(), *tables]) + "\n", encoding="utf-8")
 
 
-def machine_toml(nominal: Nominal) -> str:
+def machine_toml(nominal: Nominal, drift: float | None = None) -> str:
     """
     The nominal machine, as its builder would write it down.
 
@@ -63,6 +64,8 @@ def machine_toml(nominal: Nominal) -> str:
     ----------
     nominal : Nominal
         The nominal machine.
+    drift : float, optional
+        How far it is stated to move between sessions.
 
     Returns
     -------
@@ -72,7 +75,11 @@ def machine_toml(nominal: Nominal) -> str:
     rail = {key: value for key, value in vars(nominal.rail).items() if key != "truncation"} | {
         "n_modes": nominal.n_modes
     }
-    tables = {"head": vars(nominal.head), "rail": rail, "tolerance": dict(TOLERANCE)}
+    tables = {
+        "head": vars(nominal.head),
+        "rail": rail,
+        "tolerance": dict(TOLERANCE) | ({} if drift is None else {"drift": drift}),
+    }
     return "\n\n".join(
         "\n".join([f"[{name}]", *(f"{key} = {value!r}" for key, value in table.items())])
         for name, table in tables.items()

@@ -182,7 +182,7 @@ class Law:
     kind : str
         Its law (`laws.KINDS`).
     values : tuple of float
-        Up to four values (`laws.force`).
+        Its values (`laws.force`).
     """
 
     port: str

@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cutvib_ss.blind.rig.laws import KINDS, integrate
+from cutvib_ss.blind.rig.blows import FS, Blow, antialiased
+from cutvib_ss.blind.rig.laws import KINDS, VALUES
 from cutvib_ss.blind.rig.multibody import Linearised
+from cutvib_ss.blind.rig.stepping import TOLERANCE, integrate
 from cutvib_ss.blind.rig.structure import Rig
 
 Array = NDArray[np.float64]
@@ -22,11 +24,21 @@ Complex = NDArray[np.complex128]
 
 CHANNELS = ("tool_x", "tool_z", "base_x")
 
+STEPS = (16, 32, 64, 128, 256, 512, 1024)
+"""Steps to a sample of the records that are tried in turn."""
+
+CONVERGED = 0.01
+"""What halving the steps may change, over the noise: root mean squares over a blow."""
+
 _PERIOD = 8.0
 """Period of the transforms [s]."""
 
 _DECAY = 1.5
 """σ [1/s]: a response is e^-12 of itself when the period is over."""
+
+
+class NotConvergedError(RuntimeError):
+    """A blow could not be integrated as closely as it must."""
 
 
 @dataclass(frozen=True)
@@ -226,6 +238,11 @@ def nonlinear_answer(rig: Rig, machine: Linearised, force: Array, fs: float) -> 
     -------
     ndarray, shape (channel, sample)
         Accelerations [m/s^2].
+
+    Raises
+    ------
+    NotConvergedError
+        If the elements' forces and the motion do not agree at the end of every step.
     """
     m = modes(machine)
     step = 1 / fs
@@ -242,19 +259,66 @@ def nonlinear_answer(rig: Rig, machine: Linearised, force: Array, fs: float) -> 
     channels = np.array([m.port(name) for name in CHANNELS])
     # v = Σ λ·shape·x is exact away from the instant of a force; its derivative adds what the force accelerates at once
     direct = (channels * m.poles) @ drive
-    values = np.zeros((len(ports), 4))
+    values = np.zeros((len(ports), VALUES))
     for row, law in zip(values, rig.fittings.laws, strict=True):
         row[: len(law.values)] = law.values
-    return np.asarray(
-        integrate(
-            decay,
-            begin[:, None] * drive,
-            end[:, None] * drive,
-            np.vstack([deflections, deflections * m.poles]),
-            channels * m.poles**2,
-            np.ascontiguousarray(direct.real),
-            np.array([KINDS[law.kind] for law in rig.fittings.laws], dtype=np.int64),
-            values,
-            force,
-        )
+    response, left = integrate(
+        decay,
+        begin[:, None] * drive,
+        end[:, None] * drive,
+        np.vstack([deflections, deflections * m.poles]),
+        channels * m.poles**2,
+        np.ascontiguousarray(direct.real),
+        np.array([KINDS[law.kind] for law in rig.fittings.laws], dtype=np.int64),
+        values,
+        force,
+        step,
+    )
+    if not left <= 10 * TOLERANCE:
+        kinds = ", ".join(law.kind for law in rig.fittings.laws)
+        raise NotConvergedError(f"{kinds}: a step of {step:.3g} s is solved to {left:.3g} of the largest force only")
+    return np.asarray(response)
+
+
+def converged_answer(rig: Rig, machine: Linearised, blow: Blow, noise: Sequence[float]) -> tuple[Array, int, float]:
+    """
+    Accelerations of a machine with nonlinear elements, steps halved until that no longer matters.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine, for its laws.
+    machine : Linearised
+        The same, assembled.
+    blow : Blow
+        The blow.
+    noise : sequence of float
+        Standard deviation of the noise of each channel, by sample [m/s^2].
+
+    Returns
+    -------
+    response : ndarray, shape (channel, sample)
+        Filtered accelerations at FS [m/s^2].
+    fine : int
+        Steps to a sample.
+    error : float
+        Root mean square of what steps twice as long change, over that of the noise, in the channel where it is largest.
+
+    Raises
+    ------
+    NotConvergedError
+        If the finest steps are too long.
+    """
+    scale = np.asarray(noise)[:, None]
+    before, error = None, np.inf
+    for fine in STEPS:
+        answer = antialiased(nonlinear_answer(rig, machine, blow.force(fine), FS * fine), fine)
+        if before is not None:
+            error = float(np.sqrt(np.mean(((answer - before) / scale) ** 2, axis=1)).max())
+            if error <= CONVERGED:
+                return answer, fine, error
+        before = answer
+    kinds = ", ".join(law.kind for law in rig.fittings.laws)
+    raise NotConvergedError(
+        f"{kinds}: halving steps of 1/{STEPS[-2] * FS:.0f} s still changes {error:.3g} of the noise"
     )

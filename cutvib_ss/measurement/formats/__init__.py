@@ -6,63 +6,32 @@ from pathlib import Path
 
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.formats import csv, lvm, mat, tdms, uff
-from cutvib_ss.measurement.formats.raw import Contents, Format, Layout
+from cutvib_ss.measurement.formats.raw import Contents, Format, TextOptions
 
 FORMATS: dict[str, Format] = {".tdms": tdms, ".uff": uff, ".unv": uff, ".csv": csv, ".mat": mat, ".lvm": lvm}
-"""Module of each suffix."""
+"""Module of each suffix that records are written under."""
+
+_READ: dict[str, Format] = {**FORMATS, ".txt": csv, ".asc": csv, ".tsv": csv, ".dat": csv}
 
 
-def read_file(path: Path, frf: bool, layout: Layout) -> Contents:
-    """
-    Contents of a measurement file of any format.
-
-    Parameters
-    ----------
-    path : Path
-        File; its suffix tells the format.
-    frf : bool
-        Whether frequency responses are wanted, else time records.
-    layout : Layout
-        Quantities and nodes of the channels.
-
-    Returns
-    -------
-    Contents
-        Named columns in the file's own units.
-
-    Raises
-    ------
-    DataFormatError
-        If the file is missing, of an unknown suffix, empty, or not what its suffix says.
-    """
+def read_raw(path: Path, frf: bool, options: TextOptions | None = None) -> Contents:
+    """All columns of a measurement file by its own names and units: frequency responses, else time records."""
     format_ = format_of(path)
     if not path.is_file():
         raise DataFormatError(f"{path}: there is no such file; correct `file` in campaign.toml")
     if path.stat().st_size == 0:
         raise DataFormatError(f"{path}: the file is empty; copy it again from the analyser")
-    return format_.read(path, frf, layout)
+    return format_.read(path, frf, options or TextOptions())
 
 
 def format_of(path: Path) -> Format:
-    """
-    Module that reads a file, by its suffix.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-
-    Returns
-    -------
-    Format
-        The module.
-
-    Raises
-    ------
-    DataFormatError
-        If the suffix is unknown.
-    """
+    """Module that reads a file, by its suffix."""
     try:
-        return FORMATS[path.suffix.lower()]
+        return _READ[path.suffix.lower()]
     except KeyError:
-        raise DataFormatError(f"{path}: suffix {path.suffix!r} is not read; give one of {', '.join(FORMATS)}") from None
+        raise DataFormatError(f"{path}: suffix {path.suffix!r} is not read; give one of {', '.join(_READ)}") from None
+
+
+def is_readable(path: Path) -> bool:
+    """Whether a file's suffix is one that is read."""
+    return path.suffix.lower() in _READ

@@ -9,37 +9,17 @@ import lvm_read
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError
-from cutvib_ss.measurement.formats.raw import Contents, Layout, RawHistory, Signal, sampling_frequency
+from cutvib_ss.measurement.formats.names import split_heading
+from cutvib_ss.measurement.formats.raw import Contents, Layout, RawHistory, Signal, TextOptions, sampling_frequency
 
 
-def read(path: Path, frf: bool, layout: Layout) -> Contents:
-    """
-    Segments of a LabVIEW measurement file, one history each.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    frf : bool
-        Must be False: these files hold time records.
-    layout : Layout
-        Not used; columns bear their names.
-
-    Returns
-    -------
-    Contents
-        One history per segment.
-
-    Raises
-    ------
-    DataFormatError
-        If the file is damaged, truncated or lacks time steps.
-    """
+def read(path: Path, frf: bool, options: TextOptions) -> Contents:
+    """Segments of a LabVIEW measurement file, one history each."""
     if frf:
         raise DataFormatError(f"{path}: LVM holds time records; give FRFs as UFF, CSV or MAT, or set kind = 'impact'")
     try:
         # from text: given a path, the library loads a pickle that lies beside the file, even where told not to (1.26)
-        content = lvm_read.read_str(path.read_text(encoding="utf-8", errors="ignore"))
+        content = lvm_read.read_str(_text(path, options))
         segments = [content[k] for k in range(content["Segments"])]
     except Exception as error:  # the library raises whatever the damaged text leads it to
         raise DataFormatError(f"{path}: not a readable LVM file ({error}); export it again as text") from error
@@ -65,6 +45,16 @@ def write(path: Path, contents: Contents, layout: Layout) -> None:
         Always; the message names the formats that can be written.
     """
     raise DataFormatError(f"{path}: LVM is read only; write tdms, uff, csv or mat")
+
+
+def _text(path: Path, options: TextOptions) -> str:
+    content = path.read_bytes()
+    if options.encoding is not None:
+        return content.decode(options.encoding, errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")
 
 
 def _history(path: Path, number: int, segment: dict[str, Any], content: dict[str, Any]) -> RawHistory:
@@ -93,7 +83,11 @@ def _history(path: Path, number: int, segment: dict[str, Any], content: dict[str
         raise DataFormatError(f"{where}: truncated, {table.shape[0]} of {samples[0]} samples are there; copy it again")
     units = [str(u).strip() for u in segment.get("Y_Unit_Label", [])] or [""] * count
     signals = tuple(
-        Signal(names[k], units[i] if i < len(units) and units[i] else None, np.ascontiguousarray(table[:, k]))
+        Signal(
+            split_heading(names[k])[0],
+            (units[i] if i < len(units) and units[i] else None) or split_heading(names[k])[1],
+            np.ascontiguousarray(table[:, k]),
+        )
         for i, k in enumerate(kept)
     )
     return RawHistory(f"segment {number + 1}", sampling_frequency(steps[0]), signals)

@@ -27,11 +27,26 @@ class Signal:
         Unit as the file spells it; None where the file has none.
     values : ndarray, shape (sample,)
         Values in that unit.
+    group : str
+        Group of channels that it belongs to, where the format has groups.
+    dof : (int, int) or None
+        Node and signed direction, where the format numbers nodes; the sign is already applied to the values.
+    quantity : str or None
+        What it measures, where the format says so apart from the unit.
+    fs : float or None
+        Sampling frequency [Hz], where it is not the history's.
+    origin : str
+        Where in the file it stands, for messages.
     """
 
     name: str
     unit: str | None
     values: FloatArray
+    group: str = ""
+    dof: tuple[int, int] | None = None
+    quantity: str | None = None
+    fs: float | None = None
+    origin: str = ""
 
 
 @dataclass(frozen=True)
@@ -69,12 +84,25 @@ class RawResponse:
         Values in that unit.
     coherence : ndarray or None, shape (frequency,)
         Ordinary coherence, where the file has it.
+    dof, ref : (int, int) or None
+        Node and signed direction of response and input, where the format numbers nodes; signs are already applied.
+    quantity : str or None
+        What the response measures, where the format says so apart from the unit.
+    freq : ndarray or None, shape (frequency,)
+        Frequency [Hz], where it is not that of the others.
+    origin : str
+        Where in the file it stands, for messages.
     """
 
     name: str
     unit: str | None
     values: ComplexArray
     coherence: FloatArray | None = None
+    dof: tuple[int, int] | None = None
+    ref: tuple[int, int] | None = None
+    quantity: str | None = None
+    freq: FloatArray | None = None
+    origin: str = ""
 
 
 @dataclass(frozen=True)
@@ -88,10 +116,13 @@ class RawFrf:
         Frequency [Hz].
     responses : tuple of RawResponse
         One per channel.
+    force_amplitude : Signal or None
+        Amplitude of the force at each line, where the file states it.
     """
 
     freq: FloatArray
     responses: tuple[RawResponse, ...]
+    force_amplitude: Signal | None = None
 
 
 @dataclass(frozen=True)
@@ -107,11 +138,14 @@ class Contents:
         Frequency responses.
     warnings : tuple of str
         What the reader noticed.
+    si : bool
+        Whether values without a unit are SI by the format's convention.
     """
 
     histories: tuple[RawHistory, ...] = ()
     frf: RawFrf | None = None
     warnings: tuple[str, ...] = ()
+    si: bool = False
 
 
 @dataclass(frozen=True)
@@ -131,42 +165,26 @@ class Layout:
     nodes: Mapping[str, tuple[int, int | None]]
 
 
+@dataclass(frozen=True)
+class TextOptions:
+    """What of a text file is stated because it cannot be told from the file (``[csv]``); None: recognised."""
+
+    delimiter: str | None = None
+    decimal: str | None = None
+    encoding: str | None = None
+    header_lines: int | None = None
+    time: str | int | None = None
+
+
 class Format(Protocol):
     """What each module of a format offers."""
 
-    def read(self, path: Path, frf: bool, layout: Layout) -> Contents:
-        """
-        Contents of a file.
-
-        Parameters
-        ----------
-        path : Path
-            File.
-        frf : bool
-            Whether frequency responses are wanted, else time records.
-        layout : Layout
-            Quantities and nodes of the channels.
-
-        Returns
-        -------
-        Contents
-            Named columns in the file's own units.
-        """
+    def read(self, path: Path, frf: bool, options: TextOptions) -> Contents:
+        """All columns of a file by its own names and units: frequency responses, else time records."""
         ...
 
     def write(self, path: Path, contents: Contents, layout: Layout) -> None:
-        """
-        Write contents to a new file.
-
-        Parameters
-        ----------
-        path : Path
-            File to write.
-        contents : Contents
-            Histories or frequency responses.
-        layout : Layout
-            Quantities and nodes of the channels.
-        """
+        """Write histories or frequency responses to a new file."""
         ...
 
 
@@ -200,7 +218,7 @@ def sampling_frequency(step: float, tolerance: float = 1e-9) -> float:
     return 1 / step
 
 
-def even_sampling(time: FloatArray, where: str) -> float:
+def even_sampling(time: FloatArray, where: str, resolution: float = 0.0) -> float:
     """
     Sampling frequency of a time column, after checking that its steps are even up to its own rounding.
 
@@ -210,6 +228,8 @@ def even_sampling(time: FloatArray, where: str) -> float:
         Time [s].
     where : str
         File and blow, for the message.
+    resolution : float
+        Rounding of the times [s], where it is known to be coarser than their digits (a date in days).
 
     Returns
     -------
@@ -237,7 +257,7 @@ def even_sampling(time: FloatArray, where: str) -> float:
     # a straight line through all times is better known than any one step of rounded times
     step, start = np.polyfit(index - index.mean(), time, 1)
     error = float(np.max(np.abs(time - start - step * (index - index.mean()))))
-    quantum = _printed_quantum(time)
+    quantum = max(_printed_quantum(time), resolution)
     # printed coarsely, times hide some jitter, but never a sample that was dropped
     if error > max(1e-3 * step, min(quantum, 0.3 * step)):
         raise DataFormatError(

@@ -3,54 +3,44 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import nptdms
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError
-from cutvib_ss.measurement.formats.raw import Contents, Layout, RawHistory, Signal, sampling_frequency
+from cutvib_ss.measurement.formats.names import TIME_NAMES, split_heading
+from cutvib_ss.measurement.formats.raw import (
+    Contents,
+    Layout,
+    RawHistory,
+    Signal,
+    TextOptions,
+    even_sampling,
+    sampling_frequency,
+)
 
 _LEAD_IN = 28  # bytes: tag, table of contents, version, next segment, raw data
 _BIG_ENDIAN = 1 << 6  # in the table of contents
 _OPEN = 2**64 - 1  # next segment of a file that its recorder did not close
 
 
-def read(path: Path, frf: bool, layout: Layout) -> Contents:
-    """
-    Groups of a TDMS file, one history each.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    frf : bool
-        Must be False: TDMS files hold time records.
-    layout : Layout
-        Not used; channels bear their names.
-
-    Returns
-    -------
-    Contents
-        One history per group, scaled as the file says.
-
-    Raises
-    ------
-    DataFormatError
-        If the file is truncated, damaged, or lacks time steps.
-    """
+def read(path: Path, frf: bool, options: TextOptions) -> Contents:
+    """Groups of a TDMS file, one history each, scaled as the file says; a group without data is passed over."""
     if frf:
         raise DataFormatError(f"{path}: TDMS holds time records; give FRFs as UFF, CSV or MAT, or set kind = 'impact'")
     _check_complete(path)
+    warnings: list[str] = []
     try:
         file = nptdms.TdmsFile.read(path)
         groups = file.groups()
-        histories = tuple(_history(path, group) for group in groups)
+        histories = tuple(_history(path, group, warnings) for group in groups if group.channels())
     except DataFormatError:
         raise
     except Exception as error:  # npTDMS raises whatever the damaged bytes lead it to
         raise DataFormatError(f"{path}: not a readable TDMS file ({error}); copy it again from the recorder") from error
-    return Contents(histories=histories)
+    return Contents(histories=histories, warnings=tuple(warnings))
 
 
 def write(path: Path, contents: Contents, layout: Layout) -> None:
@@ -89,30 +79,39 @@ def write(path: Path, contents: Contents, layout: Layout) -> None:
         writer.write_segment(objects)
 
 
-def _history(path: Path, group: nptdms.TdmsGroup) -> RawHistory:
+def _history(path: Path, group: nptdms.TdmsGroup, warnings: list[str]) -> RawHistory:
     where = f"{path}: group {group.name!r}"
     channels = group.channels()
-    steps = {}
+    clock = next((c for c in channels if c.name.casefold() in TIME_NAMES and "wf_increment" not in c.properties), None)
+    common = None if clock is None else 1 / even_sampling(np.asarray(clock[:], dtype=np.float64), where)
+    signals, steps, faults = [], {}, []
     for channel in channels:
-        step = channel.properties.get("wf_increment")
-        if not isinstance(step, (int, float)) or not step > 0:
-            raise DataFormatError(
-                f"{where}, channel {channel.name!r}: `wf_increment` (time step) is {step!r}; set it in seconds"
-            )
-        steps[channel.name] = float(step)
-    if not steps:
-        raise DataFormatError(f"{where} holds no channels; each group is one blow with `force` and responses")
-    first = next(iter(steps.values()))
-    if any(abs(step / first - 1) > 1e-9 for step in steps.values()):
-        raise DataFormatError(f"{where}: channels have different time steps {steps}; record them on one clock")
-    signals = []
-    for channel in channels:
+        if channel is clock:
+            continue
+        step = channel.properties.get("wf_increment", common)
         values = np.asarray(channel[:])
-        if values.dtype.kind not in "fiu":
-            raise DataFormatError(f"{where}, channel {channel.name!r} holds {values.dtype}, not numbers")
-        unit = channel.properties.get("unit_string")
-        signals.append(Signal(channel.name, str(unit) if unit else None, values.astype(np.float64)))
-    return RawHistory(group.name, sampling_frequency(first), tuple(signals))
+        if not isinstance(step, (int, float)) or not step > 0:
+            faults.append(
+                f"{where}, channel {channel.name!r}: `wf_increment` (time step) is {step!r}; set it in seconds, or record "
+                "a channel `time`"
+            )
+        elif values.dtype.kind not in "fiu":
+            faults.append(f"{where}, channel {channel.name!r} holds {values.dtype}, not numbers")
+        else:
+            unit = channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription")
+            steps[channel.name] = float(step)
+            name, stated = split_heading(channel.name)
+            signals.append(Signal(name, str(unit) if unit else stated, values.astype(np.float64)))
+    if faults and len(signals) < 2:
+        raise DataFormatError(faults[0])
+    warnings += [f"{fault}: left out" for fault in faults]
+    first = next(iter(steps.values()))
+    fs = sampling_frequency(first)
+    signals = [
+        s if abs(step / first - 1) <= 1e-9 else replace(s, fs=sampling_frequency(step))
+        for s, step in zip(signals, steps.values(), strict=True)
+    ]
+    return RawHistory(group.name, fs, tuple(signals))
 
 
 def _check_complete(path: Path) -> None:

@@ -17,6 +17,7 @@ from cutvib_ss.measurement.formats.raw import (
     RawHistory,
     RawResponse,
     Signal,
+    TextOptions,
     even_sampling,
     sampling_frequency,
 )
@@ -41,30 +42,8 @@ class _DataSet:
         return int(self.header[f"{which}_node"]), int(self.header[f"{which}_dir"])
 
 
-def read(path: Path, frf: bool, layout: Layout) -> Contents:
-    """
-    Contents of a universal file; node and direction give the channel.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    frf : bool
-        Whether frequency responses are wanted, else time records.
-    layout : Layout
-        Node and direction of every channel and of the force.
-
-    Returns
-    -------
-    Contents
-        Frequency responses with their coherences; or histories: the n-th time record of each degree of freedom makes
-        the n-th blow. A negative direction turns the sign.
-
-    Raises
-    ------
-    DataFormatError
-        If the file is truncated, holds no such data sets, or two of them claim one channel.
-    """
+def read(path: Path, frf: bool, options: TextOptions) -> Contents:
+    """All functions of one kind, named by node and direction (``101:+Z``); a negative direction turns the sign."""
     sets, factors = _data_sets(path)
     types = sorted({int(s.header["func_type"]) for s in sets})
     wanted = [s for s in sets if s.header["func_type"] == (_FRF if frf else _TIME)]
@@ -74,8 +53,9 @@ def read(path: Path, frf: bool, layout: Layout) -> Contents:
             f"among its data sets 58 (function types {types}); correct `kind` in campaign.toml"
         )
     if not frf:
-        return _time_records(path, wanted, layout, factors)
-    return _responses(path, wanted, [s for s in sets if s.header["func_type"] == _COHERENCE], layout, factors)
+        return Contents(histories=_histories(wanted, path, factors))
+    coherences = [s for s in sets if s.header["func_type"] == _COHERENCE]
+    return Contents(frf=_responses(wanted, coherences, path, factors))
 
 
 def write(path: Path, contents: Contents, layout: Layout) -> None:
@@ -93,6 +73,10 @@ def write(path: Path, contents: Contents, layout: Layout) -> None:
     """
     sets: list[dict[str, Any]] = []
     if contents.frf is not None:
+        if contents.frf.force_amplitude is not None:
+            raise DataFormatError(
+                f"{path.name}: UFF has no place for the force amplitude of each line; write csv or mat"
+            )
         freq = contents.frf.freq
         even = bool(np.allclose(np.diff(freq), freq[1] - freq[0], rtol=1e-9, atol=0))
         for response in contents.frf.responses:
@@ -182,18 +166,6 @@ def _data_sets(path: Path) -> tuple[list[_DataSet], tuple[float, float]]:
     return sets, factors
 
 
-def _channel_of(dof: tuple[int, int], layout: Layout, quantity: str | None) -> str | None:
-    """Response channel at a node and direction; a known quantity tells channels of one place apart."""
-    node, direction = dof
-    there = [
-        name
-        for name, (n, d) in layout.nodes.items()
-        if name != "force" and n == node and (d is None or d == abs(direction))
-    ]
-    fitting = [name for name in there if quantity in (None, layout.quantities[name])]
-    return next(iter(fitting or there), None)
-
-
 def _known_quantity(data_set: _DataSet) -> str | None:
     return _QUANTITY_OF_TYPE.get(int(data_set.header["ordinate_spec_data_type"]))
 
@@ -203,9 +175,7 @@ def _label(data_set: _DataSet, axis: str) -> str | None:
     return None if label.upper() in ("", "NONE") else label
 
 
-def _unit(
-    path: Path, data_set: _DataSet, axis: str, expected: str, factors: tuple[float, float]
-) -> tuple[str | None, float]:
+def _unit(data_set: _DataSet, axis: str, factors: tuple[float, float]) -> tuple[str | None, float]:
     """Unit of numerator or denominator, and the factor to it: the label, or the data type in the file's unit system."""
     label = _label(data_set, axis)
     if label is not None:
@@ -213,67 +183,78 @@ def _unit(
     quantity = _QUANTITY_OF_TYPE.get(int(data_set.header[f"{axis}_spec_data_type"]))
     if quantity is None:
         return None, 1.0
-    if quantity != expected:
-        raise DataFormatError(
-            f"{path}: data set {data_set.number} holds {quantity}, but this channel is {expected}; "
-            "correct [dofs], or export the function as " + expected
-        )
     length, force = factors
     return SI_UNIT[quantity], 1 / (length if _LENGTH_POWER[quantity] else force)
 
 
-def _responses(
-    path: Path, wanted: list[_DataSet], coherences: list[_DataSet], layout: Layout, factors: tuple[float, float]
-) -> Contents:
-    warnings = []
-    force_node, force_direction = layout.nodes["force"]
-    driven = [
-        s
-        for s in wanted
-        if s.dof("ref")[0] == force_node and (force_direction is None or abs(s.dof("ref")[1]) in (0, force_direction))
-    ]
-    if not driven:
-        raise DataFormatError(
-            f"{path}: no FRF refers to the force's node {force_node} (references: "
-            f"{sorted({s.dof('ref') for s in wanted})} as node, direction); set the node numbers under [dofs]"
-        )
-    responses: dict[str, tuple[_DataSet, RawResponse]] = {}
-    ignored = {s.dof("rsp") for s in wanted if s not in driven}
-    for data_set in driven:
-        channel = _channel_of(data_set.dof("rsp"), layout, _known_quantity(data_set))
-        if channel is None:
-            ignored.add(data_set.dof("rsp"))
-            continue
-        if channel in responses:
-            raise DataFormatError(
-                f"{path}: data sets {responses[channel][0].number} and {data_set.number} are both FRFs of {channel!r}; "
-                "one file holds one of each, so split it, one record a file"
-            )
-        numerator, up = _unit(path, data_set, "ordinate", layout.quantities[channel], factors)
+def _responses(wanted: list[_DataSet], coherences: list[_DataSet], path: Path, factors: tuple[float, float]) -> RawFrf:
+    axis = wanted[0].abscissa
+    responses = []
+    for data_set in wanted:
+        numerator, up = _unit(data_set, "ordinate", factors)
         denominator, down = (None, 1.0)
         if numerator is None or "/" not in numerator.replace("m/s", ""):
-            denominator, down = _unit(path, data_set, "orddenom", layout.quantities["force"], factors)
-        if numerator is None:
-            unit = None
-        else:
-            unit = numerator if denominator is None else f"{numerator}/{denominator}"
-        sign = np.sign(data_set.dof("rsp")[1] or 1) * np.sign(data_set.dof("ref")[1] or 1)
-        coherence = _coherence(path, data_set, coherences)
-        raw = RawResponse(channel, unit, sign * up / down * data_set.values, coherence)
-        responses[channel] = (data_set, raw)
-    if not responses:
-        raise DataFormatError(
-            f"{path}: no FRF at the node and direction of a channel {_places(layout)}; it has "
-            f"{sorted({s.dof('rsp') for s in wanted})}; set the node numbers under [dofs]"
+            denominator, down = _unit(data_set, "orddenom", factors)
+        unit = numerator if numerator is None or denominator is None else f"{numerator}/{denominator}"
+        rsp, ref = data_set.dof("rsp"), data_set.dof("ref")
+        sign = np.sign(rsp[1] or 1) * np.sign(ref[1] or 1)
+        alike = data_set.abscissa.shape == axis.shape and np.allclose(data_set.abscissa, axis, rtol=1e-6)
+        responses.append(
+            RawResponse(
+                dof_name(rsp),
+                unit,
+                sign * up / down * data_set.values,
+                _coherence(path, data_set, coherences),
+                dof=rsp,
+                ref=ref,
+                quantity=_known_quantity(data_set),
+                freq=None if alike else data_set.abscissa,
+                origin=f"data set {data_set.number}",
+            )
         )
-    if ignored:
-        warnings.append(
-            f"{path}: functions at (node, direction) {sorted(ignored)} belong to no channel and are left out"
-        )
-    axes = [s.abscissa for s, _ in responses.values()]
-    if any(axis.shape != axes[0].shape or not np.allclose(axis, axes[0], rtol=1e-6) for axis in axes):
-        raise DataFormatError(f"{path}: its FRFs have different frequency axes; export all channels with one")
-    return Contents(frf=RawFrf(axes[0], tuple(raw for _, raw in responses.values())), warnings=tuple(warnings))
+    return RawFrf(axis, tuple(responses))
+
+
+def _histories(wanted: list[_DataSet], path: Path, factors: tuple[float, float]) -> tuple[RawHistory, ...]:
+    """The n-th time record of each degree of freedom and quantity makes the n-th blow."""
+    columns: dict[tuple[int, int, str | None], list[_DataSet]] = {}
+    for data_set in wanted:
+        node, direction = data_set.dof("rsp")
+        columns.setdefault((node, abs(direction), _measured(data_set)), []).append(data_set)
+    places = [key[:2] for key in columns]
+    histories = []
+    for blow in range(max(len(sets) for sets in columns.values())):
+        present = {key: sets[blow] for key, sets in columns.items() if blow < len(sets)}
+        first = next(iter(present.values()))
+        fs = _rate(path, first)
+        signals = []
+        for key, data_set in present.items():
+            unit, factor = _unit(data_set, "ordinate", factors)
+            dof, quantity = data_set.dof("rsp"), key[2]
+            rate = _rate(path, data_set)
+            name = dof_name(dof) + (f" {quantity or 'other'}" if places.count(key[:2]) > 1 else "")
+            sign = 1.0 if dof[1] >= 0 else -1.0
+            signals.append(
+                Signal(
+                    name,
+                    unit,
+                    sign * factor * data_set.values.real,
+                    dof=dof,
+                    quantity=quantity,
+                    fs=None if rate == fs else rate,
+                    origin=f"data set {data_set.number}",
+                )
+            )
+        title = str(first.header.get("id2", "")).strip()
+        histories.append(RawHistory(title if title and title != "NONE" else f"blow {blow + 1}", fs, tuple(signals)))
+    return tuple(histories)
+
+
+def dof_name(dof: tuple[int, int]) -> str:
+    """Node and direction as analysers write them: ``101:+Z``; rotations as ``+RZ``, direction 0 as ``S``."""
+    node, direction = dof
+    axis = {0: "S", 1: "X", 2: "Y", 3: "Z", 4: "RX", 5: "RY", 6: "RZ"}.get(abs(direction), str(abs(direction)))
+    return f"{node}:{'-' if direction < 0 else '+'}{axis}"
 
 
 def _coherence(path: Path, data_set: _DataSet, coherences: list[_DataSet]) -> FloatArray | None:
@@ -294,55 +275,14 @@ def _coherence(path: Path, data_set: _DataSet, coherences: list[_DataSet]) -> Fl
     return np.ascontiguousarray(best.values.real)
 
 
-def _time_records(path: Path, wanted: list[_DataSet], layout: Layout, factors: tuple[float, float]) -> Contents:
-    columns: dict[str, list[_DataSet]] = {}
-    ignored = set()
-    for data_set in wanted:
-        channel = "force" if _is_force(data_set, layout) else None
-        channel = channel or _channel_of(data_set.dof("rsp"), layout, _known_quantity(data_set))
-        if channel is None:
-            ignored.add(data_set.dof("rsp"))
-        else:
-            columns.setdefault(channel, []).append(data_set)
-    if not columns:
-        raise DataFormatError(
-            f"{path}: no time record at the node and direction of a channel {_places(layout)}; set the node numbers "
-            "under [dofs]"
-        )
-    counts = {channel: len(sets) for channel, sets in columns.items()}
-    if len(set(counts.values())) > 1:
-        raise DataFormatError(
-            f"{path}: channels have different numbers of time records {counts}; each blow needs one of every channel"
-        )
-    histories = []
-    for blow in range(next(iter(counts.values()))):
-        signals = []
-        rates = {}
-        for channel, sets in columns.items():
-            data_set = sets[blow]
-            unit, factor = _unit(path, data_set, "ordinate", layout.quantities[channel], factors)
-            sign = 1.0 if data_set.dof("rsp")[1] >= 0 else -1.0
-            signals.append(Signal(channel, unit, sign * factor * data_set.values.real))
-            rates[channel] = _rate(path, data_set)
-        if len(set(rates.values())) > 1:
-            raise DataFormatError(
-                f"{path}: channels have different sampling frequencies {rates}; record them on one clock"
-            )
-        name = columns[next(iter(columns))][blow].header.get("id2", "")
-        name = name if name and name != "NONE" else f"blow {blow + 1}"
-        histories.append(RawHistory(name, next(iter(rates.values())), tuple(signals)))
-    note = f"{path}: time records at (node, direction) {sorted(ignored)} belong to no channel and are left out"
-    return Contents(histories=tuple(histories), warnings=(note,) if ignored else ())
-
-
-def _is_force(data_set: _DataSet, layout: Layout) -> bool:
-    """The force shares node and direction with the driving point: its data type, unit or name tells."""
+def _measured(data_set: _DataSet) -> str | None:
+    """Quantity of a time record; the input is told by data type, unit or name, since it shares a node with a response."""
+    label = _label(data_set, "ordinate")
     if str(data_set.header["id1"]).strip().lower().split(" ")[-1] == "force":
-        return True
-    if layout.quantities["force"] == "force":
-        label = _label(data_set, "ordinate")
-        return _known_quantity(data_set) == "force" or (label is not None and label.lower() in ("n", "newton"))
-    return False
+        return "force"
+    if label is not None and label.lower() in ("n", "newton"):
+        return "force"
+    return _known_quantity(data_set)
 
 
 def _rate(path: Path, data_set: _DataSet) -> float:
@@ -355,8 +295,3 @@ def _rate(path: Path, data_set: _DataSet) -> float:
     # the header prints the step with six digits
     last = 10.0 ** (np.floor(np.log10(step)) - 5)
     return sampling_frequency(step, max(0.51 * last / step, 1e-9))
-
-
-def _places(layout: Layout) -> dict[str, str]:
-    axes = {1: "X", 2: "Y", 3: "Z", None: ""}
-    return {name: f"{node}{axes.get(direction, '')}" for name, (node, direction) in layout.nodes.items()}

@@ -1,0 +1,278 @@
+"""
+Noise of blows told apart: what the sensors add, what orders with the force of the blow, and the rest from blow to blow.
+
+The variance that `estimate` gives is all scatter from blow to blow. Part of it is the sensors' own noise, which is there before the
+blow, too; part follows the force, and is nonlinearity of the structure; the rest is the hand: point, direction and gain of the hit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal, stats
+
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.measurement.estimation import blow_start, h1, without_offset
+from cutvib_ss.measurement.noise import NOISE_BINS, high_pass_variance, smooth_noise
+from cutvib_ss.measurement.records import History, Record
+from cutvib_ss.results import FloatArray
+
+_FEWEST_QUIET = 32  # samples of a quiet part from which a power is told
+_SEGMENT = 256  # samples of the segments of long quiet parts
+_STEADY = (
+    1.3  # of the power of the last eighth of a record over that of the one before it, and over that before the blow
+)
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """
+    Noise of the sensors of an impact record, and what it does to H1.
+
+    Parameters
+    ----------
+    freq : ndarray, shape (frequency,)
+        Lines of the record's transform [Hz].
+    force : ndarray, shape (frequency,)
+        One-sided power spectral density of the force channel's noise [N^2/Hz]; NaN where no part is quiet.
+    responses : ndarray, shape (channel, frequency)
+        The same of each response channel [unit^2/Hz].
+    variance : ndarray, shape (channel, frequency)
+        Variance E|ΔH|² that it leaves on H1 of all blows; NaN where unknown, infinite at lines without force.
+    samples : ndarray of int, shape (1 + channel,)
+        Quiet samples behind the force and each channel, over all blows.
+    """
+
+    freq: FloatArray
+    force: FloatArray
+    responses: FloatArray
+    variance: FloatArray
+    samples: np.ndarray
+
+
+@dataclass(frozen=True)
+class BlowScatter:
+    """
+    Scatter of single blows about their H1, told apart by what orders with the force.
+
+    Parameters
+    ----------
+    freq : ndarray, shape (frequency,)
+        Lines [Hz].
+    ordered : ndarray, shape (channel, frequency)
+        Mean square over the blows of the part of H that goes with the peak force, its own noise taken off (may be negative where
+        there is none); NaN with fewer than three blows.
+    rest : ndarray, shape (channel, frequency)
+        Variance of the H of a single blow about that, smoothed over frequency.
+    noise : ndarray, shape (channel, frequency)
+        Variance that the sensors' noise alone leaves on the H of a single blow; NaN where unknown.
+    ratio : ndarray, shape (channel,)
+        Mean of rest over noise: one where the sensors explain it, above where the hits differ.
+    significance : ndarray, shape (channel,)
+        Probability of an ordered part as large as this where nothing orders with the force; NaN where it cannot be told.
+    force_spread : float
+        Standard deviation of the peak forces over their mean.
+    """
+
+    freq: FloatArray
+    ordered: FloatArray
+    rest: FloatArray
+    noise: FloatArray
+    ratio: FloatArray
+    significance: FloatArray
+    force_spread: float
+
+
+def pretrigger_noise(record: Record) -> SensorNoise:
+    """
+    Noise of each channel from the samples before the blows and from tails that have died out.
+
+    Parameters
+    ----------
+    record : Record
+        Impact record.
+
+    Returns
+    -------
+    SensorNoise
+        Densities of the channels, and the variance of H1 that follows.
+
+    Raises
+    ------
+    ParameterError
+        If the record is of another kind.
+
+    Notes
+    -----
+    With N_a on the response and N_f on the force, H1 = Σ A F* / Σ |F|² is off by Σ (N_a - H N_f) F* / Σ |F|², so that
+    E|ΔH|² = (E|N_a|² + |H|² E|N_f|²) / Σ |F|². The powers come from the quiet parts of all blows (Welch 1967, Hann segments, each
+    part's own mean taken off), on their coarse lines, and are interpolated. A force is quiet but for its blow. A response is quiet
+    before the blow; its last eighth counts where its power neither falls any more nor exceeds that before the blow. A part in which
+    the analyser wrote zeros is no noise of a sensor and is passed over.
+    """
+    if record.kind != "impact":
+        raise ParameterError(
+            f"record {record.name!r} is of kind {record.kind!r}; only blows have quiet parts before them"
+        )
+    samples = min(history.force.size for history in record.histories)
+    fs = record.histories[0].fs
+    freq: FloatArray = np.arange(samples // 2 + 1, dtype=np.float64) * (fs / samples)
+    centred = [without_offset(history, samples) for history in record.histories]
+    force = np.stack([np.fft.rfft(f) / fs for f, _ in centred])
+    response = np.stack([np.fft.rfft(a, axis=-1) / fs for _, a in centred])
+    input_power = np.sum(np.abs(force) ** 2, axis=0)
+    on_force, counts = _density([part for h in record.histories for part in _quiet_force(h)], freq, fs)
+    densities, samples_of = [], [counts]
+    for k in range(len(record.channels)):
+        parts = [part for h in record.histories for part in _quiet_response(h, k)]
+        density, count = _density(parts, freq, fs)
+        densities.append(density)
+        samples_of.append(count)
+    # of a transform rfft(x)/fs over T = samples/fs, noise of one-sided density S has the power S T / 2
+    duration = samples / fs
+    h = np.stack([h1(force, response[:, k]) for k in range(len(record.channels))])
+    power = 0.5 * duration * (np.stack(densities) + np.abs(h) ** 2 * on_force)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance = power / input_power
+    return SensorNoise(freq, on_force, np.stack(densities), variance, np.array(samples_of))
+
+
+def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_bins: int = NOISE_BINS) -> BlowScatter:
+    """
+    What of the scatter from blow to blow orders with the peak force, and what is left.
+
+    Parameters
+    ----------
+    record : Record
+        Impact record of three blows or more; with fewer there is nothing to tell apart.
+    band : (float, float), optional
+        Lines to use [Hz]; default all at which the force has a thousandth of its largest power.
+    noise_bins : int
+        Half width of the smoothing of the powers [bins].
+
+    Returns
+    -------
+    BlowScatter
+        On the lines of the band.
+
+    Raises
+    ------
+    ParameterError
+        If the record is of another kind, or the band holds no line.
+
+    Notes
+    -----
+    At each line A_i = (H + G x_i) F_i + E_i by least squares, x_i the peak force about its mean (weighted by |F_i|²) and of unit
+    mean square: |G|² is the ordered power, with one complex degree of freedom, and what is left has n - 2.
+
+    Significance: the sum over lines of ordered over rest is compared with an F distribution. Sensor noise is
+    independent from line to line, a hit beside the point is not: with a rest of ρ times the noise, whose excess is taken as one
+    real direction common to all L lines (a gain, at worst), the sum has ν = 2 L ρ² / (1 + 2(ρ-1) + 2 L (ρ-1)²) degrees of freedom
+    (Satterthwaite 1946), ordered and rest alike. A structure with a law in the force orders all channels; so does a hand that
+    hits elsewhere when it hits harder: what orders with the force is evidence of nonlinearity, not proof.
+    """
+    if record.kind != "impact":
+        raise ParameterError(
+            f"record {record.name!r} is of kind {record.kind!r}; only blows can be compared one by one"
+        )
+    noise = pretrigger_noise(record)
+    samples = min(history.force.size for history in record.histories)
+    fs = record.histories[0].fs
+    centred = [without_offset(history, samples) for history in record.histories]
+    force = np.stack([np.fft.rfft(f) / fs for f, _ in centred])
+    response = np.stack([np.fft.rfft(a, axis=-1) / fs for _, a in centred])
+    input_power = np.sum(np.abs(force) ** 2, axis=0)
+    keep = input_power > 1e-3 * np.max(input_power)
+    keep[0] = False
+    if band is not None:
+        keep = (input_power > 0) & (noise.freq >= band[0]) & (noise.freq <= band[1]) & (noise.freq > 0)
+    if not np.any(keep):
+        raise ParameterError(f"record {record.name!r}: band {band} Hz holds no line with force")
+    force, input_power, freq = force[:, keep], input_power[keep], noise.freq[keep]
+    peaks = np.array([float(np.max(np.abs(f))) for f, _ in centred])
+    count, channels = len(centred), len(record.channels)
+    spread = float(np.std(peaks) / np.mean(peaks))
+    # of a single blow, the mean blow's: the variance of H1 over all of them is that over their number
+    single = noise.variance[:, keep] * count
+    shape = (channels, freq.size)
+    if count < 3 or spread < 1e-9:
+        blank = np.full(shape, np.nan)
+        none = np.full(channels, np.nan)
+        return BlowScatter(freq, blank, blank, single, none, none, spread)
+    share = np.abs(force) ** 2 / input_power
+    x = peaks[:, np.newaxis] - np.sum(share * peaks[:, np.newaxis], axis=0)
+    x = x / np.sqrt(np.sum(share * x**2, axis=0))
+    ordered, rest = np.empty(shape), np.empty(shape)
+    ratio, significance = np.empty(channels), np.empty(channels)
+    for k in range(channels):
+        a = response[:, k][:, keep]
+        h = np.sum(a * force.conj(), axis=0) / input_power
+        g = np.sum(x * (a - h * force) * force.conj(), axis=0) / input_power
+        left = np.sum(np.abs(a - (h + g * x) * force) ** 2, axis=0)
+        expected = smooth_noise(left / (count - 2), np.abs(h), noise_bins) / input_power
+        ordered[k] = np.abs(g) ** 2 - expected
+        rest[k] = expected * count
+        known = single[k] if np.all(np.isfinite(single[k])) else high_pass_variance(a[0] / force[0], noise_bins)
+        ratio[k] = float(np.mean(rest[k] / np.maximum(known, 1e-12 * np.max(rest[k]) + 1e-300)))
+        # an excess counts beyond two deviations of what noise and its estimate scatter themselves
+        quiet = max(noise.samples[1 + k], 1) * freq.size * fs / samples / (fs / 2)
+        scatter = np.sqrt(1 / (freq.size * (count - 2)) + 1 / max(quiet, 1.0))
+        freedom = _freedom(freq.size, max(float(ratio[k]) / (1 + 2 * scatter), 1.0))
+        # both over one smooth power that takes no side
+        weight = 1 / smooth_noise((np.abs(g) ** 2 * input_power + left) / (count - 1), np.abs(h), noise_bins)
+        statistic = float(np.mean(np.abs(g) ** 2 * input_power * weight) / np.mean(left / (count - 2) * weight))
+        significance[k] = float(stats.f.sf(statistic, freedom, freedom * (count - 2)))
+    return BlowScatter(freq, ordered, rest, single, ratio, significance, spread)
+
+
+def _freedom(lines: int, ratio: float) -> float:
+    """Real degrees of freedom of a sum over lines of noise with an excess in one real direction common to all."""
+    return 2 * lines * ratio**2 / (1 + 2 * (ratio - 1) + 2 * lines * (ratio - 1) ** 2)
+
+
+def _quiet_force(history: History) -> list[FloatArray]:
+    """Before the blow, and from a while after it to the end: a force is noise but for its blow."""
+    start = blow_start(history.force)
+    force = history.force
+    peak = float(np.max(np.abs(force - np.median(force))))
+    loud = np.flatnonzero(np.abs(force - np.median(force)) > 0.05 * peak)
+    end = int(loud[-1]) if loud.size else 0
+    # the filter of the digitiser rings, and a sensor swings out, for as long as the blow lasted and more
+    after = end + max(8 * (end - start + 8), 64)
+    return _alive([force[:start], force[after:]])
+
+
+def _quiet_response(history: History, channel: int) -> list[FloatArray]:
+    """Before the blow; and the last eighth, where it has died out."""
+    values = history.responses[channel]
+    before = values[: blow_start(history.force)]
+    eighth = values.size // 8
+    last, earlier = values[-eighth:], values[-2 * eighth : -eighth]
+    parts = [before]
+    if eighth >= _FEWEST_QUIET and np.var(last) > 0:
+        steady = np.var(earlier) <= _STEADY * np.var(last)
+        if before.size >= _FEWEST_QUIET:
+            # a few samples scatter: by three standard deviations of their variance
+            steady = steady and np.var(last) <= _STEADY * np.var(before) * (1 + 3 * np.sqrt(2 / before.size))
+        if steady:
+            parts.append(last)
+    return _alive(parts)
+
+
+def _alive(parts: list[FloatArray]) -> list[FloatArray]:
+    return [part for part in parts if part.size >= _FEWEST_QUIET and np.ptp(part) > 0]
+
+
+def _density(parts: list[FloatArray], freq: FloatArray, fs: float) -> tuple[FloatArray, int]:
+    """One-sided density of quiet parts together, weighted by their lengths, on the lines asked for; NaN where none is."""
+    if not parts:
+        return np.full(freq.size, np.nan), 0
+    total, weights = np.zeros(freq.size), 0
+    for part in parts:
+        segment = min(part.size, _SEGMENT)
+        at, density = signal.welch(part - np.mean(part), fs, window="hann", nperseg=segment, detrend=False)
+        # the first lines carry what the mean took off
+        total += part.size * np.interp(freq, at[2:-1], density[2:-1])
+        weights += part.size
+    return total / weights, weights

@@ -1,0 +1,188 @@
+"""What looks wrong without being impossible: units off by a known factor, the same data twice, a sensor that drifts."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cutvib_ss.measurement.estimation import blow_start
+from cutvib_ss.measurement.inputs import port_of
+from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.structure import Structure
+from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
+from cutvib_ss.units import STANDARD_GRAVITY
+
+_FACTORS = {
+    STANDARD_GRAVITY: "9.81 times too large",
+    1 / STANDARD_GRAVITY: "9.81 times too small",
+    1000.0: "1000 times too large",
+    1e-3: "1000 times too small",
+}
+_CAUSES = {
+    STANDARD_GRAVITY: "values in m/s^2 that are called g, or a force in kgf",
+    1 / STANDARD_GRAVITY: "values in g that are called m/s^2",
+    1000.0: "values in mm (or mV) that are called m (or V)",
+    1e-3: "values in m (or V) that are called mm (or mV), or a force in mN",
+}
+_CLOSE = 0.25
+"""Of the logarithm of a level over the nominal model's: what sensors and models are off by at most."""
+
+_FAR = 20.0
+"""Level over the nominal model's that no sensor or structure is off by, whatever the factor."""
+
+_ALIKE = 1.0
+"""Spread between the quartiles of that logarithm up to which the shapes are alike."""
+
+_DRIFT = 0.02  # of a channel's largest value: a smaller drift is left alone
+_CLEAR = 6.0  # standard deviations that a drift must stand out
+
+
+def unit_hints(record: Record, machine: MachineLike, where: str, frf: MeasuredFrequencyResponse) -> list[str]:
+    """A word on every channel whose level over the nominal model's is off by a factor between units; nothing is changed."""
+    found: dict[str, float] = {}
+    far: dict[str, float] = {}
+    for name, (level, spread) in levels_over_nominal(record, machine, frf).items():
+        for factor in _FACTORS:
+            # a structure that is another one has another shape, too
+            if abs(np.log(level / factor)) < _CLOSE and spread < _ALIKE:
+                found[name] = factor
+        if name not in found and abs(np.log(level)) > np.log(_FAR) and spread < _ALIKE:
+            far[name] = level
+    end = "(a unit or gain under [channels] overrides the file's)"
+    said = []
+    if len(found) == len(record.channels) > 1 and len(set(found.values())) == 1:
+        factor = next(iter(found.values()))
+        said.append(
+            f"{where}: every response looks {_FACTORS[factor]} against the nominal model, so perhaps it is the force: "
+            f"{_CAUSES[factor]}; check the units {end}"
+        )
+    else:
+        said += [
+            f"{where}: {name} looks {_FACTORS[factor]} against the nominal model: {_CAUSES[factor]}; check its unit {end}"
+            for name, factor in found.items()
+        ]
+    if far:
+        sizes = ", ".join(f"{name} {level:.3g} times" for name, level in far.items())
+        said.append(
+            f"{where}: levels against the nominal model are {sizes}: is a sensitivity missing (V or mV for N or m/s^2)? Check "
+            f"units and gains {end}"
+        )
+    return said
+
+
+def levels_over_nominal(
+    record: Record, machine: MachineLike, frf: MeasuredFrequencyResponse
+) -> dict[str, tuple[float, float]]:
+    """Median of each channel's modulus over the nominal model's on the lines clear of noise, and the spread of its logarithm."""
+    if not isinstance(machine, (Machine, Structure)):
+        return {}
+    position = None if record.position is None else [record.position]
+    inputs = (FORCE,) if record.input is None else (port_of(record.input, machine),)
+    above = frf.freq > 0
+    freq = frf.freq[above]
+    nominal = frequency_response(machine, position, freq, inputs=inputs, outputs=record.channels).data[0, :, 0]
+    levels = {}
+    for k, name in enumerate(record.channels):
+        h, model = np.abs(frf.data[0, k, 0, above]), np.abs(nominal[k])
+        clear = (h**2 > 25 * frf.variance[0, k, 0, above]) & np.isfinite(model) & (model > 0)
+        if record.band_hz is not None:
+            clear &= (freq >= record.band_hz[0]) & (freq <= record.band_hz[1])
+        if np.count_nonzero(clear) >= 8:
+            # the median, since a mode that is shifted is far off at some lines
+            low, middle, high = np.percentile(np.log(h[clear] / model[clear]), [25, 50, 75])
+            levels[name] = float(np.exp(middle)), float(high - low)
+    return levels
+
+
+def same_data(records: Sequence[Record]) -> list[str]:
+    """A word on every pair of records (or blows of one record) that hold the same measurement."""
+    seen: dict[str, tuple[int, str]] = {}
+    found: dict[tuple[int, int], list[str]] = {}
+    for k, record in enumerate(records):
+        for name, mark in _marks(record):
+            if mark in seen:
+                other, theirs = seen[mark]
+                found.setdefault((other, k), []).append(f"{theirs} is {name}" if theirs != name else name)
+            else:
+                seen[mark] = (k, name)
+    words = []
+    for (i, j), blows in found.items():
+        a, b = records[i], records[j]
+        what = ", ".join(blow for blow in blows[:3] if blow) + (" …" if len(blows) > 3 else "")
+        what = f" ({what})" if what else ""
+        if i == j:
+            words.append(f"{a.name}: the same blow twice{what}; it is no second measurement: remove one")
+        elif {a.use, b.use} == {"fit", "check"}:
+            words.append(
+                f"{a.name} (use = {a.use!r}) and {b.name} (use = {b.use!r}) hold the same data{what}: what is judged on would "
+                "have been fitted; remove one"
+            )
+        else:
+            words.append(f"{a.name} and {b.name} hold the same data{what}: they count as one measurement; remove one")
+    return words
+
+
+def _marks(record: Record) -> list[tuple[str, str]]:
+    """A mark of each blow's (or estimate's) numbers, whatever file and unit they came in."""
+    if record.frf is not None:
+        return [("", _mark(record.frf.data[0, :, 0]))]
+    return [(h.name, _mark(np.vstack([h.force, h.responses]))) for h in record.histories]
+
+
+def _mark(values: np.ndarray) -> str:
+    size = np.max(np.abs(values)) or 1.0
+    rounded = np.round(values / size, 6) + 0.0  # files print six digits, at the least; no minus zero
+    return hashlib.sha256(np.ascontiguousarray(rounded).tobytes()).hexdigest()
+
+
+def without_drift(record: Record, where: str) -> tuple[Record, list[str]]:
+    """
+    Blows without the straight drift of a sensor, and a word on each that was taken off.
+
+    Force and acceleration return to where they were, once the structure is at rest or rings about it. A difference between the mean
+    before the blow and that over the last tenth is the sensor's drift, where it exceeds what ringing and noise leave of such
+    a mean; the line through both is taken off. Velocities and displacements of a free body do not return: they are left.
+    """
+    if record.kind != "impact":
+        return record, []
+    histories: list[History] = []
+    drifts: dict[str, list[float]] = {}
+    for history in record.histories:
+        columns = [history.force, *history.responses]
+        kinds = ["acceleration" if record.input_quantity == "acceleration" else "force", *record.quantities]
+        for k, (values, kind) in enumerate(zip(columns, kinds, strict=True)):
+            slope = _drift(values, history) if kind in ("force", "acceleration") else 0.0
+            if slope:
+                name = (FORCE, *record.channels)[k]
+                drifts.setdefault(name, []).append(slope * history.duration / np.max(np.abs(values)))
+                columns[k] = values - slope * history.time
+        changed = any(new is not old for new, old in zip(columns, [history.force, *history.responses], strict=True))
+        histories.append(replace(history, force=columns[0], responses=np.vstack(columns[1:])) if changed else history)
+    words = [
+        f"{where}: {name} drifts by {100 * max(shares, key=abs):.0f} % of its largest value over a blow "
+        f"({len(shares)} of {len(histories)} blows): the straight line is taken off"
+        for name, shares in drifts.items()
+    ]
+    return (replace(record, histories=tuple(histories)) if drifts else record), words
+
+
+def _drift(values: FloatArray, history: History) -> float:
+    """Slope per second of a drift that stands out; zero where none does."""
+    start = blow_start(history.force)
+    tail = values.size // 10
+    if start < 32 or tail < 64:
+        return 0.0
+    before, after = values[:start], values[-tail:]
+    # means of parts of the tail tell how far its mean is known: slow ringing does not average out
+    parts = [float(np.mean(part)) for part in np.array_split(after, 8)]
+    middle = float(np.mean(after))
+    known = np.hypot(np.std(parts, ddof=1) / np.sqrt(8), np.std(before) / np.sqrt(before.size / 4))
+    step = middle - float(np.mean(before))
+    if abs(step) < max(_DRIFT * float(np.max(np.abs(values))), _CLEAR * known):
+        return 0.0
+    return step / ((values.size - tail / 2 - start / 2) / history.fs)

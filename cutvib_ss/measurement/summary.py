@@ -1,0 +1,326 @@
+"""What a campaign holds, in figures: records, levels, noise, coherence, repeatability, linearity between levels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from cutvib_ss.measurement.blow_noise import blow_scatter
+from cutvib_ss.measurement.estimation import estimate
+from cutvib_ss.measurement.plausibility import levels_over_nominal
+from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
+
+_SAME_LEVEL = 0.15
+"""Relative difference of levels up to which two records are of the same thing."""
+
+_ORDERED = 0.01
+"""Significance below which the scatter of blows is said to order with the force."""
+
+_CLEAR = 36.0
+"""Power of the sum of two responses over its variance, from which a line counts."""
+
+_FEWEST = 8
+"""Lines that two records have to share."""
+
+_STANDS_OUT = 2.0
+"""Of the mean square difference over noise and repeatability, from which levels are said to differ."""
+
+
+@dataclass(frozen=True)
+class ChannelSummary:
+    """One channel of a record: root mean squares of |H| and of its noise in the band, and how its blows scatter."""
+
+    name: str
+    unit: str
+    rms: float
+    noise: float
+    coherence: float | None
+    level: float | None
+    blow_ratio: float | None
+    ordered: float | None
+
+    def scatter_text(self) -> str:
+        """How single blows scatter, for a table."""
+        if self.blow_ratio is None:
+            return ""
+        text = f"{np.sqrt(self.blow_ratio):.2g} x sensors"
+        return text + (", orders with force" if self.ordered is not None and self.ordered < _ORDERED else "")
+
+
+@dataclass(frozen=True)
+class RecordSummary:
+    """One record: what it is, its blows and levels, and its channels."""
+
+    name: str
+    kind: str
+    position: float | None
+    input: str | None
+    use: str | None
+    session: str | None
+    blows: int
+    peaks: tuple[float, ...]
+    peak_force: float | None
+    band_hz: tuple[float, float]
+    line_spacing: float
+    coherence: float | None
+    channels: tuple[ChannelSummary, ...]
+
+    @property
+    def level(self) -> float | None:
+        """Excitation level: the median peak of the blows, else as stated."""
+        return float(np.median(self.peaks)) if self.peaks else self.peak_force
+
+    def level_text(self) -> str:
+        """Levels of the blows, for a table."""
+        if not self.peaks:
+            return "" if self.peak_force is None else f"{self.peak_force:.3g}"
+        low, high = f"{min(self.peaks):.3g}", f"{max(self.peaks):.3g}"
+        return low if low == high else f"{low} to {high}"
+
+    def lines_text(self) -> str:
+        """Band and spacing of the lines, for a table."""
+        return f"{self.band_hz[0]:.3g} to {self.band_hz[1]:.4g} by {self.line_spacing:.3g}"
+
+
+@dataclass(frozen=True)
+class PairSummary:
+    """
+    Two records of one position and input compared.
+
+    ``difference`` is rms(H_a - H_b) beyond noise over √2 rms(H), over all channels, each over its own rms;
+    ``over_noise`` is the mean of |H_a - H_b|² over its variance from noise alone.
+    """
+
+    first: str
+    second: str
+    position: float | None
+    levels: tuple[float | None, float | None]
+    difference: float
+    over_noise: float
+    channels: dict[str, float]
+    worst: str
+
+    def row(self) -> list[str]:
+        """A row of a table."""
+        place = "" if self.position is None else f"{self.position:g}"
+        levels = " and ".join("?" if v is None else f"{v:.3g}" for v in self.levels)
+        size = f"{100 * self.difference:.2g} %" if self.difference > 0 else "none beyond noise"
+        return [self.first, self.second, place, levels, size, self.worst if self.difference > 0 else ""]
+
+
+PAIR_HEADS = ("record", "and", "y/L", "levels", "difference", "most in")
+"""Headings of `PairSummary.row`."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """All of it; ``frfs`` are the responses that the figures were taken from, one a record."""
+
+    title: str
+    input_unit: str
+    records: tuple[RecordSummary, ...]
+    repeated: tuple[PairSummary, ...]
+    levels: tuple[PairSummary, ...]
+    warnings: tuple[str, ...]
+    frfs: tuple[MeasuredFrequencyResponse, ...]
+
+    @property
+    def repeatability(self) -> float | None:
+        """Root mean square of the differences of records of the same thing; None where none repeat."""
+        if not self.repeated:
+            return None
+        return float(np.sqrt(np.mean([pair.difference**2 for pair in self.repeated])))
+
+    def sentences(self) -> list[str]:
+        """What is to be said of it in words."""
+        said = []
+        if self.repeatability is not None:
+            said.append(
+                f"Records of the same thing differ by {100 * self.repeatability:.2g} % beyond their noise "
+                f"({len(self.repeated)} pairs)."
+            )
+        elif len(self.records) > 1:
+            said.append("No two records are of the same position, input and level: repeatability is not known.")
+        if self.levels:
+            clear = [
+                p for p in self.levels if p.over_noise > _STANDS_OUT and p.difference > 2 * (self.repeatability or 0.0)
+            ]
+            most = max(self.levels, key=lambda p: p.difference)
+            if clear:
+                said.append(
+                    f"The response depends on the level: in {len(clear)} of {len(self.levels)} pairs of levels it differs by more "
+                    f"than noise and repeatability, by {100 * most.difference:.2g} % at most ({most.first}, {most.second})."
+                )
+            else:
+                said.append(
+                    "No dependence on the level stands out of noise and repeatability"
+                    + (f": {100 * most.difference:.2g} % at most." if most.difference > 0 else ".")
+                )
+        ordered = [
+            r.name for r in self.records if any(c.ordered is not None and c.ordered < _ORDERED for c in r.channels)
+        ]
+        if ordered:
+            said.append(
+                f"In {len(ordered)} of {len(self.records)} records the scatter from blow to blow orders with the peak force: a "
+                "sign of nonlinearity, or of a hand that hits elsewhere when it hits harder."
+            )
+        return said
+
+    def to_dict(self) -> dict[str, Any]:
+        """The figures as JSON takes them."""
+        return {
+            "schema": "cutvib-campaign-show/1",
+            "title": self.title,
+            "input_unit": self.input_unit,
+            "records": [asdict(r) | {"level": r.level} for r in self.records],
+            "repeatability": self.repeatability,
+            "repeated": [asdict(p) for p in self.repeated],
+            "levels": [asdict(p) for p in self.levels],
+            "sentences": self.sentences(),
+            "warnings": list(self.warnings),
+        }
+
+
+def summarise(campaign: Campaign) -> Summary:
+    """Figures of every record of a campaign, and of the pairs that can be compared."""
+    frfs = tuple(estimate(r) if r.frf is None else r.frf for r in campaign.records)
+    records = tuple(_record(r, h, campaign.machine) for r, h in zip(campaign.records, frfs, strict=True))
+    repeated: list[PairSummary] = []
+    levels: list[PairSummary] = []
+    for (a, ha), (b, hb) in combinations(zip(records, frfs, strict=True), 2):
+        if (a.position, a.input, a.kind) != (b.position, b.input, b.kind):
+            continue
+        pair = compare(a, ha, b, hb)
+        if pair is not None:
+            (repeated if _same_level(a.level, b.level) else levels).append(pair)
+    unit = campaign.records[0].input_unit if campaign.records else "N"
+    return Summary(campaign.title, unit, records, tuple(repeated), tuple(levels), campaign.warnings, frfs)
+
+
+def compare(
+    a: RecordSummary, ha: MeasuredFrequencyResponse, b: RecordSummary, hb: MeasuredFrequencyResponse
+) -> PairSummary | None:
+    """Two records compared on the lines and channels that they share; None where they share too few."""
+    shared = [name for name in ha.outputs if name in hb.outputs]
+    low, high = max(a.band_hz[0], b.band_hz[0]), min(a.band_hz[1], b.band_hz[1])
+    ours, theirs = _common(ha.freq, hb.freq, low, high)
+    if not shared or ours.size < _FEWEST:
+        return None
+    parts, ratios = {}, []
+    for name in shared:
+        x, y = ha.sel(output=name), hb.sel(output=name)
+        p, q = x.data[0, 0, 0, ours], y.data[0, 0, 0, theirs]
+        v = x.variance[0, 0, 0, ours] + y.variance[0, 0, 0, theirs]
+        # lines that say something: where the force has next to no power, noise alone would
+        # fill the mean. The sum tells them, whose noise is independent of that of the difference
+        clear = (np.abs(p + q) ** 2 > _CLEAR * v) & (v < 10 * np.median(v))
+        if np.count_nonzero(clear) < _FEWEST:
+            continue
+        p, q, v = p[clear], q[clear], v[clear]
+        size = float(np.mean(np.abs(p) ** 2 + np.abs(q) ** 2))
+        beyond = float(np.mean(np.abs(p - q) ** 2)) - float(np.mean(v))
+        # |ΔH|² scatters about its mean by as much, and the variance is itself an estimate
+        if beyond < 4 * float(np.sqrt(np.sum(v**2))) / v.size + 0.1 * float(np.mean(v)):
+            beyond = 0.0
+        parts[name] = float(np.sqrt(max(beyond, 0.0) / size)) if size > 0 else 0.0
+        ratios.append(float(np.mean(np.abs(p - q) ** 2 / v)))
+    if not parts:
+        return None
+    return PairSummary(
+        a.name,
+        b.name,
+        a.position,
+        (a.level, b.level),
+        float(np.sqrt(np.mean(np.square(list(parts.values()))))),
+        float(np.mean(ratios)),
+        parts,
+        max(parts, key=lambda name: parts[name]),
+    )
+
+
+def _common(first: FloatArray, second: FloatArray, low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the lines that two axes share within a band."""
+    near = np.clip(np.searchsorted(second, first), 0, second.size - 1)
+    before = np.clip(near - 1, 0, second.size - 1)
+    near = np.where(np.abs(second[before] - first) < np.abs(second[near] - first), before, near)
+    alike = (
+        (np.abs(second[near] - first) <= 1e-6 * np.maximum(first, 1e-9))
+        & (first >= low)
+        & (first <= high)
+        & (first > 0)
+    )
+    return np.flatnonzero(alike), near[alike]
+
+
+def _same_level(a: float | None, b: float | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    return abs(a - b) <= _SAME_LEVEL * max(a, b)
+
+
+def _record(record: Record, frf: MeasuredFrequencyResponse, machine: Any) -> RecordSummary:
+    band = record.band_hz or _clear_band(frf)
+    keep = (frf.freq >= band[0]) & (frf.freq <= band[1])
+    levels = levels_over_nominal(record, machine, frf)
+    ratios: list[float | None] = [None] * len(record.channels)
+    ordered: list[float | None] = [None] * len(record.channels)
+    if record.kind == "impact" and len(record.histories) > 2:
+        scatter = blow_scatter(record, band=band)
+        ratios = [_known(x) if np.all(np.isfinite(scatter.noise[k])) else None for k, x in enumerate(scatter.ratio)]
+        ordered = [_known(x) for x in scatter.significance]
+    channels = []
+    for k, (name, unit) in enumerate(zip(frf.outputs, frf.units, strict=True)):
+        h, v, c = frf.data[0, k, 0, keep], frf.variance[0, k, 0, keep], frf.coherence[0, k, 0, keep]
+        known = c[np.isfinite(c)]
+        channels.append(
+            ChannelSummary(
+                name,
+                unit,
+                float(np.sqrt(np.mean(np.abs(h) ** 2))),
+                float(np.sqrt(np.mean(v))),
+                float(np.median(known)) if known.size else None,
+                levels[name][0] if name in levels else None,
+                ratios[k],
+                ordered[k],
+            )
+        )
+    told = [c.coherence for c in channels if c.coherence is not None]
+    return RecordSummary(
+        record.name,
+        record.kind,
+        record.position,
+        record.input,
+        record.use,
+        record.session,
+        len(record.histories) or record.averages,
+        tuple(_peaks(record)) if record.kind == "impact" else (),
+        record.peak_force,
+        (float(band[0]), float(band[1])),
+        float(np.median(np.diff(frf.freq))),
+        min(told) if told else None,
+        tuple(channels),
+    )
+
+
+def _peaks(record: Record) -> Iterator[float]:
+    for history in record.histories:
+        yield float(np.max(np.abs(history.force - np.median(history.force))))
+
+
+def _clear_band(frf: MeasuredFrequencyResponse) -> tuple[float, float]:
+    """Hull of the lines on which some channel stands out of its noise by a factor of three, its thin ends cut off."""
+    clear = np.any(np.abs(frf.data[0, :, 0]) ** 2 > 9 * frf.variance[0, :, 0], axis=0) & (frf.freq > 0)
+    freq: Sequence[float] | FloatArray = frf.freq[clear]
+    if len(freq) < 8:
+        freq = frf.freq[frf.freq > 0]
+    low, high = np.percentile(freq, [1, 97])
+    return float(low), float(high)
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

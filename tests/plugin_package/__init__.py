@@ -1,0 +1,1 @@
+"""A package outside cutvib_ss that offers effects of its own."""

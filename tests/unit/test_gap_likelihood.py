@@ -1,0 +1,108 @@
+"""Drift and discrepancy as low-rank directions, against dense Gaussian algebra."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from cutvib_ss.gap import shrinkage
+from cutvib_ss.gap.fit import fit
+from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.likelihood import LENGTH, Directions, Quadratic, Sizes, smooth_shapes
+from cutvib_ss.gap.problem import Problem
+from cutvib_ss.gap.records import Entry, Records, merged
+from cutvib_ss.model.structure import Structure
+from tests.unit.diagnosis_example import example_structure
+
+FREQ = np.linspace(20.0, 110.0, 31)
+
+
+def response(structure: Structure, k: float = 1.0, gain: float = 1.0) -> np.ndarray:
+    """Displacement at the drive and acceleration at the top, by matrices."""
+    system = structure.system
+    s = 2j * np.pi * FREQ
+    out = []
+    for line in s:
+        q = np.linalg.solve(system.mass * line**2 + system.damping * line + k * system.stiffness, system.ports["drive"])
+        out.append([q[0], line**2 * q[1]])
+    return gain * np.array(out).T
+
+
+def entries(structure: Structure, drift: float, seed: int = 1, count: int = 6) -> tuple[Entry, ...]:
+    rng = np.random.default_rng(seed)
+    found = []
+    for i in range(count):
+        data = response(structure, 1 + drift * rng.standard_normal(), 1 + drift * rng.standard_normal())
+        variance = np.full(data.shape, 1.0) * (2e-3 * np.abs(data).max(axis=1, keepdims=True)) ** 2
+        noise = np.sqrt(variance / 2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
+        found.append(
+            Entry(i, np.nan, 1.0, data + noise, variance, FREQ, ("y", "a"), ("displacement", "acceleration"),
+                  np.inf, np.nan, 0.0, False)
+        )  # fmt: skip
+    return tuple(found)
+
+
+def test_shapes_are_those_of_the_process() -> None:
+    freq = np.geomspace(15.0, 450.0, 40)
+    shapes = smooth_shapes(freq, (15.0, 450.0))
+    u = np.log(freq)
+    kernel = np.exp(-0.5 * ((u[:, None] - u) / LENGTH) ** 2)
+    np.testing.assert_allclose(shapes.T @ shapes, kernel, atol=0.01)
+
+
+@pytest.mark.parametrize("sizes", [Sizes(3e-3, 1e-3), Sizes(3e-5, 1e-2)])
+def test_evidence_of_sizes_is_that_of_the_dense_covariance(sizes: Sizes) -> None:
+    structure = example_structure()
+    problem = Problem(structure, merged(entries(structure, 3e-3, count=3)), Hypothesis())
+    x = problem.start()
+    predictions, residuals, squares = problem.residuals(x)
+    directions = Directions(problem, x, predictions)
+    matrix, gradient = directions.normal(residuals)
+    precision = problem.prior_precision()
+    quadratic = Quadratic(
+        directions.layout,
+        matrix,
+        gradient,
+        squares,
+        x,
+        precision,
+        np.ones(x.size, dtype=bool),
+        even=0,
+        offsets=np.zeros(directions.layout.size),
+    )
+    rows = directions.flat()
+    residual = np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])
+
+    def dense(s: Sizes) -> float:
+        scaled = rows * directions.layout.scale(s)[:, None]
+        return float(stats.multivariate_normal(cov=np.eye(residual.size) + scaled.T @ scaled).logpdf(residual))
+
+    other = Sizes(1e-3, 3e-4)
+    assert quadratic.log_evidence(sizes) - quadratic.log_evidence(other) == pytest.approx(
+        dense(sizes) - dense(other), abs=1e-3
+    )
+
+
+def test_a_structure_that_drifts_between_records_has_no_gap() -> None:
+    structure = example_structure()
+    drifting = entries(structure, 5e-3)
+    found = fit(structure, Records(drifting), Hypothesis())
+    assert found.spread.sizes.drift in (3e-3, 1e-2)
+    assert 0.8 < found.chi2 / found.count < 1.1
+    steady = fit(structure, Records(entries(structure, 0.0)), Hypothesis())
+    assert steady.spread.sizes.drift < 1e-3
+    stated = replace(structure, tolerance=replace(structure.tolerance, drift=1e-9))
+    assert fit(stated, Records(drifting), Hypothesis()).chi2 > 5 * found.count
+
+
+def test_a_record_of_another_session_is_judged_with_the_drift_it_may_have() -> None:
+    structure = example_structure()
+    *known, last = entries(structure, 5e-3, seed=4)
+    records = Records(tuple(known))
+    fitted = fit(structure, records, Hypothesis())
+    problem = Problem(structure, records.merged, Hypothesis())
+    judged = shrinkage.judged(last, shrinkage.predicted(last, fitted.model, 0.0, problem, fitted.x), problem, fitted)
+    plain = shrinkage.judged(last, shrinkage.predicted(last, fitted.model, 0.0, problem, fitted.x))
+    assert np.all(plain.chi2 > 3.0)
+    assert np.all(judged.chi2 < 2.0)

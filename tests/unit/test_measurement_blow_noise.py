@@ -1,0 +1,157 @@
+"""Noise of blows told apart, on blows whose parts are known: a one-mode rig, noise and scatter put on by hand."""
+
+import numpy as np
+import pytest
+from scipy import signal, stats
+
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.measurement import History, Record, estimate
+from cutvib_ss.measurement.blow_noise import blow_scatter, pretrigger_noise
+from tests.unit.measurement_rig import FS, blow, clean_blow
+
+PEAKS = (30.0, 45.0, 60.0, 75.0)
+_LEVELS = [blow(peak, 0.25, 4.0) for peak in PEAKS]
+
+
+def _record(histories):
+    return Record(
+        "r.csv", "impact", None, None, None, ("a",), ("acceleration",), tuple(histories), averages=len(histories)
+    )
+
+
+def _noisy(rng, pairs, on_force=0.02, on_response=0.05, factors=None):
+    histories = []
+    for k, (force, motion) in enumerate(pairs):
+        scale = 1.0 if factors is None else factors[k]
+        histories.append(
+            History(
+                FS,
+                force + on_force * rng.standard_normal(force.size),
+                (scale * motion + on_response * rng.standard_normal(motion.size))[np.newaxis],
+                ("a",),
+                str(k),
+            )
+        )
+    return _record(histories)
+
+
+def test_variance_of_h1_is_what_repetition_shows():
+    """Mean of |ΔH|² over the variance told from quiet parts is one: within three deviations of that mean."""
+    rng = np.random.default_rng(1)
+    pairs = [clean_blow(k) for k in range(3)]
+    true = estimate(_record([History(FS, f, a[np.newaxis], ("a",)) for f, a in pairs])).data[0, 0, 0]
+    ratios = []
+    for _ in range(40):
+        record = _noisy(rng, pairs)
+        found = pretrigger_noise(record)
+        band = (found.freq > 20) & (found.freq < 300)
+        off = np.abs(estimate(record).data[0, 0, 0] - true) ** 2
+        ratios.append(np.mean(off[band] / found.variance[0, band]))
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.08)
+
+
+def test_densities_of_coloured_noise_on_each_channel():
+    rng = np.random.default_rng(2)
+    force, motion = _LEVELS[2]
+    b, a = signal.butter(1, 0.2)
+    histories = []
+    for _ in range(6):
+        coloured = signal.lfilter(b, a, rng.standard_normal(motion.size + 500))[500:]
+        histories.append(
+            History(FS, force + 0.03 * rng.standard_normal(force.size), (motion + coloured)[np.newaxis], ("a",))
+        )
+    found = pretrigger_noise(_record(histories))
+    band = (found.freq > 20) & (found.freq < 800)
+    _, response = signal.freqz(b, a, found.freq[band], fs=FS)
+    assert np.mean(found.force[band]) == pytest.approx(2 * 0.03**2 / FS, rel=0.05)
+    level = found.responses[0, band] / (2 * np.abs(response) ** 2 / FS)
+    assert np.mean(np.log(level)) == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_tail_that_still_rings_is_no_noise():
+    rng = np.random.default_rng(3)
+    short = [tuple(x[:1500] for x in pair) for pair in _LEVELS]
+    found = pretrigger_noise(_noisy(rng, short))
+    before = found.samples[1] / len(short)
+    assert before < 500  # the rest before the blow alone
+    band = (found.freq > 20) & (found.freq < 800)
+    assert np.mean(found.responses[0, band]) == pytest.approx(2 * 0.05**2 / FS, rel=0.15)
+    long = pretrigger_noise(_noisy(rng, _LEVELS))
+    assert long.samples[1] > 4 * before * 1.5  # died out after four seconds: the last eighth counts
+
+
+def test_a_force_window_of_zeros_is_no_noise():
+    rng = np.random.default_rng(4)
+    histories = []
+    for history in _noisy(rng, _LEVELS).histories:
+        force = history.force.copy()
+        force[700:] = 0.0
+        histories.append(History(FS, force, history.responses, ("a",)))
+    found = pretrigger_noise(_record(histories))
+    assert np.mean(found.force[20:]) == pytest.approx(2 * 0.02**2 / FS, rel=0.2)
+
+
+def test_nothing_quiet_is_unknown():
+    rng = np.random.default_rng(5)
+    cut = [tuple(x[498:1200] for x in pair) for pair in _LEVELS]
+    found = pretrigger_noise(_noisy(rng, cut))
+    assert found.samples[1] == 0
+    assert np.all(np.isnan(found.variance))
+
+
+def test_sensor_noise_alone_orders_with_nothing():
+    """Nothing is found where nothing is, and the rest is what the sensors explain."""
+    rng = np.random.default_rng(6)
+    found = [blow_scatter(_noisy(rng, _LEVELS), band=(20, 300)) for _ in range(60)]
+    values = np.array([f.significance[0] for f in found])
+    assert np.mean(values < 0.05) <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / 60)
+    assert stats.kstest(values, "uniform").statistic < 0.25
+    assert np.mean([f.ratio[0] for f in found]) == pytest.approx(1.0, abs=0.15)
+    assert np.mean([np.mean(f.ordered / f.rest) for f in found]) == pytest.approx(0.0, abs=0.03)
+
+
+def test_what_orders_with_the_force():
+    """A gain that grows with the peak force: its mean square over the blows, and no doubt about it."""
+    rng = np.random.default_rng(7)
+    slope = 0.002
+    record = _noisy(rng, _LEVELS, 1e-3, 1e-3, factors=[1 + slope * p for p in PEAKS])
+    found = blow_scatter(record, band=(30, 200))
+    share = np.array(PEAKS) ** 2 / np.sum(np.array(PEAKS) ** 2)
+    spread = np.sqrt(np.sum(share * (PEAKS - np.sum(share * PEAKS)) ** 2))
+    plain = np.abs(estimate(record, band=(30, 200)).data[0, 0, 0])
+    expected = slope * spread / (1 + slope * np.sum(share * PEAKS)) * plain
+    ratio = np.sqrt(found.ordered[0]) / expected
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.003)
+    np.testing.assert_allclose(ratio, 1.0, atol=0.1)  # single lines scatter by their noise
+    assert found.significance[0] < 1e-6
+
+
+def test_hits_that_differ_at_random_are_rest_and_not_taken_for_a_law():
+    rng = np.random.default_rng(8)
+    values, ratios = [], []
+    for _ in range(200):
+        factors = 1 + 0.02 * rng.standard_normal(len(PEAKS))
+        found = blow_scatter(_noisy(rng, _LEVELS, 1e-3, 1e-3, factors=factors), band=(30, 200))
+        values.append(found.significance[0])
+        ratios.append(found.ratio[0])
+    assert np.median(ratios) > 10
+    # honest at five per cent: at most what 200 draws scatter above it
+    assert np.mean(np.array(values) < 0.05) < 0.05 + 3 * np.sqrt(0.05 * 0.95 / 200)
+
+
+def test_two_blows_tell_nothing_apart():
+    found = blow_scatter(_noisy(np.random.default_rng(9), _LEVELS[:2]), band=(20, 300))
+    assert np.all(np.isnan(found.rest))
+    assert np.isnan(found.significance[0])
+    assert np.all(np.isfinite(found.noise))
+
+
+def test_other_kinds_and_empty_bands():
+    record = _noisy(np.random.default_rng(10), _LEVELS)
+    with pytest.raises(ParameterError, match="no line"):
+        blow_scatter(record, band=(5000, 6000))
+    other = Record("r", "timeseries", None, None, None, ("a",), ("acceleration",), record.histories)
+    with pytest.raises(ParameterError, match="only blows"):
+        pretrigger_noise(other)
+    with pytest.raises(ParameterError, match="only blows"):
+        blow_scatter(other)

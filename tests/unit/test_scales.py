@@ -1,0 +1,101 @@
+"""Ranges and starts of every effect on structures of any size, held or free, with ports that move together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cutvib_ss.effects.base import Motion, parameter_fields, place_of
+from cutvib_ss.effects.catalogue import EFFECTS
+from cutvib_ss.effects.tool_contact import ToolContact
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.gap.hypotheses import candidates, nonlinear_candidates
+from cutvib_ss.gap.severity import runs
+from cutvib_ss.gap.variants import variants
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
+from cutvib_ss.response.frequency import frequency_response
+
+LINK = np.array([[1.0, -1.0], [-1.0, 1.0]])
+
+
+def structure(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray, **more: list[float]) -> Structure:
+    n = len(mass)
+    ports = {"drive": np.eye(n)[0], **{name: np.array(row) for name, row in more.items()}}
+    system = SecondOrder(mass, damping, stiffness, tuple(f"x{i}" for i in range(n)), ports)
+    return Structure(system, {"y": Channel("drive", "displacement")}, "drive")
+
+
+STRUCTURES = {
+    "a carriage that nothing holds": structure(np.array([[95.1]]), np.array([[203.5]]), np.zeros((1, 1))),
+    "a mass in space": structure(np.array([[3.0]]), np.zeros((1, 1)), np.zeros((1, 1))),
+    "two masses in space": structure(np.diag([2.0, 0.5]), 3.0 * LINK, 4e4 * LINK, tip=[0.0, 1.0], link=[1.0, -1.0]),
+    "a circuit": structure(np.array([[5.4e-6]]), np.array([[2.2e-4]]), np.array([[0.99]])),
+    "undamped": structure(np.array([[2.0]]), np.zeros((1, 1)), np.array([[1e5]])),
+}
+each_structure = pytest.mark.parametrize("model", STRUCTURES.values(), ids=STRUCTURES)
+
+
+@each_structure
+@pytest.mark.parametrize("motion", [None, 1e-4])
+def test_ranges_are_finite_and_not_empty(model: Structure, motion: float | None) -> None:
+    for kind in EFFECTS.values():
+        for place in kind.places(model):
+            for name, r in kind.ranges(model, place, motion).items():
+                assert np.isfinite([r.low, r.high]).all(), (kind.effect, name, r)
+                assert r.low < r.high, (kind.effect, name, r)
+                assert r.scale == "linear" or r.low > 0.0, (kind.effect, name, r)
+
+
+@each_structure
+def test_starts_apply_and_change_something(model: Structure) -> None:
+    band = (5.0, 200.0)
+    found = candidates(model, band, ("y",))
+    bare = frequency_response(model, None, np.geomspace(*band, 30)).data
+    for candidate in found:
+        values = [v for run in runs([candidate])[0] for v in vars(run.at(1.0)).values() if isinstance(v, float)]
+        assert np.isfinite(values).all(), candidate.name
+        shown = [
+            frequency_response(run.at(1.0).apply(model), None, np.geomspace(*band, 30)).data
+            for run in runs([candidate])[0]
+        ]
+        assert all(np.abs(s - bare).max() > 0.0 for s in shown), candidate.name
+
+
+@each_structure
+def test_laws_start_from_finite_sizes(model: Structure) -> None:
+    moved = {port: Motion(1e-5, 4e-5, 3e-3) for port in model.system.ports}
+    for candidate in nonlinear_candidates(model, moved):
+        for start in candidate.starts:
+            sizes = [getattr(start, f.name) for f in parameter_fields(type(start))]
+            assert not any(v is not None and (np.isnan(v) or v == 0.0) for v in sizes), candidate.name
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_sizes_go_with_the_structure(factor: float) -> None:
+    small = STRUCTURES["two masses in space"]
+    s = small.system
+    large = structure(factor * s.mass, factor * s.damping, factor * s.stiffness, tip=[0.0, 1.0], link=[1.0, -1.0])
+    for kind in ("added_mass", "local_resonator", "tool_contact"):
+        for place in EFFECTS[kind].places(small):
+            one, other = (EFFECTS[kind].ranges(m, place) for m in (small, large))
+            for name, r in one.items():
+                scale = factor if r.unit in ("kg", "N/m", "N s/m") else 1.0
+                assert other[name].high == pytest.approx(scale * r.high)
+                assert other[name].low == pytest.approx(scale * r.low)
+
+
+def test_ports_that_move_together_are_one_place_named_after_the_first() -> None:
+    both = structure(np.diag([2.0, 0.5]), 3.0 * LINK, 4e4 * LINK, twice=[2.0, 0.0], other=[0.0, 1.0], back=[0.0, -3.0])
+    assert ToolContact.places(both) == ("drive", "other")
+    assert {v.place for v in variants(both, ("y",))} == {"drive", "other", "measurement"}
+    assert place_of("back", both) == "other"
+    names = [c.name for c in candidates(both, (5.0, 200.0), ("y",))]
+    assert len(names) == len(set(names))
+    assert not any("twice" in n or "back" in n for n in names)
+    # A file may still name the others.
+    freq = np.array([20.0])
+    named, first = (ToolContact(p, k).apply(both) for p, k in (("twice", 1e3), ("drive", 4e3)))
+    assert frequency_response(named, None, freq).data == pytest.approx(frequency_response(first, None, freq).data)
+    with pytest.raises(ParameterError, match="cannot sit at 'nowhere'"):
+        ToolContact("nowhere", 1e3).apply(both)
