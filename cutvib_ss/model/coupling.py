@@ -12,8 +12,9 @@ each affine in the functions φ_r(y) and the products φ_r(y) φ_s(y), with cons
     M = [ I + (m1 + m2) φ φᵀ    φ m_bθ ]     C = [ diag(2ζω_r)   0  ]     K = [ diag(ω_r²)   0  ]
         [    m_θb φᵀ            M_θθ   ],        [     0        C_θ ],        [     0       K_θ ].
 
-A guide that gives leaves the head's base a coordinate of its own, p = (θ1, θ2, x_head), and is an element between x_head and x:
-everything else stays. Supports, shear and torsion are the rail's (`cutvib_ss.model.rail`). A structure without a rail has no x.
+A guide that gives adds the coordinate of its stretch, p = (θ1, θ2, g) with x_head = x + g, and is an element at g: everything
+else stays, and a stiff one loses no digits. Supports, shear and torsion are the rail's (`cutvib_ss.model.rail`). A structure
+without a rail has no x.
 
 The plant closes the same two systems as python-control objects: the head driven by the motion of x, the rail by the reaction
 there. Both have direct feedthrough, so their loop is algebraic, yet well posed: its return difference is 1 + φᵀφ m_eff > 0,
@@ -88,7 +89,7 @@ def head_assembly(p: HeadParameters, rail_: Rail, attachments: tuple[Attachment,
     if guide.sensor_side == "rail":
         rows["base"] = rows["at_head"]
     mass, damping, stiffness = (spread.T @ x @ spread for x in matrices)
-    core = SecondOrder(mass, damping, stiffness, (*HEAD_DOFS[:2], "head_base", *base), rows)
+    core = SecondOrder(mass, damping, stiffness, (*HEAD_DOFS[:2], "guide", *base), rows)
     return Assembly(core, (*attachments, Attachment("guide", guide.element)), (*paths, ("guide",)), base, rail_)
 
 
@@ -101,9 +102,13 @@ class Changes:
 
 
 def _spread(twist: bool, guide: Guide | None) -> FloatArray:
-    """The head's coordinates from the core's: with a guide the head's base is a coordinate of its own, beside the rail's."""
+    """The head's coordinates from the core's: with a guide the base is the rail's motion and the stretch."""
     still = np.eye(4 if twist else 3)
-    return still if guide is None else np.insert(still, 3, 0.0, axis=1)
+    if guide is None:
+        return still
+    out = np.insert(still, 3, 0.0, axis=1)
+    out[2, 3] = 1.0
+    return out
 
 
 def head_core_changes(p: HeadParameters, rail_: Rail, guide: Guide | None, name: str) -> Changes:

@@ -94,7 +94,7 @@ def test_the_sensor_may_sit_on_either_side_of_the_guide() -> None:
         machine = replace(published_machine(), guide=Guide(2e7, 300.0, side))  # type: ignore[arg-type]
         shown = frequency_response(machine, 0.4, freq, form="receptance", outputs=["base_x", "head_base", "at_head"])
         assert np.array_equal(shown.sel(output="base_x").data, shown.sel(output=port).data)
-        # The guide's force stretches it.
+        # A force across the guide moves both of its sides.
         reacting = frequency_response(machine, 0.4, freq, form="receptance", inputs=["guide"], outputs=["head_base"])
         assert np.abs(shown.sel(output="head_base").data - shown.sel(output="at_head").data).max() > 0.0
         assert reacting.data.shape == (1, 1, 1, 2)
