@@ -49,6 +49,11 @@ def names_of(given: str | Iterable[str]) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 
+def control_name(signal: str) -> str:
+    """A signal's name in python-control, which allows no point: ``rail@0.25`` is ``rail@0_25``."""
+    return signal.replace(".", "_")
+
+
 @dataclass(frozen=True)
 class HeadParameters:
     """
@@ -309,14 +314,7 @@ _UNITS_CAVEAT = "The paper heads k in N/m and c in N s/m; they are N m/rad and N
 
 
 def table_1() -> HeadParameters:
-    """
-    First guess of the head's parameters, as printed in Table 1.
-
-    Returns
-    -------
-    HeadParameters
-        The printed values.
-    """
+    """First guess of the head's parameters, as printed in Table 1."""
     return HeadParameters(
         m1=24.0, m2=0.5, l1=0.1, l2=0.1, theta01=0.0, theta02=radians(90.0),
         k1=522_100.0, k2=10_442.0, c1=36.84, c2=0.72, source="Table 1",
@@ -326,14 +324,7 @@ def table_1() -> HeadParameters:
 
 
 def table_2() -> tuple[HeadParameters, HeadParameters]:
-    """
-    Lower and upper limits of the head's parameters in the fit, as printed in Table 2.
-
-    Returns
-    -------
-    lower, upper : HeadParameters
-        The printed limits.
-    """
+    """Lower and upper limits of the head's parameters in the fit, as printed in Table 2."""
     lower = HeadParameters(
         m1=23.0, m2=0.4, l1=0.09, l2=0.09, theta01=0.0, theta02=radians(90.0),
         k1=469_890.0, k2=9_397.8, c1=29.48, c2=0.58, source="Table 2, lower", caveat=_UNITS_CAVEAT,
@@ -346,14 +337,7 @@ def table_2() -> tuple[HeadParameters, HeadParameters]:
 
 
 def table_3() -> HeadParameters:
-    """
-    Optimised parameters of the head, as printed in Table 3.
-
-    Returns
-    -------
-    HeadParameters
-        The printed values.
-    """
+    """Optimised parameters of the head, as printed in Table 3."""
     return HeadParameters(
         m1=24.88, m2=0.60, l1=0.097, l2=0.096, theta01=radians(0.65), theta02=radians(110.0),
         k1=522_100.0, k2=10_442.0, c1=44.20, c2=0.58, source="Table 3",
@@ -363,14 +347,7 @@ def table_3() -> HeadParameters:
 
 
 def recovered_rail() -> RailParameters:
-    """
-    The rail behind Tables 5 and 6.
-
-    Returns
-    -------
-    RailParameters
-        First frequency from Table 5, mass recovered from Table 6, four modes as Table 6 was computed with.
-    """
+    """The rail behind Tables 5 and 6: first frequency of Table 5, mass recovered from Table 6, four modes as Table 6 has."""
     return RailParameters(
         length=2.5, mass=76.5, first_frequency=31.7, damping_ratio=0.01, n_modes=4,
         source="Table 5 (first frequency), least squares over Table 6 (mass), the machine's name HI-2.5 (length)",
@@ -380,38 +357,17 @@ def recovered_rail() -> RailParameters:
 
 
 def table_4() -> dict[str, float]:
-    """
-    Mean modulus of the model's error at 150-300 Hz, as printed in Table 4.
-
-    Returns
-    -------
-    dict
-        Position (see `PAPER_POSITIONS`) to |H_model - H_measured| [g/N].
-    """
+    """Mean modulus of the model's error at 150-300 Hz [g/N] by position (`PAPER_POSITIONS`), as printed in Table 4."""
     return {"CC": 0.0176, "CR": 0.0207, "FC": 0.0267, "FR": 0.0292}
 
 
 def table_5() -> tuple[float, ...]:
-    """
-    Natural frequencies of the rail without the head, as printed in Table 5.
-
-    Returns
-    -------
-    tuple of float
-        Four frequencies [Hz].
-    """
+    """Natural frequencies of the rail without the head [Hz], as printed in Table 5."""
     return (31.7, 126.8, 285.3, 507.1)
 
 
 def table_6() -> dict[float, tuple[float, ...]]:
-    """
-    Natural frequencies of the rail with the head, as printed in Table 6.
-
-    Returns
-    -------
-    dict
-        Position y_b / L (FC and BC: 1/2; CC: 1/3) to six frequencies [Hz].
-    """
+    """Six natural frequencies [Hz] of the rail with the head by y_b / L (FC and BC: 1/2; CC: 1/3), as printed in Table 6."""
     return {
         1 / 2: (24.5, 126.8, 210.6, 220.8, 409.1, 507.1),
         1 / 3: (25.7, 107.9, 216.7, 285.3, 317.2, 549.9),
@@ -419,14 +375,7 @@ def table_6() -> dict[float, tuple[float, ...]]:
 
 
 def table_7() -> AbsorberParameters:
-    """
-    The tuned vibration absorber, as printed in Table 7.
-
-    Returns
-    -------
-    AbsorberParameters
-        Frequency, damping ratio and mass; stiffness and damping follow from Eqs. 25 and 26.
-    """
+    """The tuned absorber of Table 7 by its frequency, damping ratio and mass; the rest follows from Eqs. 25 and 26."""
     return AbsorberParameters(
         frequency=212.0, damping_ratio=0.04, mass=0.08, source="Table 7",
         caveat="The printed k_a = 14,195 N/m is a misprint: Eq. 25 gives 141,945.44 N/m, and Eq. 26 gives the printed "

@@ -30,7 +30,8 @@ from cutvib_ss.absorber.workspace import (
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import AbsorberParameters, check_number, names_of
-from cutvib_ss.results import Drawn, FloatArray, Table
+from cutvib_ss.results import FloatArray
+from cutvib_ss.results.display import Drawn, Table
 
 TUNING = (150.0, 500.0)
 """Tuning frequencies among which the best is sought [Hz]."""

@@ -15,7 +15,8 @@ from cutvib_ss.absorber.workspace import Workspace
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.results import AbsorberCheck, Drawn, FloatArray, FrequencyResponse, Table, read_only
+from cutvib_ss.results import AbsorberCheck, FloatArray, FrequencyResponse, read_only
+from cutvib_ss.results.display import Drawn, Table
 
 _PEAK_PROMINENCE = 0.02
 """A peak stands out of its surroundings by this part of the largest value."""

@@ -27,8 +27,9 @@ from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import names_of
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.response.frequency import frequency_response
-from cutvib_ss.results import ComplexArray, Drawn, FloatArray, Table, read_only
+from cutvib_ss.results import ComplexArray, FloatArray, read_only
 from cutvib_ss.results.arrays import label_indices, position_indices
+from cutvib_ss.results.display import Drawn, Table
 
 Criterion: TypeAlias = Literal["harmonic", "rms"]
 

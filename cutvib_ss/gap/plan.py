@@ -28,7 +28,8 @@ from cutvib_ss.gap.levels import motions
 from cutvib_ss.gap.records import Entry, Records, merged
 from cutvib_ss.gap.severity import Run, runs
 from cutvib_ss.measurement.replay import assumed_blow
-from cutvib_ss.results import Displayed, FloatArray, Quantity, Table
+from cutvib_ss.results import FloatArray, Quantity
+from cutvib_ss.results.display import Displayed, Table
 
 LINES = 250
 """Lines on which the campaign is computed; each stands for several."""

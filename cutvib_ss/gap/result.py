@@ -9,7 +9,8 @@ from typing import Any, Literal, TypeAlias
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.gap.findings import Findings
-from cutvib_ss.results import Drawn, FrequencyResponse, MeasuredFrequencyResponse, Table
+from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
+from cutvib_ss.results.display import Drawn, Table
 
 SCHEMA = "cutvib-diagnosis/1"
 Verdict: TypeAlias = Literal["no_gap", "explained", "ambiguous", "unknown"]

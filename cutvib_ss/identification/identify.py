@@ -16,14 +16,8 @@ from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import HeadParameters, check_choice, table_3
-from cutvib_ss.results import (
-    Drawn,
-    FloatArray,
-    FrequencyResponse,
-    MeasuredFrequencyResponse,
-    Table,
-    read_only,
-)
+from cutvib_ss.results import FloatArray, FrequencyResponse, MeasuredFrequencyResponse, read_only
+from cutvib_ss.results.display import Drawn, Table
 
 Base: TypeAlias = Literal["held", "rail"]
 

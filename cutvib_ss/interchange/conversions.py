@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.parameters import control_name
 from cutvib_ss.results import QUANTITY_OF_FORM, FrequencyResponse, MeasuredFrequencyResponse, Quantity
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def to_control(frf: FrequencyResponse, position: float | None = None) -> control
 
     chosen = _one_position(frf, position)
     # python-control allows no point in a name: rail@0.25 becomes rail@0_25.
-    names = {what: [n.replace(".", "_") for n in getattr(chosen, what)] for what in ("inputs", "outputs")}
+    names = {what: [control_name(n) for n in getattr(chosen, what)] for what in ("inputs", "outputs")}
     return control.frd(np.array(chosen.data[0]), np.array(chosen.omega), **names)
 
 

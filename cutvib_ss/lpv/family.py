@@ -34,7 +34,8 @@ from cutvib_ss.lpv.table import ERROR_ORDER, Interpolation, PlantMatrices, Plant
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import check_choice, check_position, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
-from cutvib_ss.results import ComplexArray, Displayed, FloatArray, FrequencyResponse, Quantity, Table, span
+from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
+from cutvib_ss.results.display import Displayed, Table, span
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 _OUTPUTS = ("tool_x", "tool_z", "base_x", "head_x", "head_z")
@@ -83,7 +84,7 @@ class PlantSchedule(Displayed):
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the states: coordinates, then their rates."""
-        return (*self.table.affine.dofs, *(f"d_{d}" for d in self.table.affine.dofs))
+        return (*self.table.coupling.dofs, *(f"d_{d}" for d in self.table.coupling.dofs))
 
     def exact(self, position: float) -> control.StateSpace:
         """
@@ -218,7 +219,7 @@ class PlantSchedule(Displayed):
     @cached_property
     def _scale(self) -> tuple[FloatArray, float]:
         """Scales of the coordinates and of time, the same for all plants: those of the middle of the grid."""
-        mass, _, stiffness = self.table.affine.matrices(float(self.positions[self.positions.size // 2]))
+        mass, _, stiffness = self.table.coupling.matrices(float(self.positions[self.positions.size // 2]))
         squares = linalg.eigvalsh(stiffness, mass)
         positive = squares[squares > 1e-12 * squares[-1]]
         return np.sqrt(np.diag(mass)), float((positive[0] * positive[-1]) ** 0.25)

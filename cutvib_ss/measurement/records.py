@@ -11,7 +11,8 @@ import numpy as np
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.second_order import Channel
-from cutvib_ss.results import Displayed, FloatArray, MeasuredFrequencyResponse, Quantity, Table, read_only
+from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse, Quantity, read_only
+from cutvib_ss.results.display import Displayed, Table
 
 Kind: TypeAlias = Literal["impact", "frf", "timeseries"]
 Use: TypeAlias = Literal["fit", "check"]

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.parameters import check_number
+from cutvib_ss.parameters import check_number, control_name
 from cutvib_ss.results import ComplexArray, FloatArray
 
 CROSS_AXIS = ("tool_z", "tool_x")
@@ -146,7 +146,7 @@ class MeasurementChain:
             ]
             out = control.append(*delays) * out
             states = [*states, *(f"delay{i}" for i in range(out.nstates - len(states)))]
-        return control.ss(out.A, out.B, out.C, out.D, inputs=inputs, outputs=names, states=states)
+        return control.ss(out.A, out.B, out.C, out.D, inputs=inputs, outputs=[*map(control_name, names)], states=states)
 
     def _terms(self, outputs: Sequence[str]) -> list[tuple[int, str]]:
         """Output and motion of each of `signals`."""

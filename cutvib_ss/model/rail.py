@@ -174,39 +174,13 @@ class Rail:
 
 
 def mode_shapes(p: RailParameters, position: ArrayLike) -> FloatArray:
-    """
-    Mass-normalised mode shapes φ_r anywhere on the rail (Eq. 7).
-
-    Parameters
-    ----------
-    p : RailParameters
-        The rail.
-    position : array_like, shape (position,)
-        y / L, 0 to 1.
-
-    Returns
-    -------
-    ndarray, shape (position, mode)
-        φ_r = √(2/μL) sin(rπy/L) [1/√kg].
-    """
+    """Mass-normalised mode shapes φ_r anywhere on the rail (Eq. 7), shape (position, mode)."""
     shapes: FloatArray = np.sqrt(2.0 / p.mass) * euler_bernoulli(p.n_modes).deflections(position)
     return shapes
 
 
 def natural_frequencies(p: RailParameters) -> FloatArray:
-    """
-    Natural frequencies of the pinned rail without the head (Eq. 8, Table 5).
-
-    Parameters
-    ----------
-    p : RailParameters
-        The rail.
-
-    Returns
-    -------
-    ndarray, shape (mode,)
-        r² f_1 [Hz].
-    """
+    """Natural frequencies of the pinned rail without the head (Eq. 8, Table 5), shape (mode,)."""
     frequencies: FloatArray = p.first_frequency * euler_bernoulli(p.n_modes).frequency
     return frequencies
 
@@ -275,21 +249,6 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     """
     The rail as a second-order system in modal coordinates, with ports at points along it.
 
-    Parameters
-    ----------
-    model : Rail
-        The rail.
-    points : mapping of str to float
-        Port name to y / L; each also gives the port ``"<name>_twist"`` where the rail twists.
-
-    Returns
-    -------
-    SecondOrder
-        Degrees of freedom η_1 … η_m (mass-normalised), then the upper branch ``shear0`` … where the rail shears, the ends'
-        motions and the twist's coordinates where there are any.
-
-    Notes
-    -----
     Eq. 9. Where the ends give, the rail's own damping, which goes with the rate of strain (Eq. 4), does not resist its rigid
     motions: they do not bend it.
 

@@ -175,26 +175,7 @@ def read_machine(path: str | os.PathLike[str]) -> Model:
 
 
 def model_of(content: dict[str, Any], source: str) -> Model:
-    """
-    The model of a machine.toml's content.
-
-    Parameters
-    ----------
-    content : dict
-        The parsed file.
-    source : str
-        Where it is from, for the record.
-
-    Returns
-    -------
-    Machine or Structure
-        The model, with its absorbers, then its effects in their order.
-
-    Raises
-    ------
-    ParameterError
-        If a value is impossible.
-    """
+    """The model of a machine.toml's content."""
     table = content.get("model", {})
     kind = table.get("kind", "cutting_machine") if isinstance(table, dict) else "cutting_machine"
     if kind not in ("cutting_machine", "second_order"):

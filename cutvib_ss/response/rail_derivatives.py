@@ -32,20 +32,7 @@ class RailPair:
         self.rail, self.left, self.right = left.rail, left, right
 
     def derivative(self, name: Path) -> ComplexArray:
-        """
-        Derivative of the receptance to one of the rail's values.
-
-        Parameters
-        ----------
-        name : tuple of str and int
-            ``("mass",)``, ``("first_frequency",)``, ``("damping_ratio",)``, ``("strain_damping",)``, ``("length",)``,
-            ``("shear", "ratio")``, ``("s",)``, ``("supports", "k_left")`` …, ``("attachments", k, "position")`` and the like.
-
-        Returns
-        -------
-        ndarray, shape (position, frequency)
-            The derivative; a modal coordinate's own normalisation by the mass is left out.
-        """
+        """Derivative of the receptance to one of the rail's values, shape (position, frequency)."""
         out = -self._beam(name)
         if self.rail.released:
             out = out - self._supports(name)

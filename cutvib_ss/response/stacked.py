@@ -11,20 +11,6 @@ def mixed(weights: FloatArray, stack: ComplexArray) -> ComplexArray:
     """
     Real combinations of the entries of a complex stack, as one product of real matrices.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (..., k)
-        Weights.
-    stack : ndarray of complex, shape (k, ...)
-        What is combined.
-
-    Returns
-    -------
-    ndarray of complex
-        Shape of ``weights`` without its last axis, then of ``stack`` without its first.
-
-    Notes
-    -----
     numpy would promote the weights to complex and take twice as long.
     """
     parts = np.ascontiguousarray(stack).reshape(stack.shape[0], -1).view(np.float64)
@@ -33,24 +19,7 @@ def mixed(weights: FloatArray, stack: ComplexArray) -> ComplexArray:
 
 
 def inverse(matrices: ComplexArray) -> ComplexArray:
-    """
-    Inverses of a stack of matrices; up to two by two in closed form.
-
-    Parameters
-    ----------
-    matrices : ndarray of complex, shape (n, n, frequency)
-        The matrices.
-
-    Returns
-    -------
-    ndarray of complex, shape (n, n, frequency)
-        Their inverses.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If a matrix larger than that is singular.
-    """
+    """Inverses of a stack of matrices; up to three by three in closed form, shape (n, n, frequency)."""
     n = matrices.shape[0]
     if n == 1:
         one: ComplexArray = 1.0 / matrices
@@ -59,23 +28,20 @@ def inverse(matrices: ComplexArray) -> ComplexArray:
         (a, b), (c, d) = matrices
         two: ComplexArray = np.array([[d, -b], [-c, a]]) * (1.0 / (a * d - b * c))
         return two
+    if n == 3:
+        # By bordering the first two: with P⁻¹, s = t - rᵀ P⁻¹ q.
+        inner = inverse(matrices[:2, :2])
+        column, row = dot(np.moveaxis(inner, 1, 0), matrices[:2, 2, None]), dot(matrices[2, :2, None], inner)
+        below = 1.0 / (matrices[2, 2] - dot(matrices[2, :2], column))
+        out = np.empty_like(matrices)
+        out[:2, :2] = inner + column[:, None] * row * below
+        out[:2, 2], out[2, :2], out[2, 2] = -column * below, -row * below, below
+        return out
     return np.ascontiguousarray(np.moveaxis(np.linalg.inv(np.moveaxis(matrices, -1, 0)), 0, -1))
 
 
 def dot(left: FloatArray | ComplexArray, right: FloatArray | ComplexArray) -> ComplexArray:
-    """
-    Sum of products over the first axis, the others broadcast.
-
-    Parameters
-    ----------
-    left, right : ndarray, shape (n, ...)
-        The factors; n of at least one, and small.
-
-    Returns
-    -------
-    ndarray
-        Σ_i left_i right_i.
-    """
+    """Sum of products over the first axis, the others broadcast."""
     total: ComplexArray = left[0] * right[0]
     for i in range(1, len(left)):
         total = total + left[i] * right[i]

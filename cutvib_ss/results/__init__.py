@@ -9,7 +9,6 @@ from cutvib_ss.results.arrays import (
     Quantity,
     read_only,
 )
-from cutvib_ss.results.display import Displayed, Drawn, Table, span
 from cutvib_ss.results.frequency import FrequencyResponse, MeasuredFrequencyResponse
 from cutvib_ss.results.modes import Modes, TrackedModes
 from cutvib_ss.results.moving import Energies, MovingResponse
@@ -19,8 +18,6 @@ __all__ = [
     "QUANTITY_OF_FORM",
     "AbsorberCheck",
     "ComplexArray",
-    "Displayed",
-    "Drawn",
     "Energies",
     "FloatArray",
     "Form",
@@ -29,9 +26,7 @@ __all__ = [
     "Modes",
     "MovingResponse",
     "Quantity",
-    "Table",
     "TimeResponse",
     "TrackedModes",
     "read_only",
-    "span",
 ]

@@ -120,6 +120,17 @@ def test_python_control_gives_the_response_back_and_that_of_its_plant(frf: Frequ
         to_control(frf)
 
 
+def test_a_point_of_the_rail_is_a_signal_of_plants_and_of_python_control_too() -> None:
+    plant = MACHINE.plant(0.5, inputs=["force", "rail@0.25"], outputs=["tool_x", "rail(0.4)"])
+    assert (plant.input_labels, plant.output_labels) == (["force", "rail@0_25"], ["tool_x", "rail(0_4)"])
+    ours = cv.frequency_response(
+        MACHINE, 0.5, FREQ, form="receptance", inputs=["force", "rail@0.25"], outputs=["tool_x", "rail@0.4"]
+    )
+    theirs = control.frequency_response(plant, OMEGA).frdata
+    assert np.abs(theirs - ours.data[0]).max() < 1e-9 * np.abs(ours.data).max()
+    assert list(to_control(ours).input_labels) == ["force", "rail@0_25"]
+
+
 def test_xarray_and_pandas_give_the_response_back(frf: FrequencyResponse) -> None:
     pytest.importorskip("xarray")
     pytest.importorskip("pandas")

@@ -44,7 +44,7 @@ KEYS = (
 def test_every_key_is_carried_and_written_back(tmp_path, format_):
     freq, _ = _frf_csv(tmp_path / "r.csv")
     campaign = read_campaign(_folder(tmp_path, SINE + KEYS))
-    again = read_campaign(write_campaign(campaign, tmp_path / "again", format_))
+    again = read_campaign(write_campaign(campaign, tmp_path / "again", format=format_))
     for record in (campaign.records[0], again.records[0]):
         assert (record.session, record.band_hz, record.sweep) == ("monday", (21.0, 59.0), "down")
         assert (record.controlled, record.input, record.use) == ("response", "head_x", "check")
@@ -130,7 +130,7 @@ def test_force_amplitude_needs_a_value_for_each_line():
 def test_uff_has_no_place_for_the_force_amplitude(tmp_path):
     _frf_csv(tmp_path / "r.csv")
     with pytest.raises(DataFormatError, match="write csv or mat"):
-        write_campaign(read_campaign(_folder(tmp_path, SINE)), tmp_path / "again", "uff")
+        write_campaign(read_campaign(_folder(tmp_path, SINE)), tmp_path / "again", format="uff")
 
 
 @pytest.mark.parametrize(
@@ -234,5 +234,5 @@ def test_unit_of_a_ratio(tmp_path, unit, channels, factor):
 def test_other_campaigns_are_written_as_before(tmp_path):
     _frf_csv(tmp_path / "r.csv")
     record = read_campaign(_folder(tmp_path, SINE)).records[0]
-    written = write_campaign(Campaign("t", tmp_path, published_machine(), (record,)), tmp_path / "w", "csv")
+    written = write_campaign(Campaign("t", tmp_path, published_machine(), (record,)), tmp_path / "w", format="csv")
     assert "sweep" not in written.read_text()

@@ -11,7 +11,7 @@ import cutvib_ss as cv
 from cutvib_ss.absorber import workspace_check
 from cutvib_ss.identification import held_response
 from cutvib_ss.plot.style import figure_of
-from cutvib_ss.results import Displayed
+from cutvib_ss.results.display import Displayed
 from tests.unit.diagnosis_example import example_diagnosis
 
 MACHINE = cv.published_machine()

@@ -74,7 +74,7 @@ def test_modes_have_the_damping_of_the_loss_at_their_own_frequency() -> None:
         pole = found.poles[r]
         peak, at_pole = (
             np.abs(
-                frequency_response(causal, [0.5], [pole.imag / (2 * np.pi)], "receptance", decay_rate=rate).data
+                frequency_response(causal, [0.5], [pole.imag / (2 * np.pi)], form="receptance", decay_rate=rate).data
             ).max()
             for rate in (0.0, pole.real)
         )
