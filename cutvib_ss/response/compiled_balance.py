@@ -93,7 +93,7 @@ def balance(
     ports = laws.size
     for j in range(ports):
         at_port = slice(j * n, (j + 1) * n)
-        forces(x[at_port], omega, laws, j, values[j], sliders[j], tables, harmonics[at_port], slopes[j])
+        forces(x[at_port], omega, laws, j, values, sliders, tables, harmonics[at_port], slopes[j])
     for row in range(x.size):
         residual[row] = x[row]
         for w in range(x.size):
