@@ -149,10 +149,15 @@ class RailParameters:
         Mass of the whole rail, μL [kg].
     first_frequency : float
         First natural frequency with pinned ends and without the head [Hz]; mode r has r² times this (Eq. 8).
-    damping_ratio : float
-        Modal damping ratio ζ_r, the same for every mode.
+    damping_ratio : float or sequence of float
+        Modal damping ratio ζ_r, one for every mode, or one for each of ``n_modes``. Of several the attribute holds the mean.
     n_modes : int
         Number of modes m kept in the superposition (Eq. 10).
+    damping_profile : tuple of float
+        ζ_r of each mode over ``damping_ratio``; ones by default, and the last value for modes beyond. From ``damping_ratio`` where
+        that is a sequence.
+    strain_damping : float
+        c_s / E of Eq. 4 [s]: damping c_s I by the rate of strain, beside that of the damping ratios (0 by default).
     source, caveat : str
         Where the values come from, and what to know about them.
 
@@ -167,16 +172,38 @@ class RailParameters:
     first_frequency: float
     damping_ratio: float
     n_modes: int
+    damping_profile: tuple[float, ...] = ()
+    strain_damping: float = 0.0
     source: str = field(default="", compare=False)
     caveat: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         for name in ("length", "mass", "first_frequency"):
             check_number(f"rail.{name}", getattr(self, name), 0.0, strict=True)
-        if check_number("rail.damping_ratio", self.damping_ratio, 0.0) >= 1.0:
-            raise ParameterError(f"rail.damping_ratio = {self.damping_ratio} must be below 1")
         if isinstance(self.n_modes, bool) or not isinstance(self.n_modes, int) or not 1 <= self.n_modes <= 1000:
             raise ParameterError(f"rail.n_modes = {self.n_modes!r} must be a whole number from 1 to 1000")
+        if not isinstance(self.damping_ratio, int | float):
+            self._take_profile(tuple(self.damping_ratio))
+        check_number("rail.damping_ratio", self.damping_ratio, 0.0)
+        for ratio in self.damping_ratios:
+            if check_number("rail.damping_ratio", ratio, 0.0) >= 1.0:
+                raise ParameterError(f"rail.damping_ratio = {ratio} must be below 1")
+        check_number("rail.strain_damping", self.strain_damping, 0.0)
+
+    def _take_profile(self, ratios: tuple[Any, ...]) -> None:
+        """The mean of a damping ratio a mode, and what each is of it."""
+        if len(ratios) != self.n_modes:
+            raise ParameterError(f"rail.damping_ratio has {len(ratios)} values; give one, or n_modes = {self.n_modes}")
+        mean = sum(check_number("rail.damping_ratio", r, 0.0) for r in ratios) / len(ratios)
+        profile = () if all(r == ratios[0] for r in ratios) else tuple(float(r) / mean for r in ratios)
+        object.__setattr__(self, "damping_ratio", float(ratios[0]) if not profile else mean)
+        object.__setattr__(self, "damping_profile", profile)
+
+    @property
+    def damping_ratios(self) -> tuple[float, ...]:
+        """ζ_r of the modes 1 … m."""
+        profile = self.damping_profile or (1.0,)
+        return tuple(self.damping_ratio * profile[min(r, len(profile) - 1)] for r in range(self.n_modes))
 
     @property
     def bending_stiffness(self) -> float:

@@ -47,38 +47,12 @@ class HeldHead:
         self._answers = {name: self._inverse @ self._rows[name] for name in TOOL}
 
     def receptance(self, output: str) -> ComplexArray:
-        """
-        Displacement of the tool per unit cutting force.
-
-        Parameters
-        ----------
-        output : {"tool_x", "tool_z"}
-            Direction of the displacement.
-
-        Returns
-        -------
-        ndarray of complex, shape (frequency,)
-            Receptance [m/N].
-        """
+        """Displacement of the tool per unit cutting force, shape (frequency,)."""
         value: ComplexArray = self._answers["tool_x"] @ self._rows[output]
         return value
 
     def derivative(self, name: str, output: str) -> ComplexArray:
-        """
-        Derivative of a receptance to one of the head's parameters.
-
-        Parameters
-        ----------
-        name : str
-            Name of the parameter.
-        output : {"tool_x", "tool_z"}
-            Direction of the displacement.
-
-        Returns
-        -------
-        ndarray of complex, shape (frequency,)
-            The derivative.
-        """
+        """Derivative of a receptance to one of the head's parameters, shape (frequency,)."""
         rows, parts = head_changes(self.parameters, name)
         moved, still = {p: row[_ROTATIONS] for p, row in rows.items()}, np.zeros(2)
         v_x, v_q = self._answers["tool_x"], self._answers[output]

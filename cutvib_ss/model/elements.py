@@ -24,48 +24,15 @@ class Element(Protocol):
     """A linear element in parallel at a port."""
 
     def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
-        """
-        Force over displacement at the port.
-
-        Parameters
-        ----------
-        s : ndarray of complex
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        ndarray
-            z(s), of the shape of ``s``.
-        """
+        """Force over displacement at the port."""
         ...
 
     def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
-        """
-        Derivative of z(s) to a parameter, or to s itself.
-
-        Parameters
-        ----------
-        name : str
-            Name of the parameter, or ``"s"``.
-        s : ndarray of complex
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        ndarray
-            The derivative, of the shape of ``s``.
-        """
+        """Derivative of z(s) to a parameter, or to s itself."""
         ...
 
     def second_order(self) -> SecondOrder:
-        """
-        The element as a system with port ``"end"``.
-
-        Returns
-        -------
-        SecondOrder
-            The finite form.
-        """
+        """The element as a system with port ``"end"``."""
         ...
 
 
@@ -97,57 +64,19 @@ class SpringDamperMass:
             check_number(name, getattr(self, name))
 
     def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
-        """
-        Force over displacement at the port.
-
-        Parameters
-        ----------
-        s : ndarray of complex
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        ndarray
-            z(s).
-        """
+        """Force over displacement at the port."""
         z: ComplexArray = self.stiffness + 1j * self.loss_stiffness + s * self.damping + s**2 * self.mass
         return z
 
     def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
-        """
-        Derivative of z(s) to a parameter, or to s itself.
-
-        Parameters
-        ----------
-        name : str
-            ``"stiffness"``, ``"damping"``, ``"mass"``, ``"loss_stiffness"`` or ``"s"``.
-        s : ndarray of complex
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        ndarray
-            The derivative.
-        """
+        """Derivative of z(s) to a parameter, or to s itself."""
         if name == "s":
             return self.damping + 2 * s * self.mass
         power = {"stiffness": 1.0 + 0j * s, "loss_stiffness": 1j + 0 * s, "damping": s, "mass": s**2}
         return power[name]
 
     def second_order(self) -> SecondOrder:
-        """
-        One degree of freedom, with port ``"end"``.
-
-        Returns
-        -------
-        SecondOrder
-            The element.
-
-        Raises
-        ------
-        CouplingError
-            If it is hysteretic, which has no finite second-order form.
-        """
+        """One degree of freedom, with port ``"end"``."""
         if self.loss_stiffness != 0.0:
             raise CouplingError(
                 "structural (hysteretic) damping has no finite second-order form; ask for equivalent viscous damping"
@@ -187,39 +116,13 @@ class SprungMass:
         return w, spring, below
 
     def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
-        """
-        Force over displacement at the port: m s² (ω² + 2ζωs) / (s² + 2ζωs + ω²), Eq. 24 at s = jω.
-
-        Parameters
-        ----------
-        s : ndarray of complex
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        ndarray
-            z(s).
-        """
+        """Force over displacement at the port: m s² (ω² + 2ζωs) / (s² + 2ζωs + ω²), Eq. 24 at s = jω."""
         _, spring, below = self._parts(s)
         z: ComplexArray = self.mass * s * s * spring / below
         return z
 
     def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
-        """
-        Derivative of z(s) to a parameter, or to s itself.
-
-        Parameters
-        ----------
-        name : str
-            ``"mass"``, ``"frequency"``, ``"damping_ratio"`` or ``"s"``.
-        s : ndarray of complex
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        ndarray
-            The derivative.
-        """
+        """Derivative of z(s) to a parameter, or to s itself."""
         w, spring, below = self._parts(s)
         ratio = spring / below
         zeta = self.damping_ratio
@@ -236,19 +139,7 @@ class SprungMass:
         return out
 
     def second_order(self) -> SecondOrder:
-        """
-        Two degrees of freedom, port ``"end"`` on the massless foot.
-
-        Returns
-        -------
-        SecondOrder
-            The element; with no mass it is a foot alone.
-
-        Raises
-        ------
-        CouplingError
-            Never for a positive mass.
-        """
+        """Two degrees of freedom, port ``"end"`` on the massless foot."""
         if self.mass == 0.0:
             return SpringDamperMass().second_order()
         w = 2 * pi * self.frequency

@@ -28,23 +28,7 @@ _MASSES = {"m1": ("head_x", "head_z"), "m2": ("tool_x", "tool_z")}
 
 
 def head_rows(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> dict[str, FloatArray]:
-    """
-    Rows of the head's ports over (θ1, θ2, x_b) and, on a rail that twists, ψ.
-
-    Parameters
-    ----------
-    p : HeadParameters
-        The head.
-    twist : bool
-        Whether the base also rotates with the rail.
-    eccentricity : float
-        Distance e in Z from the rail's shear centre to the first joint [m].
-
-    Returns
-    -------
-    dict of str to ndarray, shape (3,) or (4,)
-        ``tool_x``, ``tool_z``, ``head_x``, ``head_z``, ``base``, ``joint1``, ``joint2`` and, with ``twist``, ``twist``.
-    """
+    """Rows of the head's ports over (θ1, θ2, x_b) and, on a rail that twists, ψ, shape (3,) or (4,)."""
     a, b = p.theta01, p.theta01 + p.theta02
     x1, z1 = p.l1 * np.cos(a), -p.l1 * np.sin(a)
     x2, z2 = p.l2 * np.cos(b), -p.l2 * np.sin(b)
@@ -66,25 +50,7 @@ def head_rows(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0)
 def head_row_derivatives(
     p: HeadParameters, name: str, twist: bool = False, eccentricity: float = 0.0
 ) -> dict[str, FloatArray]:
-    """
-    Derivatives of the rows to one of the head's parameters; rows that do not depend on it are left out.
-
-    Parameters
-    ----------
-    p : HeadParameters
-        The head.
-    name : str
-        ``"l1"``, ``"l2"``, ``"theta01"``, ``"theta02"``, or any other parameter (no row depends on it).
-    twist : bool
-        Whether the base also rotates with the rail.
-    eccentricity : float
-        As in `head_rows`.
-
-    Returns
-    -------
-    dict of str to ndarray
-        Derivative of each row that depends on the parameter.
-    """
+    """Derivatives of the rows to one of the head's parameters; rows that do not depend on it are left out."""
     a, b = p.theta01, p.theta01 + p.theta02
     # Derivatives of (x1, z1, x2, z2) of head_rows.
     moves = {
@@ -146,44 +112,14 @@ def _with_twist(
 
 
 def mass_matrix(p: HeadParameters, rows: Mapping[str, FloatArray]) -> FloatArray:
-    """
-    Eq. 2, from the rows of the two masses.
-
-    Parameters
-    ----------
-    p : HeadParameters
-        The head.
-    rows : mapping of str to ndarray
-        Rows from `head_rows`.
-
-    Returns
-    -------
-    ndarray, shape (3, 3) or (4, 4)
-        Mass matrix.
-    """
+    """Eq. 2, from the rows of the two masses, shape (3, 3) or (4, 4)."""
     total: FloatArray = p.m1 * (np.outer(rows["head_x"], rows["head_x"]) + np.outer(rows["head_z"], rows["head_z"]))
     total += p.m2 * (np.outer(rows["tool_x"], rows["tool_x"]) + np.outer(rows["tool_z"], rows["tool_z"]))
     return total
 
 
 def head(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> SecondOrder:
-    """
-    The head as a second-order system over (θ1, θ2, x_b) (Eq. 1).
-
-    Parameters
-    ----------
-    p : HeadParameters
-        The head.
-    twist : bool
-        Whether the base also rotates with the rail (fourth degree of freedom ψ).
-    eccentricity : float
-        Distance e in Z from the rail's shear centre to the first joint [m].
-
-    Returns
-    -------
-    SecondOrder
-        The head, its base free. The mass matrix is singular where θ01 = 0 (Table 1).
-    """
+    """The head as a second-order system over (θ1, θ2, x_b) (Eq. 1)."""
     rows = head_rows(p, twist, eccentricity)
     n = 4 if twist else 3
     damping, stiffness = np.zeros((n, n)), np.zeros((n, n))

@@ -124,37 +124,137 @@ class Machine:
         return None
 
     def port_of(self, signal: str) -> str:
-        """The port behind a signal: ``force`` acts on ``tool_x``, ``base_x`` is read at ``base``."""
+        """
+        The port behind a signal; any other name is its own port.
+
+        Parameters
+        ----------
+        signal : str
+            Signal, channel or port.
+
+        Returns
+        -------
+        str
+            ``tool_x`` of ``force``, ``base`` of ``base_x``.
+        """
         return CUTTING_SIGNALS.get(signal, signal)
 
     def base_share(self, signal: str) -> float:
-        """No shaker."""
+        """
+        How a signal that reads absolute motion moves with a shaker's base.
+
+        Parameters
+        ----------
+        signal : str
+            Signal, channel or port.
+
+        Returns
+        -------
+        float
+            0: the machine stands on no shaker.
+        """
         return 0.0
 
     def rotates(self, signal: str) -> bool:
-        """The joints and the rail's twist."""
+        """
+        Whether a signal is a rotation.
+
+        Parameters
+        ----------
+        signal : str
+            Signal, channel or port.
+
+        Returns
+        -------
+        bool
+            True of the joints and of the rail's twist.
+        """
         return signal.startswith(("joint", "theta")) or "twist" in signal
 
     def core_changes(self, path: Path) -> Changes | None:
-        """How the head moves with its parameters, and with the rail's eccentricity."""
+        """
+        How the core of the assembly moves with one of the model's values.
+
+        Parameters
+        ----------
+        path : tuple of str and int
+            The value's path.
+
+        Returns
+        -------
+        Changes or None
+            None where it does not.
+        """
         if path[0] == "head" or path == ("rail", "torsion", "eccentricity"):
             return head_core_changes(self.head, self.rail, self.guide, str(path[-1]))
         return None
 
     def drive(self, system: SecondOrder) -> FloatArray:
-        """The row of the tool in X."""
+        """
+        How a unit of the ``force`` channel pushes each degree of freedom.
+
+        Parameters
+        ----------
+        system : SecondOrder
+            From `second_order`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The row of the tool in X.
+        """
         return system.port(self.input_port)
 
     def head_system(self, viscous_at: float | None = None) -> SecondOrder:
-        """The head alone with its attachments, its base free; hysteresis made viscous at a frequency [Hz] if one is given."""
+        """
+        The head alone with its attachments, its base free.
+
+        Parameters
+        ----------
+        viscous_at : float, optional
+            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
+
+        Returns
+        -------
+        SecondOrder
+            Over θ1, θ2, the base's motion, its twist where the rail twists, and the attachments' own coordinates.
+        """
         return replace(self, guide=None).assembly.system(viscous_at)
 
     def rail_system(self, position: float, points: Mapping[str, float] | None = None) -> SecondOrder:
-        """The rail alone in modal coordinates, with the port ``at_head`` (and ``at_head_twist``) and more ports along it."""
+        """
+        The rail alone in modal coordinates.
+
+        Parameters
+        ----------
+        position : float
+            y / L of the port ``at_head`` (and ``at_head_twist``).
+        points : mapping of str to float, optional
+            More ports along the rail: name to y / L.
+
+        Returns
+        -------
+        SecondOrder
+            Its coordinates and ports are those of `cutvib_ss.model.rail.rail`.
+        """
         return rail(self.rail, {"at_head": check_position(position), **(points or {})})
 
     def coupling(self, viscous_at: float | None = None, points: Mapping[str, float] | None = None) -> Coupling:
-        """The base-force constraint: constant matrices of head and rail, and the rows φ(y)."""
+        """
+        The base-force constraint (Eqs. 5, 6 and 10).
+
+        Parameters
+        ----------
+        viscous_at : float, optional
+            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
+        points : mapping of str to float, optional
+            More ports along the rail: name to y / L.
+
+        Returns
+        -------
+        Coupling
+            Constant matrices of head and rail, and the rows φ(y).
+        """
         return coupling(self.assembly, viscous_at, points)
 
     def second_order(
@@ -185,7 +285,21 @@ class Machine:
         return self.coupling(viscous_at, points).second_order(check_position(position))
 
     def matrices(self, positions: Sequence[float], viscous_at: float | None = None) -> list[Matrices]:
-        """Mass, damping and stiffness at several positions."""
+        """
+        Mass, damping and stiffness at several positions.
+
+        Parameters
+        ----------
+        positions : sequence of float
+            y_b / L of the head, each strictly inside (0, 1).
+        viscous_at : float, optional
+            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
+
+        Returns
+        -------
+        list of (ndarray, ndarray, ndarray)
+            One a position, each of shape (n, n).
+        """
         joined = self.coupling(viscous_at)
         return [joined.matrices(check_position(y)) for y in positions]
 

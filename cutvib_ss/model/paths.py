@@ -14,26 +14,7 @@ ModelT = TypeVar("ModelT")
 
 
 def value_at(model: Any, path: Path) -> float:
-    """
-    The number that a path names.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    path : tuple of str and int
-        Attribute names and indices, for instance ``("head", "k2")`` or ``("chain", "channels", "tool_x", "gain")``.
-
-    Returns
-    -------
-    float
-        The value.
-
-    Raises
-    ------
-    ParameterError
-        If the path leads nowhere.
-    """
+    """The number that a path names."""
     node = model
     for step in path:
         node = _child(node, step, path)
@@ -41,52 +22,12 @@ def value_at(model: Any, path: Path) -> float:
 
 
 def with_value(model: ModelT, path: Path, value: float) -> ModelT:
-    """
-    A copy of a model with one number changed.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    path : tuple of str and int
-        As in `value_at`.
-    value : float
-        The new value.
-
-    Returns
-    -------
-    Machine or Structure
-        The new model, checked as any is.
-
-    Raises
-    ------
-    ParameterError
-        If the path leads nowhere, or the value is impossible.
-    """
+    """A copy of a model with one number changed."""
     return with_values(model, {path: value})
 
 
 def with_values(model: ModelT, values: Mapping[Path, float]) -> ModelT:
-    """
-    A copy of a model with several numbers changed at once.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    values : mapping of path to float
-        The new values.
-
-    Returns
-    -------
-    Machine or Structure
-        The new model, checked as any is.
-
-    Raises
-    ------
-    ParameterError
-        If a path leads nowhere, or a value is impossible.
-    """
+    """A copy of a model with several numbers changed at once."""
     rebuilt: ModelT = _rebuilt(model, {path: (path, value) for path, value in values.items()})
     return rebuilt
 

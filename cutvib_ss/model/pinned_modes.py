@@ -60,37 +60,13 @@ class PinnedModes:
             getattr(self, f.name).flags.writeable = False
 
     def deflections(self, position: ArrayLike) -> FloatArray:
-        """
-        Deflection of the modes at points.
-
-        Parameters
-        ----------
-        position : array_like, shape (position,)
-            y / L.
-
-        Returns
-        -------
-        ndarray, shape (position, mode)
-            d sin(rπy/L).
-        """
+        """Deflection of the modes at points, shape (position, mode)."""
         y = np.atleast_1d(np.asarray(position, dtype=float))
         shapes: FloatArray = np.sin(np.pi * np.outer(y, self.number)) * self.deflection
         return shapes
 
     def rotations(self, position: float) -> FloatArray:
-        """
-        Rotation of the cross-section at a point.
-
-        Parameters
-        ----------
-        position : float
-            y / L.
-
-        Returns
-        -------
-        ndarray, shape (mode,)
-            t cos(rπy/L), L times the rotation.
-        """
+        """Rotation of the cross-section at a point, shape (mode,)."""
         rotations: FloatArray = self.rotation * np.cos(np.pi * self.number * position)
         return rotations
 
@@ -103,16 +79,6 @@ def _end_to_end(diagonal: float, other: float) -> FloatArray:
 def euler_bernoulli(n_modes: int) -> PinnedModes:
     """
     Modes of a beam that bends only (Eqs. 7 and 8).
-
-    Parameters
-    ----------
-    n_modes : int
-        Number of sines m.
-
-    Returns
-    -------
-    PinnedModes
-        The m modes; the rotation is the slope.
 
     Examples
     --------
@@ -129,22 +95,6 @@ def timoshenko(n_modes: int, ratio: float) -> tuple[PinnedModes, PinnedModes]:
     """
     Modes of a beam with shear deformation and rotary inertia, and their derivatives to the shear ratio.
 
-    Parameters
-    ----------
-    n_modes : int
-        Number of sines m.
-    ratio : float
-        R = κGA L²/(π² EI).
-
-    Returns
-    -------
-    modes : PinnedModes
-        The lower branch r = 1 … m, then the upper one r = 0 … m.
-    slope : PinnedModes
-        The derivative of each of its values to R, ``number`` apart.
-
-    Notes
-    -----
     In the coordinates (a, √(εx) β), in which the mass is the identity, the two modes of a sine are (cos φ, sin φ) and
     (sin φ, -cos φ), with tan φ = √(εx) (1 - xλ) at the lower root. Second root of the quadratic: λ = 1/(ε x² λ_lower).
 

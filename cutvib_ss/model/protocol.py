@@ -137,21 +137,5 @@ class Model(Protocol):
     def second_order(
         self, position: float | None = None, viscous_at: float | None = None, points: Mapping[str, float] | None = None
     ) -> SecondOrder:
-        """
-        The exact second-order form at a position.
-
-        Parameters
-        ----------
-        position : float, optional
-            y_b / L, where the model has one.
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-        points : mapping of str to float, optional
-            More ports along the rail: name to y / L.
-
-        Returns
-        -------
-        SecondOrder
-            The joined system.
-        """
+        """The exact second-order form at a position."""
         ...

@@ -161,6 +161,12 @@ class Rail:
         return timoshenko(self.parameters.n_modes, self.shear.ratio)[0]
 
     @property
+    def damping_weight(self) -> FloatArray:
+        """ζ over the rail's ``damping_ratio`` of each of `modes`; of a uniform rotation that of the first."""
+        profile = np.array(self.parameters.damping_profile or (1.0,))
+        return np.asarray(profile[np.clip(self.modes.number.astype(int) - 1, 0, profile.size - 1)])
+
+    @property
     def modes_by_shear(self) -> PinnedModes:
         """Derivatives of their values to the shear ratio; only where the rail shears."""
         assert self.shear is not None
@@ -168,39 +174,13 @@ class Rail:
 
 
 def mode_shapes(p: RailParameters, position: ArrayLike) -> FloatArray:
-    """
-    Mass-normalised mode shapes φ_r anywhere on the rail (Eq. 7).
-
-    Parameters
-    ----------
-    p : RailParameters
-        The rail.
-    position : array_like, shape (position,)
-        y / L, 0 to 1.
-
-    Returns
-    -------
-    ndarray, shape (position, mode)
-        φ_r = √(2/μL) sin(rπy/L) [1/√kg].
-    """
+    """Mass-normalised mode shapes φ_r anywhere on the rail (Eq. 7), shape (position, mode)."""
     shapes: FloatArray = np.sqrt(2.0 / p.mass) * euler_bernoulli(p.n_modes).deflections(position)
     return shapes
 
 
 def natural_frequencies(p: RailParameters) -> FloatArray:
-    """
-    Natural frequencies of the pinned rail without the head (Eq. 8, Table 5).
-
-    Parameters
-    ----------
-    p : RailParameters
-        The rail.
-
-    Returns
-    -------
-    ndarray, shape (mode,)
-        r² f_1 [Hz].
-    """
+    """Natural frequencies of the pinned rail without the head (Eq. 8, Table 5), shape (mode,)."""
     frequencies: FloatArray = p.first_frequency * euler_bernoulli(p.n_modes).frequency
     return frequencies
 
@@ -269,23 +249,11 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     """
     The rail as a second-order system in modal coordinates, with ports at points along it.
 
-    Parameters
-    ----------
-    model : Rail
-        The rail.
-    points : mapping of str to float
-        Port name to y / L; each also gives the port ``"<name>_twist"`` where the rail twists.
-
-    Returns
-    -------
-    SecondOrder
-        Degrees of freedom η_1 … η_m (mass-normalised), then the upper branch ``shear0`` … where the rail shears, the ends'
-        motions and the twist's coordinates where there are any.
-
-    Notes
-    -----
     Eq. 9. Where the ends give, the rail's own damping, which goes with the rate of strain (Eq. 4), does not resist its rigid
     motions: they do not bend it.
+
+    Eq. 4's c_s I ∂⁵w/∂y⁴∂t is its E I ∂⁴w/∂y⁴ with c_s/E ∂/∂t before it. It adds (c_s/E) ω_r² to the damping of each mode, as much
+    as ζ_r = (c_s/E) ω_r / 2, and resists no rigid motion. With shear the strain of either kind is damped alike.
     """
     p = model.parameters
     modes = model.modes
@@ -298,7 +266,8 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     n = m + len(ends) + len(twists)
     mass, damping, stiffness = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
     elastic = np.arange(m)
-    damping[elastic, elastic] = 2 * p.damping_ratio * w
+    modal = 2 * p.damping_ratio * model.damping_weight * w
+    damping[elastic, elastic] = modal + p.strain_damping * w**2
     stiffness[elastic, elastic] = w**2
     if model.supports:
         u = slice(m, m + 2)

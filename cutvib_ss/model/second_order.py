@@ -96,41 +96,14 @@ class SecondOrder:
         object.__setattr__(self, "ports", MappingProxyType(dict(zip(rows, table, strict=True))))
 
     def port(self, name: str) -> FloatArray:
-        """
-        The row of a port.
-
-        Parameters
-        ----------
-        name : str
-            Name of the port.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The row.
-
-        Raises
-        ------
-        ParameterError
-            If there is no such port; the message lists those that are.
-        """
+        """The row of a port, shape (n,)."""
         if name not in self.ports:
             raise ParameterError(f"no port {name!r}; there are {', '.join(self.ports)}")
         return self.ports[name]
 
     def dynamic_stiffness(self, s: ArrayLike) -> ComplexArray:
         """
-        K + s C + s² M, by definition: the slow, dense route that the closed forms are checked against.
-
-        Parameters
-        ----------
-        s : array_like of complex, shape (frequency,)
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        ndarray, shape (frequency, n, n)
-            Dynamic stiffness.
+        K + s C + s² M, by definition: the slow, dense route that the closed forms are checked against, shape (frequency, n, n).
         """
         s_ = np.asarray(s, dtype=np.complex128)[:, None, None]
         dense: ComplexArray = self.stiffness + s_ * self.damping + s_**2 * self.mass
@@ -203,8 +176,9 @@ class SecondOrder:
             parts = [motion(m[i, f], order) for order, m in enumerate(matrices)]
             found.append((-np.sum([c for c, _ in parts], axis=0), pushes[i] - np.sum([d for _, d in parts], axis=0)))
         names = [self.dofs[i] for i in f]
+        c, d = (np.reshape(x, (len(found), -1)) for x in zip(*found, strict=True)) if found else (a[:0], b[:0])
         return control.ss(
-            a, b, np.reshape([c for c, _ in found], (len(found), 2 * n)), np.reshape([d for _, d in found], (-1, b.shape[1])),
+            a, b, c, d,
             inputs=[*inputs, *(f"{d}_{q}" for d in driven for q in DERIVATIVE_ORDER)],
             outputs=[*outputs, *(f"{d}_reaction" for d in driven)], name=name,
             states=names + [f"d_{d}" for d in names],
@@ -239,30 +213,6 @@ class SecondOrder:
         """
         Join another system rigidly: each of its ports moves with one of this system's, forces opposite and equal.
 
-        Parameters
-        ----------
-        ports : sequence of str
-            Ports of this system.
-        other : SecondOrder
-            The system to join.
-        other_ports : sequence of str
-            Its ports, one for each of ``ports``; each must be a single degree of freedom of ``other``, which the joint
-            eliminates.
-        prefix : str
-            Put before the names of the other system's remaining degrees of freedom and ports.
-
-        Returns
-        -------
-        SecondOrder
-            The joined system; its degrees of freedom are this system's, then the other's remaining ones.
-
-        Raises
-        ------
-        CouplingError
-            If a port of ``other`` is not one degree of freedom.
-
-        Notes
-        -----
         With u the eliminated coordinates, u = P q, so that q_other = T (q, i) and M = M_self + Tᵀ M_other T: the primal
         assembly of dynamic substructuring, which leaves no constraint and no spurious pole.
         """

@@ -103,24 +103,72 @@ class Structure:
         return None if self.input_quantity == "force" else self.system.port(self.input_port)
 
     def port_of(self, signal: str) -> str:
-        """The port behind ``force`` or a channel; any other name is its own port."""
+        """
+        The port behind a signal; any other name is its own port.
+
+        Parameters
+        ----------
+        signal : str
+            Signal, channel or port.
+
+        Returns
+        -------
+        str
+            The input port of ``force``, a channel's port.
+        """
         if signal == "force":
             return self.input_port
         return self.channels[signal].port if signal in self.channels else signal
 
     def base_share(self, signal: str) -> float:
-        """How a channel that reads absolute motion on a shaker moves with the base: its port's row times r."""
+        """
+        How a signal that reads absolute motion moves with a shaker's base.
+
+        Parameters
+        ----------
+        signal : str
+            Signal, channel or port.
+
+        Returns
+        -------
+        float
+            Its port's row times the influence vector; 0 where it reads relative motion.
+        """
         channel, r = self.channels.get(signal), self.influence
         return (
             0.0 if r is None or channel is None or not channel.absolute else float(self.system.port(channel.port) @ r)
         )
 
     def rotates(self, signal: str) -> bool:
-        """Not known of a structure."""
+        """
+        Whether a signal is a rotation.
+
+        Parameters
+        ----------
+        signal : str
+            Signal, channel or port.
+
+        Returns
+        -------
+        bool
+            False: that is not known of a structure.
+        """
         return False
 
     def core_changes(self, path: Path) -> Changes | None:
-        """The factors on the matrices."""
+        """
+        How the core of the assembly moves with one of the model's values.
+
+        Parameters
+        ----------
+        path : tuple of str and int
+            The value's path.
+
+        Returns
+        -------
+        Changes or None
+            None where it does not.
+        """
         if path[0] != "scales":
             return None
         k = int(path[1])
@@ -240,9 +288,17 @@ class Structure:
 
     def drive(self, system: SecondOrder) -> FloatArray:
         """
-        How a unit of the ``force`` channel pushes each degree of freedom of `second_order`.
+        How a unit of the ``force`` channel pushes each degree of freedom.
 
-        On a shaker the inertia forces -M r of a unit base acceleration; a sprung mass is carried along by its foot.
+        Parameters
+        ----------
+        system : SecondOrder
+            From `second_order`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Row of the input port; on a shaker -M r, a sprung mass being carried along by its foot.
         """
         carried = self.influence
         if carried is None:

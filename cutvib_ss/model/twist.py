@@ -28,17 +28,9 @@ _REMAINDER = float((np.pi**2 / 6 - np.sum(1.0 / _KEPT**2)) / (np.pi**4 / 90 - np
 
 def twist_shapes(position: ArrayLike) -> FloatArray:
     """
-    Shapes of the twist's coordinates at points of the rail.
+    Shapes of the twist's coordinates at points of the rail, shape (position, TWIST_MODES + 1).
 
-    Parameters
-    ----------
-    position : array_like, shape (position,)
-        y / L, 0 to 1.
-
-    Returns
-    -------
-    ndarray, shape (position, TWIST_MODES + 1)
-        sin(kπy/L), then the remainder's shape for a torque at that very point.
+    sin(kπy/L), then the remainder's shape for a torque at that very point.
     """
     y = np.atleast_1d(np.asarray(position, dtype=float))
     kept = np.sin(np.outer(y, np.pi * _KEPT))
@@ -47,12 +39,5 @@ def twist_shapes(position: ArrayLike) -> FloatArray:
 
 
 def twist_stiffness() -> FloatArray:
-    """
-    Modal stiffness of the twist's coordinates relative to J/2 ω_1²; their inertia is J/2.
-
-    Returns
-    -------
-    ndarray, shape (TWIST_MODES + 1,)
-        k² of the modes, then of the remainder.
-    """
+    """Modal stiffness of the twist's coordinates relative to J/2 ω_1², shape (TWIST_MODES + 1,); their inertia is J/2."""
     return np.append(_KEPT.astype(float) ** 2, _REMAINDER)

@@ -26,7 +26,6 @@ from cutvib_ss.parameters import AbsorberParameters, StructureTolerances, Tolera
 from cutvib_ss.results import Quantity
 
 _ANGLES = ("theta01", "theta02")
-_RAIL = ("length", "mass", "first_frequency", "damping_ratio", "n_modes")
 _MATRICES = ("mass", "damping", "stiffness")
 
 
@@ -55,8 +54,9 @@ class _RailTable(_Table):
     length: float = 0.0
     mass: float = 0.0
     first_frequency: float = 0.0
-    damping_ratio: float = 0.0
+    damping_ratio: float | list[float] = 0.0
     n_modes: int = 0
+    strain_damping: float = 0.0
 
 
 class _ToleranceTable(_Table):
@@ -175,26 +175,7 @@ def read_machine(path: str | os.PathLike[str]) -> Model:
 
 
 def model_of(content: dict[str, Any], source: str) -> Model:
-    """
-    The model of a machine.toml's content.
-
-    Parameters
-    ----------
-    content : dict
-        The parsed file.
-    source : str
-        Where it is from, for the record.
-
-    Returns
-    -------
-    Machine or Structure
-        The model, with its absorbers, then its effects in their order.
-
-    Raises
-    ------
-    ParameterError
-        If a value is impossible.
-    """
+    """The model of a machine.toml's content."""
     table = content.get("model", {})
     kind = table.get("kind", "cutting_machine") if isinstance(table, dict) else "cutting_machine"
     if kind not in ("cutting_machine", "second_order"):

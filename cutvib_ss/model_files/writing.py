@@ -23,7 +23,7 @@ from cutvib_ss.model.structure import Structure
 from cutvib_ss.model_files.reading import model_of
 
 _ANGLES = ("theta01", "theta02")
-_RAIL = ("length", "mass", "first_frequency", "damping_ratio", "n_modes")
+_RAIL = ("length", "mass", "first_frequency", "n_modes")
 _ABSORBER = ("frequency", "damping_ratio", "mass")
 _MATRICES = ("mass", "damping", "stiffness")
 
@@ -71,7 +71,11 @@ def _lines(model: Model) -> Iterator[str]:
             value = getattr(bare.head, name)
             yield f"{name}_deg = {_in_degrees(value)!r}" if name in _ANGLES else f"{name} = {float(value)!r}"
         yield from ["", "[rail]"]
-        yield from (_entry(name, getattr(bare.rail.parameters, name)) for name in _RAIL)
+        rail = bare.rail.parameters
+        yield from (_entry(name, getattr(rail, name)) for name in _RAIL)
+        yield _entry("damping_ratio", rail.damping_ratios if rail.damping_profile else rail.damping_ratio)
+        if rail.strain_damping:
+            yield _entry("strain_damping", rail.strain_damping)
     else:
         yield from _structure_lines(bare)
     yield from ["", "[tolerance]"]

@@ -12,26 +12,7 @@ from cutvib_ss.results import ComplexArray, FloatArray
 
 
 def as_positions(model: Machine | Structure, positions: object) -> FloatArray:
-    """
-    Positions as an array, checked against the kind of model.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    positions : float, array_like or None
-        y_b / L, strictly inside (0, 1); None or NaN for a structure.
-
-    Returns
-    -------
-    ndarray, shape (position,)
-        The positions; one NaN for a structure.
-
-    Raises
-    ------
-    ParameterError
-        If a machine has none, one lies outside the rail, or a structure is given one.
-    """
+    """Positions as an array, checked against the kind of model, shape (position,)."""
     if not model.has_position:
         if positions is not None and not np.isnan(np.asarray(positions, dtype=float)).all():
             raise ParameterError("a second_order model has no position")
@@ -43,26 +24,7 @@ def as_positions(model: Machine | Structure, positions: object) -> FloatArray:
 
 
 def as_laplace(freq: object, decay_rate: float) -> tuple[FloatArray, ComplexArray]:
-    """
-    Frequencies [Hz] and s = σ + j2πf.
-
-    Parameters
-    ----------
-    freq : array_like, shape (frequency,)
-        Frequencies [Hz].
-    decay_rate : float
-        σ [1/s].
-
-    Returns
-    -------
-    freq, s : ndarray, shape (frequency,)
-        Both.
-
-    Raises
-    ------
-    ParameterError
-        If a frequency is negative or not finite.
-    """
+    """Frequencies [Hz] and s = σ + j2πf, shape (frequency,)."""
     f = np.atleast_1d(np.asarray(freq, dtype=float))
     if f.ndim != 1 or not np.isfinite(f).all() or (f < 0).any():
         raise ParameterError("frequencies must be finite, at least 0 Hz, in one list")

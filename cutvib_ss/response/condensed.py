@@ -71,24 +71,7 @@ class CondensedModel:
     # -- the two sides ------------------------------------------------------------------------------------------------------
 
     def row(self, port: str) -> FloatArray:
-        """
-        A port's row over the head's degrees of freedom.
-
-        Parameters
-        ----------
-        port : str
-            Name of the port.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The row.
-
-        Raises
-        ------
-        ParameterError
-            If there is no such port; the message lists those that are.
-        """
+        """A port's row over the head's degrees of freedom, shape (n,)."""
         if port not in self.rows:
             raise ParameterError(f"no port {port!r}; there are {', '.join(self.rows)}")
         return self.rows[port]
@@ -153,40 +136,14 @@ class CondensedModel:
         return self._answers[port]
 
     def held(self, row: Row) -> ComplexArray:
-        """
-        Motion of the head for a unit force, its base held.
-
-        Parameters
-        ----------
-        row : ndarray, shape (n,) or (n, frequency)
-            The force's row over the head's degrees of freedom.
-
-        Returns
-        -------
-        ndarray, shape (n, frequency)
-            The motion.
-        """
+        """Motion of the head for a unit force, its base held, shape (n, frequency)."""
         out = np.zeros((len(self.system.dofs), self.s.size), dtype=np.complex128)
         if row.any():
             out[self._free] = dot(np.moveaxis(self._inverse, 1, 0), _over_frequency(row)[self._free][:, None])
         return out
 
     def joined(self, to_base: ComplexArray, at_head: ComplexArray | None) -> tuple[ComplexArray, ComplexArray]:
-        """
-        Force and motion where head and rail meet.
-
-        Parameters
-        ----------
-        to_base : ndarray, shape (interface, 1, frequency)
-            Force on the held base.
-        at_head : ndarray or None, shape (position, frequency)
-            Motion of the rail there without the head.
-
-        Returns
-        -------
-        force, motion : ndarray, shape (interface, position, frequency)
-            R and u.
-        """
+        """Force and motion where head and rail meet, shape (interface, position, frequency)."""
         load = to_base if at_head is None else to_base - self._stiffness[:, :1] * at_head
         force = np.array([dot(solve, load) for solve in self._solver])
         motion = np.array([a * r for a, r in zip(self._receptances, force, strict=True)])
@@ -195,19 +152,7 @@ class CondensedModel:
         return force, motion
 
     def rail_motion(self, field: RailField) -> ComplexArray:
-        """
-        Motion of the rail where the head is, without the head.
-
-        Parameters
-        ----------
-        field : RailField
-            The rail's motion for a unit force somewhere.
-
-        Returns
-        -------
-        ndarray, shape (position, frequency)
-            The motion [m/N].
-        """
+        """Motion of the rail where the head is, without the head, shape (position, frequency)."""
         return self._own if field is self.base_field else self.rail.product(field, self.base_field)
 
     def _rail_field(self, name: str) -> RailField:
@@ -238,19 +183,7 @@ class CondensedModel:
     # -- the response -------------------------------------------------------------------------------------------------------
 
     def receptance(self, output: str, input: str) -> ComplexArray:
-        """
-        Displacement of one signal per unit force at another.
-
-        Parameters
-        ----------
-        output, input : str
-            Signals or ports.
-
-        Returns
-        -------
-        ndarray, shape (position, frequency)
-            The receptance [m/N].
-        """
+        """Displacement of one signal per unit force at another, shape (position, frequency)."""
         q, p = self.answer(output), self.answer(input)
         total: ComplexArray = dot(_over_frequency(q.row), p.blocked)[None]
         if not self.interface:
@@ -318,21 +251,7 @@ def _over_frequency(row: Row) -> Row:
 
 
 def apparent_mass(element: Element, s: ComplexArray) -> ComplexArray:
-    """
-    What of an element's mass resists an acceleration of its foot.
-
-    Parameters
-    ----------
-    element : Element
-        The element.
-    s : ndarray of complex, shape (frequency,)
-        Laplace variable [rad/s].
-
-    Returns
-    -------
-    ndarray, shape (frequency,)
-        Apparent mass [kg].
-    """
+    """What of an element's mass resists an acceleration of its foot, shape (frequency,)."""
     if isinstance(element, SprungMass):
         return element.dynamic_stiffness(s) / s**2
     return (element.mass if isinstance(element, SpringDamperMass) else 0.0) + 0 * s

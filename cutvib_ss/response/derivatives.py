@@ -84,20 +84,7 @@ class ResponseDerivatives:
         return out
 
     def derivative(self, path: Path) -> ComplexArray:
-        """
-        Derivative of the responses to one of the model's values.
-
-        Parameters
-        ----------
-        path : tuple of str and int
-            The value's path, as `slots.value_at` takes it, or ``("s",)`` for the Laplace variable itself, on which the factors
-            are taken not to depend.
-
-        Returns
-        -------
-        ndarray, shape (position, output, frequency)
-            The derivative.
-        """
+        """Derivative of the responses to one of the model's values, shape (position, output, frequency)."""
         changes = self.model.core_changes(path)
         d_rows = {} if changes is None else changes.rows
         moves = [

@@ -91,28 +91,7 @@ def frequency_response(
 
 
 def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form: Form | None) -> tuple[Quantity, ...]:
-    """
-    Motion quantity of each output.
-
-    Parameters
-    ----------
-    machine : Machine or Structure
-        The model.
-    outputs : sequence of str
-        Channels and ports.
-    form : {"receptance", "mobility", "accelerance"} or None
-        Form of every output; None: each channel's own, acceleration of other ports of a machine, displacement of a structure's.
-
-    Returns
-    -------
-    tuple of str
-        The quantities.
-
-    Raises
-    ------
-    ParameterError
-        If the form is unknown.
-    """
+    """Motion quantity of each output."""
     if form is not None:
         if form not in QUANTITY_OF_FORM:
             raise ParameterError(f"form {form!r} is not one of {', '.join(QUANTITY_OF_FORM)}")

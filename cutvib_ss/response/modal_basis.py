@@ -44,26 +44,6 @@ def modal_basis(system: SecondOrder, classical_above: float = np.inf) -> ModalBa
     """
     Complex modes of a second-order system.
 
-    Parameters
-    ----------
-    system : SecondOrder
-        The system.
-    classical_above : float
-        Frequency [Hz] above which damping couples no modes: undamped modes beyond it keep their own damping alone. Far above what
-        is looked at they yield statically whatever their damping, and the dense eigenproblem is of the others only.
-
-    Returns
-    -------
-    ModalBasis
-        All modes.
-
-    Raises
-    ------
-    CouplingError
-        If the mass matrix is not positive definite.
-
-    Notes
-    -----
     With p the undamped modes' amplitudes the states are (p, ṗ/w); right and left vectors of that small matrix give the sum.
     A mode that damping does not couple is such a matrix by itself, of two rows.
     """
@@ -129,24 +109,6 @@ def linear_course(poles: ComplexArray, drives: ComplexArray, h: float) -> tuple[
     """
     What a step under forces that go evenly from one value to another does to the modes.
 
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (mode,)
-        Poles [rad/s].
-    drives : ndarray of complex, shape (force, mode)
-        How the forces drive the modes.
-    h : float
-        Length of the step [s].
-
-    Returns
-    -------
-    turn : ndarray of complex, shape (mode,)
-        e^(p h).
-    pushes : ndarray of complex, shape (2, force, mode)
-        Change by each force's value at the start, and at the end.
-
-    Notes
-    -----
     With x = p h, φ₁ = (e^x - 1)/x and φ₂ = (e^x - 1 - x)/x²: h (φ₁ - φ₂) and h φ₂.
     """
     x = poles * h
@@ -158,34 +120,10 @@ def linear_course(poles: ComplexArray, drives: ComplexArray, h: float) -> tuple[
 
 
 def parts(values: ComplexArray) -> FloatArray:
-    """
-    Real and imaginary part, one after the other.
-
-    Parameters
-    ----------
-    values : ndarray of complex, shape (...)
-        Any array.
-
-    Returns
-    -------
-    ndarray, shape (2, ...)
-        Its parts.
-    """
+    """Real and imaginary part, one after the other, shape (2, ...)."""
     return np.ascontiguousarray([values.real, values.imag])
 
 
 def reading(shapes: ComplexArray) -> FloatArray:
-    """
-    Factors that make the real part of a sum over modes from their real and imaginary parts.
-
-    Parameters
-    ----------
-    shapes : ndarray of complex, shape (...)
-        Weights of the modes.
-
-    Returns
-    -------
-    ndarray, shape (2, ...)
-        Re and -Im.
-    """
+    """Factors that make the real part of a sum over modes from their real and imaginary parts, shape (2, ...)."""
     return np.ascontiguousarray([shapes.real, -shapes.imag])

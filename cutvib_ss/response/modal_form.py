@@ -65,36 +65,12 @@ class ModalForm:
                 responses[:, k] += share * base_motion(acceleration, fs, order)
 
     def receptance(self, s: ComplexArray) -> ComplexArray:
-        """
-        Displacements per unit force.
-
-        Parameters
-        ----------
-        s : ndarray of complex, shape (frequency,)
-            Laplace variable [rad/s].
-
-        Returns
-        -------
-        ndarray, shape (output, input, frequency)
-            The sum over the modes.
-        """
+        """Displacements per unit force, shape (output, input, frequency)."""
         upper, lower = (1.0 / (z - self.poles[:, None]) for z in (s, s.conj()))
         return self.summed(upper, lower)
 
     def summed(self, upper: ComplexArray, lower: ComplexArray) -> ComplexArray:
-        """
-        Displacements per unit force, from the modes' denominators.
-
-        Parameters
-        ----------
-        upper, lower : ndarray of complex, shape (mode, frequency)
-            1/(s - p) and 1/(s̄ - p).
-
-        Returns
-        -------
-        ndarray, shape (output, input, frequency)
-            The sum over the modes and their conjugates.
-        """
+        """Displacements per unit force, from the modes' denominators, shape (output, input, frequency)."""
         residues = self.shapes[:, None, :] * self.drives.T[None, :, :]
         # Half a residue over each of two conjugate poles; a real pole's halves fall on the same one.
         total: ComplexArray = 0.5 * (residues @ upper + (residues @ lower).conj())
@@ -110,38 +86,7 @@ def modal_form(
     ports: Sequence[str] | None = None,
     classical_above: float = np.inf,
 ) -> ModalForm:
-    """
-    The modal sum of a model at a position, as its channels and nonlinear elements see it.
-
-    Parameters
-    ----------
-    machine : Machine or Structure
-        The model; its measurement chain is not applied here.
-    position : float, optional
-        y_b / L of the head, strictly inside (0, 1); left out for a structure.
-    outputs : sequence of str, optional
-        Channels or ports, ``rail(0.25)`` among them; the channels by default.
-    viscous_at : float, optional
-        Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-    quantities : sequence of str, optional
-        Motion quantity of each output: by default each channel's own, displacement of ports.
-    ports : sequence of str, optional
-        Ports of nonlinear elements; those of the model by default.
-    classical_above : float
-        Frequency [Hz] above which damping couples no modes.
-
-    Returns
-    -------
-    ModalForm
-        All modes.
-
-    Raises
-    ------
-    ParameterError
-        If the position or a signal is impossible.
-    CouplingError
-        If damping is hysteretic and no ``viscous_at`` is given, or the mass matrix is not positive definite.
-    """
+    """The modal sum of a model at a position, as its channels and nonlinear elements see it."""
     names = tuple(machine.channels) if outputs is None else tuple(outputs)
     at = tuple(e.port for e in machine.nonlinear) if ports is None else tuple(ports)
     given = {n: machine.channels[n].quantity if n in machine.channels else "displacement" for n in names}
@@ -193,19 +138,5 @@ def system_with(
 
 
 def row_of(system: SecondOrder, name: str) -> FloatArray:
-    """
-    A signal's row over the degrees of freedom.
-
-    Parameters
-    ----------
-    system : SecondOrder
-        The system.
-    name : str
-        Port, or one of the cutting machine's signals.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The row.
-    """
+    """A signal's row over the degrees of freedom, shape (n,)."""
     return system.port(CUTTING_SIGNALS.get(name, name) if name not in system.ports else name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -42,41 +43,13 @@ class OutputRow:
     forces: FloatArray
 
     def weights(self, modes: ModalBasis) -> ComplexArray:
-        """
-        The output as a sum over modes.
-
-        Parameters
-        ----------
-        modes : ModalBasis
-            The modes.
-
-        Returns
-        -------
-        ndarray, shape (mode,)
-            Weights of the modes' amplitudes.
-        """
+        """The output as a sum over modes, shape (mode,)."""
         powers = modes.poles ** np.arange(3)[:, None]
         total: ComplexArray = np.sum((self.motion @ modes.shapes) * powers, axis=0)
         return total
 
     def direct(self, system: SecondOrder, drives: FloatArray, signs: FloatArray) -> FloatArray:
-        """
-        What forces pass to the output at once.
-
-        Parameters
-        ----------
-        system : SecondOrder
-            The system.
-        drives : ndarray, shape (n, force)
-            How each force pushes the degrees of freedom.
-        signs : ndarray, shape (force,)
-            1 for forces along their ports, -1 against.
-
-        Returns
-        -------
-        ndarray, shape (force,)
-            The direct terms: those of acceleration, and the output's own.
-        """
+        """What forces pass to the output at once, shape (force,)."""
         return np.asarray(signs * self.forces + self.motion[2] @ np.linalg.solve(system.mass, drives))
 
 
@@ -89,42 +62,13 @@ def output_rows(
     quantities: Sequence[Quantity | None],
     inputs: Sequence[str],
 ) -> list[OutputRow]:
-    """
-    Rows of outputs by name.
-
-    Parameters
-    ----------
-    machine : Machine or Structure
-        The model.
-    system : SecondOrder
-        Its second-order form with the ports that the names need.
-    position : float or None
-        y_b / L of the head.
-    viscous_at : float or None
-        Frequency [Hz] at which hysteretic damping is made viscous.
-    names : sequence of str
-        Channels, ports, or `END_FORCES`.
-    quantities : sequence of str or None
-        Motion quantity of each; None for a channel's own, displacement of a port.
-    inputs : sequence of str
-        Ports of the forces that act; ``force`` for the input.
-
-    Returns
-    -------
-    list of OutputRow
-        One an output.
-
-    Raises
-    ------
-    ParameterError
-        If a name is unknown, or a structure is asked for the rail's ends.
-    """
+    """Rows of outputs by name."""
     rows = []
     for name, quantity in zip(names, quantities, strict=True):
         if name in END_FORCES:
-            if isinstance(machine, Structure):
+            if not machine.has_position:
                 raise ParameterError(f"output {name!r} needs a cutting machine; this model has no rail")
-            rows.append(_end_force(machine, system, position, viscous_at, name, inputs))
+            rows.append(_end_force(cast(Machine, machine), system, position, viscous_at, name, inputs))
             continue
         channel = machine.channels.get(name)
         read: Quantity = quantity or (channel.quantity if channel else "displacement")
@@ -135,23 +79,7 @@ def output_rows(
 
 
 def motion_unit(machine: Machine | Structure, name: str, quantity: Quantity) -> str:
-    """
-    Unit of an output that reads motion.
-
-    Parameters
-    ----------
-    machine : Machine or Structure
-        The model.
-    name : str
-        Channel or port.
-    quantity : {"displacement", "velocity", "acceleration"}
-        Which motion.
-
-    Returns
-    -------
-    str
-        Of displacement, or of rotation for the joints and the twist of a cutting machine.
-    """
+    """Unit of an output that reads motion."""
     unit = SI_UNIT[quantity]
     return unit.replace("m", "rad", 1) if machine.rotates(name) else unit
 

@@ -32,20 +32,7 @@ class RailPair:
         self.rail, self.left, self.right = left.rail, left, right
 
     def derivative(self, name: Path) -> ComplexArray:
-        """
-        Derivative of the receptance to one of the rail's values.
-
-        Parameters
-        ----------
-        name : tuple of str and int
-            ``("mass",)``, ``("first_frequency",)``, ``("damping_ratio",)``, ``("length",)``, ``("shear", "ratio")``, ``("s",)``,
-            ``("supports", "k_left")`` …, or ``("attachments", k, "position")`` and the like.
-
-        Returns
-        -------
-        ndarray, shape (position, frequency)
-            The derivative; a modal coordinate's own normalisation by the mass is left out.
-        """
+        """Derivative of the receptance to one of the rail's values, shape (position, frequency)."""
         out = -self._beam(name)
         if self.rail.released:
             out = out - self._supports(name)
@@ -63,13 +50,13 @@ class RailPair:
 
     @cached_property
     def _sums(self) -> tuple[ComplexArray, ComplexArray]:
-        """Σ (1, w², w w') a_l a_r and Σ (w, w') a_l a_r over the modes, w' being the derivative to the shear ratio."""
+        """Σ (1, w², w w') a_l a_r and Σ (w, w') ζ_r/ζ a_l a_r over the modes, w' being the derivative to the shear ratio."""
         rail, w = self.rail, self.rail.w
-        undamped, damped = [np.ones(w.size), w**2], [w]
+        undamped, damped = [np.ones(w.size), w**2], [rail.damped_w]
         if rail.model.shear is not None:
             moved = 2 * np.pi * rail.model.parameters.first_frequency * self._by_shear.frequency
             undamped.append(w * moved)
-            damped.append(moved)
+            damped.append(rail.model.damping_weight * moved)
         n, weights = len(undamped), np.array(undamped + damped)
         if rail.pinned:
             shapes = self.left.port.elastic * self.right.port.elastic
@@ -96,17 +83,23 @@ class RailPair:
         """v_lᵀ dD v_r of the beam without ends and attachments."""
         p, s, half = self.rail.model.parameters, self.rail.s, self.rail.half
         undamped, damped = self._sums
+        strained = self.rail.strained
         if name[0] == "first_frequency":
-            value: ComplexArray = (2 * half / p.first_frequency) * (undamped[1] + (p.damping_ratio * s) * damped[0])
+            value: ComplexArray = (2 * half / p.first_frequency) * (
+                undamped[1] * strained + (p.damping_ratio * s) * damped[0]
+            )
         elif name[0] == "damping_ratio":
             value = (2 * half * s) * damped[0]
         elif name[0] == "mass":
             dissipated = (2 * half * p.damping_ratio / p.mass * s) * damped[0]
-            value = half / p.mass * undamped[1] + dissipated + (s * s / p.mass) * self._kinetic
+            value = half / p.mass * undamped[1] * strained + dissipated + (s * s / p.mass) * self._kinetic
         elif name[0] == "s":
             value = 2 * half * p.damping_ratio * damped[0] + 2 * s * self._kinetic
+            value = value + half * p.strain_damping * undamped[1]
+        elif name[0] == "strain_damping":
+            value = half * s * undamped[1]
         elif name[0] == "shear":
-            value = 2 * half * (undamped[2] + (p.damping_ratio * s) * damped[1])
+            value = 2 * half * (undamped[2] * strained + (p.damping_ratio * s) * damped[1])
             if self.rail.released:
                 value = value + s * s * self._carried(self._by_shear)
         else:

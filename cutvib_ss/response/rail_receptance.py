@@ -62,9 +62,11 @@ class RailReceptance:
         self.model, self.s, self.modes = model, s, model.modes
         self.half = p.mass / 2
         self.w: FloatArray = 2 * np.pi * p.first_frequency * self.modes.frequency
-        below = np.multiply.outer(2 * self.half * p.damping_ratio * self.w, s)
+        self.damped_w: FloatArray = model.damping_weight * self.w
+        self.strained: ComplexArray = 1.0 + p.strain_damping * s  # stiffness, with what the rate of strain adds
+        below = np.multiply.outer(2 * self.half * p.damping_ratio * self.damped_w, s)
         below += self.half * s * s
-        below += (self.half * self.w**2)[:, None]
+        below += np.multiply.outer(self.half * self.w**2, self.strained)
         self.flexibility: ComplexArray = np.reciprocal(below)
         self.released = 2 if model.supports is not None else 0
         self.attached = tuple(self._attachment_port(k) for k in range(len(model.attachments)))
@@ -78,36 +80,12 @@ class RailReceptance:
     # -- ports --------------------------------------------------------------------------------------------------------------
 
     def point(self, position: Sequence[float] | FloatArray) -> RailPort:
-        """
-        Port of the displacement at points of the rail.
-
-        Parameters
-        ----------
-        position : array_like, shape (position,)
-            y / L.
-
-        Returns
-        -------
-        RailPort
-            The port, one row a point.
-        """
+        """Port of the displacement at points of the rail."""
         y = np.atleast_1d(np.asarray(position, dtype=float))
         return RailPort(self.modes.deflections(y), np.column_stack([1.0 - y, y]), y)
 
     def mode(self, r: int) -> RailPort:
-        """
-        Port of the mass-normalised modal coordinate η_r = √(μL/2) a_r.
-
-        Parameters
-        ----------
-        r : int
-            Number of the mode, from 1; of the lower branch where the rail shears.
-
-        Returns
-        -------
-        RailPort
-            The port.
-        """
+        """Port of the mass-normalised modal coordinate η_r = √(μL/2) a_r."""
         row = np.zeros((1, self.w.size))
         row[0, r - 1] = np.sqrt(self.half)
         return RailPort(row, np.zeros((1, 2)))
@@ -167,52 +145,16 @@ class RailReceptance:
     # -- motion -------------------------------------------------------------------------------------------------------------
 
     def field(self, port: RailPort) -> RailField:
-        """
-        The rail's motion for a unit force at a port.
-
-        Parameters
-        ----------
-        port : RailPort
-            Where the force acts; one row a position.
-
-        Returns
-        -------
-        RailField
-            The motion; its parts are computed when they are asked for.
-        """
+        """The rail's motion for a unit force at a port."""
         return RailField(self, port)
 
     def product(self, left: RailField, right: RailField) -> ComplexArray:
-        """
-        Receptance between two ports.
-
-        Parameters
-        ----------
-        left, right : RailField
-            Fields of the port where motion is read, and of the one where the force acts.
-
-        Returns
-        -------
-        ndarray, shape (position, frequency)
-            Motion per force.
-        """
+        """Receptance between two ports, shape (position, frequency)."""
         direct = mixed(left.port.elastic * right.port.elastic, self.flexibility)
         return direct if self.pinned else direct + dot(left.load, right.unknowns)
 
     def load(self, port: RailPort) -> ComplexArray:
-        """
-        The load w that a unit force at a port puts on the small unknowns.
-
-        Parameters
-        ----------
-        port : RailPort
-            Where the force acts.
-
-        Returns
-        -------
-        ndarray, shape (unknown, position or 1, frequency)
-            The load.
-        """
+        """The load w that a unit force at a port puts on the small unknowns, shape (unknown, position or 1, frequency)."""
         vectors, factors, unknowns = self._columns
         size = self.released + len(self.attached)
         load = np.zeros((size, port.elastic.shape[0], self.s.size), dtype=np.complex128)
@@ -224,37 +166,13 @@ class RailReceptance:
         return load
 
     def answered(self, load: ComplexArray) -> ComplexArray:
-        """
-        The small unknowns x = S⁻¹ z w.
-
-        Parameters
-        ----------
-        load : ndarray, shape (unknown, position or 1, frequency)
-            The load w.
-
-        Returns
-        -------
-        ndarray, shape (unknown, position or 1, frequency)
-            The unknowns.
-        """
+        """The small unknowns x = S⁻¹ z w, shape (unknown, position or 1, frequency)."""
         core, z = self._core
         scaled = z[:, None] * load
         return np.array([dot(row[:, None], scaled) for row in core])
 
     def spread(self, unknowns: ComplexArray) -> ComplexArray:
-        """
-        How the small unknowns act on the modes, C x.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (unknown, position or 1, frequency)
-            The unknowns x.
-
-        Returns
-        -------
-        ndarray, shape (mode, position or 1, frequency)
-            Modal forces.
-        """
+        """How the small unknowns act on the modes, C x, shape (mode, position or 1, frequency)."""
         vectors, factors, of = self._columns
         return mixed(vectors.T, factors[:, None] * unknowns[list(of)])
 

@@ -93,21 +93,7 @@ class RidingCourse:
 
     @classmethod
     def of(cls, exact: Coupling, ports: Sequence[str]) -> RidingCourse:
-        """
-        The constants of a machine under forces at ports.
-
-        Parameters
-        ----------
-        exact : Coupling
-            The machine; its rail must not twist.
-        ports : sequence of str
-            Where forces act.
-
-        Returns
-        -------
-        RidingCourse
-            The constants.
-        """
+        """The constants of a machine under forces at ports."""
         t, e = exact.constant, exact.head.dofs.index("base")
         names = ("mass", "damping", "stiffness")
         riding = [getattr(exact.head, name) for name in names]
@@ -118,45 +104,13 @@ class RidingCourse:
         return cls(exact, fixed, rows, own, pushes, np.array([part for _, part in reads]))
 
     def rows_at(self, travel: Travel, time: FloatArray) -> Rows:
-        """
-        The riding row and its first and second derivative to time.
-
-        Parameters
-        ----------
-        travel : Travel
-            Position over time.
-        time : ndarray, shape (instant,)
-            Instants [s].
-
-        Returns
-        -------
-        p, d, dd : ndarray, shape (instant, n)
-            p, ṗ and p̈.
-        """
+        """The riding row and its first and second derivative to time, shape (instant, n)."""
         y, rate, acceleration = travel.at(time)
         p, first, second = (self.exact.rows(y, order) for order in range(3))
         return p, first * rate[:, None], second * rate[:, None] ** 2 + first * acceleration[:, None]
 
     def state(self, travel: Travel, time: FloatArray, motion: FloatArray, forces: FloatArray) -> RidingState:
-        """
-        Motion at instants, its acceleration from the equations.
-
-        Parameters
-        ----------
-        travel : Travel
-            Position over time.
-        time : ndarray, shape (instant,)
-            Instants [s].
-        motion : ndarray, shape (instant, 2, n)
-            q and q̇.
-        forces : ndarray, shape (instant, input)
-            The forces.
-
-        Returns
-        -------
-        RidingState
-            With q̈.
-        """
+        """Motion at instants, its acceleration from the equations."""
         rows = self.rows_at(travel, time)
         p, (mr, mo) = rows[0], (self.rows[0], self.own[0])
         q, v = motion[:, 0], motion[:, 1]
@@ -166,19 +120,7 @@ class RidingCourse:
         return RidingState((q, v, a), rows, forces)
 
     def residual(self, state: RidingState) -> FloatArray:
-        """
-        What the equations of motion lack: forces less those of inertia, dampers and springs.
-
-        Parameters
-        ----------
-        state : RidingState
-            Motion and forces.
-
-        Returns
-        -------
-        ndarray, shape (instant, n)
-            Zero where the equations hold.
-        """
+        """What the equations of motion lack: forces less those of inertia, dampers and springs, shape (instant, n)."""
         (x, u, w), (q, v, a) = state.ridden, state.motion
         mr, cr, kr = self.rows
         m, c, k = self.fixed
@@ -187,42 +129,14 @@ class RidingCourse:
         return lacking
 
     def read(self, port: str, state: RidingState, quantity: Quantity) -> FloatArray:
-        """
-        Motion of a port, total derivatives to time.
-
-        Parameters
-        ----------
-        port : str
-            Name of the port.
-        state : RidingState
-            Motion.
-        quantity : {"displacement", "velocity", "acceleration"}
-            Which motion.
-
-        Returns
-        -------
-        ndarray, shape (instant,)
-            What a sensor there shows.
-        """
+        """Motion of a port, total derivatives to time, shape (instant,)."""
         row, part = _reading(self.exact, port)
         order = DERIVATIVE_ORDER[quantity]
         shown: FloatArray = state.motion[order] @ row + part * state.ridden[order]
         return shown
 
     def stored(self, state: RidingState) -> FloatArray:
-        """
-        Kinetic and elastic energy.
-
-        Parameters
-        ----------
-        state : RidingState
-            Motion.
-
-        Returns
-        -------
-        ndarray, shape (instant,)
-            The energy [J].
-        """
+        """Kinetic and elastic energy, shape (instant,)."""
         total = np.zeros(len(state.forces))
         for order, k in ((1, 0), (0, 2)):
             y, x = state.motion[order], state.ridden[order]
@@ -232,27 +146,7 @@ class RidingCourse:
     def work(
         self, motion: FloatArray, stages: FloatArray, carried: FloatArray, forces: FloatArray, h: float
     ) -> FloatArray:
-        """
-        Work in each step, by the steps' own quadrature.
-
-        Parameters
-        ----------
-        motion : ndarray, shape (step + 1, 2, n)
-            q and q̇ at the ends of the steps.
-        stages : ndarray, shape (step, 3, n)
-            q̈ at the stages.
-        carried : ndarray, shape (3, step, 3, n)
-            p, ṗ and p̈ there.
-        forces : ndarray, shape (step + 1, input)
-            Forces at the ends of the steps.
-        h : float
-            Length of a step [s].
-
-        Returns
-        -------
-        ndarray, shape (step, 3)
-            Work of the forces, work of the drive, work lost in dampers [J].
-        """
+        """Work in each step, by the steps' own quadrature, shape (step, 3)."""
         q, v = motion[:-1, None, 0], motion[:-1, None, 1]
         x = q + h * NODES[:, None] * v + h * h * np.einsum("st,ktn->ksn", TWICE, stages)
         u = v + h * np.einsum("st,ktn->ksn", STAGES, stages)
@@ -266,21 +160,7 @@ class RidingCourse:
         return h * np.stack([np.reshape(power, (-1, 3)) @ WEIGHTS for power in powers], axis=1)
 
     def at_rest(self, p: FloatArray, forces: FloatArray) -> FloatArray:
-        """
-        Coordinates at rest under constant forces.
-
-        Parameters
-        ----------
-        p : ndarray, shape (n,)
-            The riding row.
-        forces : ndarray, shape (input,)
-            The forces.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            q.
-        """
+        """Coordinates at rest under constant forces, shape (n,)."""
         kr, ko = self.rows[2], self.own[2]
         stiffness = self.fixed[2] + np.outer(p, kr) + np.outer(kr, p) + ko * np.outer(p, p)
         out: FloatArray = np.linalg.solve(stiffness, self.pushes @ forces + (self.own_pushes @ forces) * p)

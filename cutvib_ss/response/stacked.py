@@ -11,20 +11,6 @@ def mixed(weights: FloatArray, stack: ComplexArray) -> ComplexArray:
     """
     Real combinations of the entries of a complex stack, as one product of real matrices.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (..., k)
-        Weights.
-    stack : ndarray of complex, shape (k, ...)
-        What is combined.
-
-    Returns
-    -------
-    ndarray of complex
-        Shape of ``weights`` without its last axis, then of ``stack`` without its first.
-
-    Notes
-    -----
     numpy would promote the weights to complex and take twice as long.
     """
     parts = np.ascontiguousarray(stack).reshape(stack.shape[0], -1).view(np.float64)
@@ -33,24 +19,7 @@ def mixed(weights: FloatArray, stack: ComplexArray) -> ComplexArray:
 
 
 def inverse(matrices: ComplexArray) -> ComplexArray:
-    """
-    Inverses of a stack of matrices; up to two by two in closed form.
-
-    Parameters
-    ----------
-    matrices : ndarray of complex, shape (n, n, frequency)
-        The matrices.
-
-    Returns
-    -------
-    ndarray of complex, shape (n, n, frequency)
-        Their inverses.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If a matrix larger than that is singular.
-    """
+    """Inverses of a stack of matrices; up to two by two in closed form, shape (n, n, frequency)."""
     n = matrices.shape[0]
     if n == 1:
         one: ComplexArray = 1.0 / matrices
@@ -63,19 +32,7 @@ def inverse(matrices: ComplexArray) -> ComplexArray:
 
 
 def dot(left: FloatArray | ComplexArray, right: FloatArray | ComplexArray) -> ComplexArray:
-    """
-    Sum of products over the first axis, the others broadcast.
-
-    Parameters
-    ----------
-    left, right : ndarray, shape (n, ...)
-        The factors; n of at least one, and small.
-
-    Returns
-    -------
-    ndarray
-        Σ_i left_i right_i.
-    """
+    """Sum of products over the first axis, the others broadcast."""
     total: ComplexArray = left[0] * right[0]
     for i in range(1, len(left)):
         total = total + left[i] * right[i]

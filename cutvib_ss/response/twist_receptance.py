@@ -51,19 +51,7 @@ class TwistReceptance:
         return mixed(weights[:, None] * self._squares, self._flexibility**2)
 
     def derivative(self, name: str) -> ComplexArray:
-        """
-        Its derivative to a value.
-
-        Parameters
-        ----------
-        name : str
-            ``"inertia"``, ``"torsion_frequency"``, ``"damping_ratio"`` or ``"s"``.
-
-        Returns
-        -------
-        ndarray, shape (position, frequency)
-            The derivative.
-        """
+        """Its derivative to a value, shape (position, frequency)."""
         t, s, w = self.torsion, self.s, self.w
         if name == "inertia":
             return -self.value / t.inertia

@@ -1,10 +1,14 @@
 """Random machines and structures: any head and rail that could be built, with any slots filled."""
 
+from dataclasses import replace
 from math import radians
+from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
 
+from cutvib_ss.effects.catalogue import EFFECTS
+from cutvib_ss.effects.parameter_shift import MACHINE_PARAMETERS
 from cutvib_ss.model.elements import Attachment, Guide, SpringDamperMass, SprungMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.measurement_chain import ChannelChain, MeasurementChain
@@ -16,6 +20,8 @@ from cutvib_ss.parameters import HeadParameters, RailParameters
 FREQ = np.array([3.0, 24.6, 77.7, 151.3, 211.9, 240.4, 333.3, 480.1])
 """Frequencies of the comparisons [Hz]."""
 POSITIONS = st.floats(0.01, 0.99)
+SIDES = st.sampled_from(["head", "rail"])
+"""Where base_x sits."""
 
 
 def reals(low: float, high: float) -> st.SearchStrategy[float]:
@@ -47,11 +53,14 @@ def heads(draw: st.DrawFn) -> HeadParameters:
 
 
 @st.composite
-def rail_parameters(draw: st.DrawFn) -> RailParameters:
-    """Rails around the published one, wide."""
+def rail_parameters(draw: st.DrawFn, strained: bool = False) -> RailParameters:
+    """Rails around the published one, wide; damped alike, mode by mode, or by the rate of strain too."""
+    modes = draw(st.integers(1, 7))
+    ratio = reals(0.002, 0.08)
     return RailParameters(
         length=draw(reals(0.8, 6.0)), mass=draw(reals(15.0, 300.0)), first_frequency=draw(reals(12.0, 80.0)),
-        damping_ratio=draw(reals(0.002, 0.08)), n_modes=draw(st.integers(1, 7)),
+        damping_ratio=draw(ratio | st.lists(ratio, min_size=modes, max_size=modes)), n_modes=modes,
+        strain_damping=draw(st.just(0.0) | reals(1e-6, 1e-4)) if not strained else draw(reals(1e-6, 1e-4)),
     )  # fmt: skip
 
 
@@ -96,7 +105,7 @@ def machines(draw: st.DrawFn) -> Machine:
         head=draw(heads()),
         rail=draw(rails()),
         attachments=draw(attachments()),
-        guide=draw(st.none() | st.builds(Guide, reals(1e5, 1e9), reals(1.0, 1e4))),
+        guide=draw(st.none() | st.builds(Guide, reals(1e5, 1e9), reals(1.0, 1e4), SIDES)),
     )
 
 
@@ -116,7 +125,7 @@ def full_machines(draw: st.DrawFn) -> Machine:
     return Machine(
         head=draw(heads()),
         rail=Rail(
-            draw(rail_parameters()),
+            draw(rail_parameters(strained=True)),
             EndSupports(*(draw(reals(1e6, 1e8)) for _ in "lr"), *(draw(reals(1.0, 1e4)) for _ in "lr")),
             Torsion(
                 draw(st.floats(0.02, 0.1)), draw(reals(0.1, 3.0)), draw(reals(40.0, 400.0)), draw(reals(0.003, 0.1))
@@ -139,6 +148,41 @@ def full_machines(draw: st.DrawFn) -> Machine:
             decay_rate=draw(st.floats(0.5, 20.0)),
         ),
     )
+
+
+NO_FINITE_FORM = {"structural_damping"}
+
+
+@st.composite
+def chains(draw: st.DrawFn) -> MeasurementChain:
+    """Measurement chains, ideal or not."""
+    channel = st.builds(ChannelChain, st.floats(0.5, 2.0), st.floats(0.0, 3e-4), st.floats(-0.5, 0.5))
+    return MeasurementChain(
+        draw(st.dictionaries(st.sampled_from(("tool_x", "tool_z", "base_x")), channel)),
+        cross_axis=draw(st.just(0.0) | st.floats(-0.3, 0.3)),
+        decay_rate=draw(st.just(0.0) | st.floats(0.5, 20.0)),
+    )
+
+
+@st.composite
+def stacked_machines(draw: st.DrawFn) -> Machine:
+    """Bare machines with up to four linear effects of the catalogue, in any order and measured through any chain."""
+    machine = draw(bare_machines())
+    linear = sorted(name for name, kind in EFFECTS.items() if kind.linear and name not in NO_FINITE_FORM)
+    for name in draw(st.lists(st.sampled_from(linear), max_size=4, unique=True)):
+        kind = EFFECTS[name]
+        place = draw(st.sampled_from(kind.places(machine)))
+        values: dict[str, Any] = {"channel": "tool_z"} if name in ("channel_delay", "calibration_error") else {}
+        if name == "parameter_shift":
+            values["parameter"] = draw(st.sampled_from(MACHINE_PARAMETERS[place]))
+        if name == "modal_truncation":
+            values["n_modes"] = draw(st.integers(8, 40))
+        for key, r in kind.ranges(machine, place).items():
+            within = reals(r.low, r.high) if r.scale == "log" else st.floats(r.low, r.high)
+            values[key] = draw(within)
+        machine = kind(place=place, **values).apply(machine)
+    chain = draw(st.none() | chains())
+    return machine if chain is None else replace(machine, chain=chain)
 
 
 @st.composite

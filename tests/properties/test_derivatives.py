@@ -29,6 +29,7 @@ SKIPPED = {
     "nonlinear",
     "slope",
     "system",
+    "damping_profile",
 }
 FEWER = max(5, settings().max_examples // 5)
 """Examples of these tests: each goes through all values of a model."""
