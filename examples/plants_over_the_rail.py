@@ -9,7 +9,7 @@ import numpy as np
 
 import cutvib_ss as cv
 from cutvib_ss.interchange import write_schedule
-from cutvib_ss.model.position_dependence import affine_terms
+from cutvib_ss.model.position_dependence import position_dependence
 from cutvib_ss.plot import bode_map, interpolation_error, save, schedule
 
 machine = cv.published_machine()
@@ -17,7 +17,7 @@ rail = np.arange(1, 100) / 100
 freq = np.arange(5.0, 600.0, 2.0)
 
 # Exactly affine: constant matrices, weighed by the rail's shapes under the head and their products.
-terms = affine_terms(machine.coupling())
+terms = position_dependence(machine.coupling())
 print(f"{len(terms.names)} matrices: {', '.join(terms.names[:7])} ...")
 
 # Natural frequencies against position, damping as colour, beside the map of the response.

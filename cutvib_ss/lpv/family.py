@@ -78,7 +78,7 @@ class PlantSchedule:
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the states: coordinates, then their rates."""
-        return (*self.table.affine.dofs, *(f"d_{d}" for d in self.table.affine.dofs))
+        return (*self.table.coupling.dofs, *(f"d_{d}" for d in self.table.coupling.dofs))
 
     def exact(self, position: float) -> control.StateSpace:
         """
@@ -213,7 +213,7 @@ class PlantSchedule:
     @cached_property
     def _scale(self) -> tuple[FloatArray, float]:
         """Scales of the coordinates and of time, the same for all plants: those of the middle of the grid."""
-        mass, _, stiffness = self.table.affine.matrices(float(self.positions[self.positions.size // 2]))
+        mass, _, stiffness = self.table.coupling.matrices(float(self.positions[self.positions.size // 2]))
         squares = linalg.eigvalsh(stiffness, mass)
         positive = squares[squares > 1e-12 * squares[-1]]
         return np.sqrt(np.diag(mass)), float((positive[0] * positive[-1]) ** 0.25)

@@ -72,7 +72,7 @@ class PlantTable:
 
     Parameters
     ----------
-    affine : Coupling
+    coupling : Coupling
         Their exact dependence on position.
     positions : array_like, shape (grid,)
         Grid points y_b / L, ascending.
@@ -82,7 +82,7 @@ class PlantTable:
         How the table is read between grid points.
     """
 
-    affine: Coupling
+    coupling: Coupling
     positions: FloatArray
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -110,9 +110,9 @@ class PlantTable:
 
         def rows(signals: Sequence[str]) -> FloatArray:
             ports = [CUTTING_SIGNALS.get(name, name) for name in signals]
-            return np.reshape([self.affine.port(p, position, order) for p in ports], (-1, len(self.affine.dofs)))
+            return np.reshape([self.coupling.port(p, position, order) for p in ports], (-1, len(self.coupling.dofs)))
 
-        return PlantMatrices(*self.affine.matrices(position, order), rows(self.inputs).T, rows(self.outputs))
+        return PlantMatrices(*self.coupling.matrices(position, order), rows(self.inputs).T, rows(self.outputs))
 
     def between(self, position: float) -> PlantMatrices:
         """
@@ -182,16 +182,16 @@ class PlantTable:
     def _largest(self) -> PlantMatrices:
         """Largest moduli of the derivative in the interpolation's error, in each interval."""
         order, out = ERROR_ORDER[self.interpolation], []
-        growth_matrices = self.affine.matrices_bound(order + 1)
-        riding = self.affine.transform_bound(order + 1)
+        growth_matrices = self.coupling.matrices_bound(order + 1)
+        riding = self.coupling.transform_bound(order + 1)
 
         def growth_rows(signals: Sequence[str]) -> FloatArray:
             found = []
             for name in signals:
                 port = CUTTING_SIGNALS.get(name, name)
-                still = np.zeros(len(self.affine.dofs))
-                found.append(still if self.affine.on_rail(port) else np.abs(self.affine.head.port(port)) @ riding)
-            return np.reshape(found, (-1, len(self.affine.dofs)))
+                still = np.zeros(len(self.coupling.dofs))
+                found.append(still if self.coupling.on_rail(port) else np.abs(self.coupling.head.port(port)) @ riding)
+            return np.reshape(found, (-1, len(self.coupling.dofs)))
 
         growth = (*growth_matrices, growth_rows(self.inputs).T, growth_rows(self.outputs))
         for a, b in zip(self.positions[:-1], self.positions[1:], strict=True):

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import comb
 from typing import TypeAlias
 
@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.elements import Attachment, Guide, viscous_attachments
-from cutvib_ss.model.head import head, head_changes
+from cutvib_ss.model.head import HEAD_DOFS, head_changes, head_matrices, head_rows
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.rail import Rail, rail, rail_rows, rail_rows_bound
 from cutvib_ss.model.second_order import SecondOrder
@@ -61,35 +61,35 @@ class Assembly:
     base: tuple[str, ...] = ()
     rail: Rail | None = None
 
-    @classmethod
-    def of_head(
-        cls, p: HeadParameters, rail_: Rail, attachments: tuple[Attachment, ...], guide: Guide | None
-    ) -> Assembly:
-        """The head over its own coordinates and those of the rail under it, with its attachments and its guide."""
-        torsion = rail_.torsion
-        core = head(p, torsion is not None, torsion.eccentricity if torsion else 0.0)
-        base, spread = core.dofs[2:], _spread(torsion is not None, guide)
-        paths: tuple[Path, ...] = tuple(("attachments", k, "element") for k in range(len(attachments)))
-        ports = {**core.ports, "head_base": core.port("base"), "at_head": core.port("base")}
-        if torsion:
-            ports["at_head_twist"] = core.port("twist")
-        if guide is None:
-            return cls(replace(core, ports=ports), attachments, paths, base, rail_)
-        rows = {name: row @ spread for name, row in ports.items()}
-        rows["at_head"] = np.eye(len(core.dofs) + 1)[3]
-        rows["guide"] = rows["head_base"] - rows["at_head"]
-        if guide.sensor_side == "rail":
-            rows["base"] = rows["at_head"]
-        mass, damping, stiffness = (spread.T @ getattr(core, name) @ spread for name in _MATRICES)
-        core = SecondOrder(mass, damping, stiffness, ("theta1", "theta2", "head_base", *base), rows)
-        return cls(core, (*attachments, Attachment("guide", guide.element)), (*paths, ("guide",)), base, rail_)
-
     def system(self, viscous_at: float | None = None) -> SecondOrder:
         """The system with its elements; the k-th one's own coordinates are named ``attached<k>_…``."""
         system = self.core
         for k, a in enumerate(viscous_attachments(self.elements, viscous_at)):
             system = system.attach([a.port], a.element.second_order(), ["end"], prefix=f"attached{k + 1}_")
         return system
+
+
+@lru_cache(maxsize=32)
+def head_assembly(p: HeadParameters, rail_: Rail, attachments: tuple[Attachment, ...], guide: Guide | None) -> Assembly:
+    """The head over its own coordinates and those of the rail under it, with its attachments and its guide."""
+    torsion = rail_.torsion
+    rows = head_rows(p, torsion is not None, torsion.eccentricity if torsion else 0.0)
+    matrices, base = head_matrices(p, rows), HEAD_DOFS[2 : rows["base"].size]
+    rows = {**rows, "head_base": rows["base"], "at_head": rows["base"]}
+    if torsion:
+        rows["at_head_twist"] = rows["twist"]
+    paths: tuple[Path, ...] = tuple(("attachments", k, "element") for k in range(len(attachments)))
+    if guide is None:
+        return Assembly(SecondOrder(*matrices, (*HEAD_DOFS[:2], *base), rows), attachments, paths, base, rail_)
+    spread = _spread(torsion is not None, guide)
+    rows = {name: row @ spread for name, row in rows.items()}
+    rows["at_head"] = np.eye(spread.shape[1])[3]
+    rows["guide"] = rows["head_base"] - rows["at_head"]
+    if guide.sensor_side == "rail":
+        rows["base"] = rows["at_head"]
+    mass, damping, stiffness = (spread.T @ x @ spread for x in matrices)
+    core = SecondOrder(mass, damping, stiffness, (*HEAD_DOFS[:2], "head_base", *base), rows)
+    return Assembly(core, (*attachments, Attachment("guide", guide.element)), (*paths, ("guide",)), base, rail_)
 
 
 @dataclass(frozen=True)
@@ -158,15 +158,6 @@ class Coupling:
         return out
 
     @cached_property
-    def fixed(self) -> SecondOrder:
-        """The rail alone over all coordinates q."""
-        more = len(self.own)
-        mass, damping, stiffness = (np.pad(getattr(self.beam, name), (0, more)) for name in _MATRICES)
-        return SecondOrder(
-            mass, damping, stiffness, self.dofs, {n: np.pad(row, (0, more)) for n, row in self.beam.ports.items()}
-        )
-
-    @cached_property
     def _riding(self) -> list[tuple[int, bool]]:
         """Index of each coordinate x, and whether it is the twist."""
         return [(self.head.dofs.index(d), d == "twist") for d in self.base]
@@ -203,12 +194,14 @@ class Coupling:
 
     def matrices(self, position: float, order: int = 0) -> Matrices:
         """M, C and K at a position, or derivatives of them: (TᵀXT)⁽ᵈ⁾ = Σ_k (d over k) T⁽ᵏ⁾ᵀ X T⁽ᵈ⁻ᵏ⁾ (Leibniz)."""
-        t = [self.transform(position, k) for k in range(order + 1)]
+        t, n = [self.transform(position, k) for k in range(order + 1)], len(self.beam.dofs)
         out = []
         for name in _MATRICES:
             x = getattr(self.head, name)
             total = sum(comb(order, k) * (t[k].T @ x @ t[order - k]) for k in range(order + 1))
-            out.append(total if order else total + getattr(self.fixed, name))
+            if not order:
+                total[:n, :n] += getattr(self.beam, name)
+            out.append(total)
         return out[0], out[1], out[2]
 
     def matrices_bound(self, order: int) -> Matrices:
@@ -226,15 +219,16 @@ class Coupling:
     def port(self, name: str, position: float, order: int = 0) -> FloatArray:
         """The row of a port at a position over q, or a derivative of it."""
         if self.on_rail(name):
-            return np.zeros(len(self.dofs)) if order else np.array(self.fixed.port(name))
+            return np.zeros(len(self.dofs)) if order else np.pad(self.beam.port(name), (0, len(self.own)))
         row: FloatArray = self.head.port(name) @ self.transform(position, order)
         return row
 
     def second_order(self, position: float) -> SecondOrder:
         """The machine at a position over q, with the ports of both parts."""
         t = self.transform(check_position(position))
-        rows = np.array(list(self.head.ports.values())) @ t
-        ports = {**dict(zip(self.head.ports, rows, strict=True)), **self.fixed.ports}
+        moved, beam = np.array(list(self.head.ports.values())) @ t, np.zeros((len(self.beam.ports), len(self.dofs)))
+        beam[:, : len(self.beam.dofs)] = list(self.beam.ports.values())
+        ports = {**dict(zip(self.head.ports, moved, strict=True)), **dict(zip(self.beam.ports, beam, strict=True))}
         return SecondOrder(*self.matrices(position), self.dofs, ports)
 
     # -- as state-space objects -------------------------------------------------------------------------------------------------

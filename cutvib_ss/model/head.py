@@ -24,6 +24,8 @@ from cutvib_ss.results import FloatArray
 
 HEAD_PARAMETERS = ("m1", "m2", "l1", "l2", "theta01", "theta02", "k1", "k2", "c1", "c2")
 """Names of the head's ten parameters, in the tables' order."""
+HEAD_DOFS = ("theta1", "theta2", "base", "twist")
+"""Its coordinates: rotations of the joints, and what follows the rail."""
 _MASSES = {"m1": ("head_x", "head_z"), "m2": ("tool_x", "tool_z")}
 
 
@@ -118,17 +120,15 @@ def mass_matrix(p: HeadParameters, rows: Mapping[str, FloatArray]) -> FloatArray
     return total
 
 
-def head(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> SecondOrder:
-    """The head as a second-order system over (θ1, θ2, x_b) (Eq. 1)."""
-    rows = head_rows(p, twist, eccentricity)
-    n = 4 if twist else 3
-    damping, stiffness = np.zeros((n, n)), np.zeros((n, n))
-    damping[0, 0], damping[1, 1] = p.c1, p.c2
-    stiffness[0, 0], stiffness[1, 1] = p.k1, p.k2
-    return SecondOrder(
-        mass=mass_matrix(p, rows),
-        damping=damping,
-        stiffness=stiffness,
-        dofs=("theta1", "theta2", "base", "twist")[:n],
-        ports=rows,
+def head_matrices(p: HeadParameters, rows: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """M, C and K of Eq. 1, of the size of the rows."""
+    damping, stiffness = (
+        np.diag([one, two, *[0.0] * (rows["base"].size - 2)]) for one, two in ((p.c1, p.c2), (p.k1, p.k2))
     )
+    return mass_matrix(p, rows), damping, stiffness
+
+
+def head(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> SecondOrder:
+    """The head over (θ1, θ2, x_b), and ψ on a rail that twists (Eq. 1); the mass matrix is singular where θ01 = 0 (Table 1)."""
+    rows = head_rows(p, twist, eccentricity)
+    return SecondOrder(*head_matrices(p, rows), HEAD_DOFS[: rows["base"].size], rows)

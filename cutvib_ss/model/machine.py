@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import control
 
-from cutvib_ss.model.coupling import Assembly, Changes, Coupling, Matrices, coupling, head_core_changes
+from cutvib_ss.model.coupling import Assembly, Changes, Coupling, Matrices, coupling, head_assembly, head_core_changes
 from cutvib_ss.model.elements import Attachment, Guide
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path, replaced
@@ -116,7 +116,7 @@ class Machine:
     @property
     def assembly(self) -> Assembly:
         """The head over its own coordinates and those of the rail under it, with its attachments and guide."""
-        return Assembly.of_head(self.head, self.rail, self.attachments, self.guide)
+        return head_assembly(self.head, self.rail, self.attachments, self.guide)
 
     @property
     def influence(self) -> None:

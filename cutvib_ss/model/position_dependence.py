@@ -11,7 +11,7 @@ from cutvib_ss.results import FloatArray, read_only
 
 
 @dataclass(frozen=True)
-class AffineTerms:
+class PositionDependence:
     """
     A machine as M(y) = Σ_k ρ_k(y) M_k, and C and K likewise.
 
@@ -42,7 +42,7 @@ class AffineTerms:
         return np.array([np.prod([values[part] for part in name.split("*")]) for name in self.names])
 
 
-def affine_terms(exact: Coupling) -> AffineTerms:
+def position_dependence(exact: Coupling) -> PositionDependence:
     """
     The constraint written out as constant matrices; only terms that are not zero.
 
@@ -52,13 +52,13 @@ def affine_terms(exact: Coupling) -> AffineTerms:
     Examples
     --------
     >>> from cutvib_ss.model.machine import published_machine
-    >>> affine_terms(published_machine().coupling()).names[:6]
+    >>> position_dependence(published_machine().coupling()).names[:6]
     ('1', 'phi[eta1]', 'phi[eta2]', 'phi[eta3]', 'phi[eta4]', 'phi[eta1]*phi[eta1]')
     """
     n, still = len(exact.dofs), exact.constant
-    fixed = (exact.fixed.mass, exact.fixed.damping, exact.fixed.stiffness)
+    beam = (np.pad(x, (0, len(exact.own))) for x in (exact.beam.mass, exact.beam.damping, exact.beam.stiffness))
     carried = (exact.head.mass, exact.head.damping, exact.head.stiffness)
-    found = {"1": np.array([f + still.T @ x @ still for f, x in zip(fixed, carried, strict=True)])}
+    found = {"1": np.array([f + still.T @ x @ still for f, x in zip(beam, carried, strict=True)])}
     active = _active(exact)
     for a in active:
         linear = np.zeros((3, n, n))
@@ -72,7 +72,7 @@ def affine_terms(exact: Coupling) -> AffineTerms:
             found[f"{a.name}*{b.name}"] = square
     found = {name: matrices for name, matrices in found.items() if matrices.any()}
     mass, damping, stiffness = np.stack(list(found.values()), axis=1)
-    return AffineTerms(exact, tuple(found), mass, damping, stiffness)
+    return PositionDependence(exact, tuple(found), mass, damping, stiffness)
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,9 @@ class RidingCourse:
         t, e = exact.constant, exact.head.dofs.index("base")
         names = ("mass", "damping", "stiffness")
         riding = [getattr(exact.head, name) for name in names]
-        fixed = np.array([getattr(exact.fixed, name) + t.T @ x @ t for name, x in zip(names, riding, strict=True)])
+        fixed = np.array([t.T @ x @ t for x in riding])
+        n = len(exact.beam.dofs)
+        fixed[:, :n, :n] += [getattr(exact.beam, name) for name in names]
         rows, own = np.array([x[e] @ t for x in riding]), np.array([x[e, e] for x in riding])
         reads = [_reading(exact, port) for port in ports]
         pushes = np.ascontiguousarray(np.reshape([row for row, _ in reads], (len(ports), -1)).T)
@@ -177,7 +179,7 @@ class RidingCourse:
 def _reading(exact: Coupling, port: str) -> tuple[FloatArray, float]:
     """A port's motion: a constant row over q, and its part in the riding coordinate."""
     if exact.on_rail(port):
-        return np.array(exact.fixed.port(port)), 0.0
+        return np.pad(exact.beam.port(port), (0, len(exact.own))), 0.0
     row = exact.head.port(port)
     return row @ exact.constant, float(row[exact.head.dofs.index("base")])
 

@@ -19,7 +19,7 @@ def mixed(weights: FloatArray, stack: ComplexArray) -> ComplexArray:
 
 
 def inverse(matrices: ComplexArray) -> ComplexArray:
-    """Inverses of a stack of matrices; up to two by two in closed form, shape (n, n, frequency)."""
+    """Inverses of a stack of matrices; up to three by three in closed form, shape (n, n, frequency)."""
     n = matrices.shape[0]
     if n == 1:
         one: ComplexArray = 1.0 / matrices
@@ -28,6 +28,15 @@ def inverse(matrices: ComplexArray) -> ComplexArray:
         (a, b), (c, d) = matrices
         two: ComplexArray = np.array([[d, -b], [-c, a]]) * (1.0 / (a * d - b * c))
         return two
+    if n == 3:
+        # By bordering the first two: with P⁻¹, s = t - rᵀ P⁻¹ q.
+        inner = inverse(matrices[:2, :2])
+        column, row = dot(np.moveaxis(inner, 1, 0), matrices[:2, 2, None]), dot(matrices[2, :2, None], inner)
+        below = 1.0 / (matrices[2, 2] - dot(matrices[2, :2], column))
+        out = np.empty_like(matrices)
+        out[:2, :2] = inner + column[:, None] * row * below
+        out[:2, 2], out[2, :2], out[2, 2] = -column * below, -row * below, below
+        return out
     return np.ascontiguousarray(np.moveaxis(np.linalg.inv(np.moveaxis(matrices, -1, 0)), 0, -1))
 
 

@@ -13,7 +13,7 @@ from cutvib_ss.effects.rail_torsion import RailTorsion
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.elements import Guide
 from cutvib_ss.model.machine import Machine, published_machine
-from cutvib_ss.model.position_dependence import affine_terms
+from cutvib_ss.model.position_dependence import position_dependence
 from cutvib_ss.parameters import table_7
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -116,7 +116,7 @@ def test_wrong_names_list_the_choices() -> None:
 @given(machines().filter(lambda m: m.rail.parameters.n_modes < 5 and m.rail.torsion is None), st.floats(0.01, 0.99))
 def test_constant_matrices_times_functions_of_position_are_the_matrices(machine: Machine, position: float) -> None:
     exact = machine.coupling()
-    terms = affine_terms(exact)
+    terms = position_dependence(exact)
     weights = terms.functions(position)
     for k, name in enumerate(MATRICES):
         assert _close(np.einsum("k,kij->ij", weights, getattr(terms, name)), exact.matrices(position)[k])
@@ -125,7 +125,7 @@ def test_constant_matrices_times_functions_of_position_are_the_matrices(machine:
 def test_a_rail_that_twists_has_its_functions_too() -> None:
     machine = RailTorsion("rail", 0.05, 1.0, 120.0, 0.02).apply(published_machine())
     exact = machine.coupling()
-    terms = affine_terms(exact)
+    terms = position_dependence(exact)
     assert "psi[twist1]" in terms.names
     weights = terms.functions(0.37)
     assert _close(np.einsum("k,kij->ij", weights, terms.mass), machine.second_order(0.37).mass)
@@ -137,7 +137,7 @@ def test_a_rail_that_twists_has_its_functions_too() -> None:
 
 def test_the_bare_machine_s_terms_are_its_head_s_masses() -> None:
     machine = published_machine()
-    terms = affine_terms(machine.coupling())
+    terms = position_dependence(machine.coupling())
     assert len(terms.names) == 1 + 4 + 10
     k = terms.names.index("phi[eta1]*phi[eta3]")
     assert terms.mass[k, 0, 2] == pytest.approx(machine.head.m1 + machine.head.m2)
