@@ -30,13 +30,14 @@ class PortMotion(Protocol):
 
 
 class StartScale(NamedTuple):
-    """Sizes that the starting values of a law are in proportion to: motion, rate, force, stiffness and damping at the port."""
+    """Sizes that the starting values of a law are in proportion to, and whether a spring holds the port."""
 
     motion: float
     rate: float
     force: float
     stiffness: float
     damping: float
+    held: bool
 
 
 @dataclass(frozen=True)
@@ -79,20 +80,18 @@ class LawElement(Effect):
 
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
-        scale, wide = port_scale(model, place, motion), 1.0
-        if scale.stiffness == 0.0:
+        scale = port_scale(model, place, motion)
+        free = scale.stiffness == 0.0
+        if free:
             # A free body: what a typical force is over that motion, known to two decades.
-            scale, wide = replace(scale, stiffness=TYPICAL_FORCE / scale.motion), 100.0
-        bounds = cls._bounds(scale)
-        given = super().ranges(model, place, motion)
-        return {
-            name: replace(
-                r,
-                low=bounds[name][0] / (wide if r.scale == "log" else 1.0),
-                high=bounds[name][1] * (wide if r.unit != "1" else 1.0),
-            )
-            for name, r in given.items()
-        }
+            scale = replace(scale, stiffness=TYPICAL_FORCE / scale.motion)
+        out = {}
+        for name, r in super().ranges(model, place, motion).items():
+            low, high = cls._bounds(scale)[name]
+            if free and r.unit != "1":
+                low, high = (low / 100.0, high * 100.0) if r.scale == "log" else (low * 10.0, high * 10.0)
+            out[name] = replace(r, low=low, high=high)
+        return out
 
     @classmethod
     def starts(cls, place: str, motion: PortMotion, k: float, c: float) -> tuple[Self, ...]:
@@ -118,7 +117,9 @@ class LawElement(Effect):
         force = k * middle or motion.force
         if not (middle > 0.0 and force > 0.0):
             return ()
-        scale = StartScale(middle, motion.rate, force, k or force / middle, max(c, 1e-3 * force / motion.rate))
+        # On a spring a damper is seen at its resonance; on a free body it has to bear a part of the force.
+        least = (1e-3 if k > 0.0 else 0.05) * force / motion.rate
+        scale = StartScale(middle, motion.rate, force, k or force / middle, max(c, least), k > 0.0)
         return tuple(cls(place, **values) for values in cls._starts(scale))
 
     @classmethod
