@@ -22,16 +22,13 @@ from cutvib_ss.results import FloatArray
 FAST = {"contract", "reassoc", "nsz", "arcp"}
 """Liberties of floating-point arithmetic; NaN stays NaN."""
 
-_INSIDE: dict[str, Any] = {"fastmath": FAST, "forceinline": True}
-"""Options of what loops call at every step."""
-
 for _helper in HELPERS:
-    register_jitable(**_INSIDE)(_helper)
+    register_jitable(fastmath=FAST, forceinline=True)(_helper)
 
 
 def _own(law: type[Memoryless], kernel: str) -> Callable[..., Any]:
     """A law's kernel, compiled; Newton's method, Simpson's rule or the tangent here where it has none of its own."""
-    compiled = numba.njit(**_INSIDE)
+    compiled = numba.njit(fastmath=FAST, forceinline=True)
     given = getattr(law, kernel)
     if given is not None:
         return compiled(given)
@@ -69,7 +66,7 @@ def _picking(laws: tuple[type[Memoryless], ...], kernel: str, code: int = 0) -> 
         def last(code: int, *args: Any) -> Any:
             return own(*args)
 
-        return numba.njit(**_INSIDE)(last)
+        return numba.njit(fastmath=FAST, forceinline=True)(last)
     here, rest = code, _picking(laws, kernel, code + 1)
 
     def picked(code: int, *args: Any) -> Any:
@@ -77,10 +74,10 @@ def _picking(laws: tuple[type[Memoryless], ...], kernel: str, code: int = 0) -> 
             return own(*args)
         return rest(code, *args)
 
-    return numba.njit(**_INSIDE)(picked)
+    return numba.njit(fastmath=FAST, forceinline=True)(picked)
 
 
-@register_jitable(**_INSIDE)
+@register_jitable(fastmath=FAST, forceinline=True)
 def numbers(values: FloatArray, e: int) -> tuple[float, float, float, float]:
     """What the kernels of an element take: a tuple, since views of arrays in compiled loops are counted."""
     return values[e, 0], values[e, 1], values[e, 2], values[e, 3]
@@ -112,7 +109,7 @@ def steepest(laws: np.ndarray, code: int, *args: Any) -> float:
 
 
 def _compiled_by_overload(kernel: Callable[..., Any]) -> None:
-    @overload(kernel, jit_options=_INSIDE)
+    @overload(kernel, jit_options={"fastmath": FAST, "forceinline": True})
     def choose(laws: Any, code: Any, *args: Any) -> Any:
         picked = _picking(memoryless(), kernel.__name__)
 
@@ -129,13 +126,13 @@ for _kernel in (resist, tangents, implicit, mean, steepest):
 # --- Jenkins elements -------------------------------------------------------------------------------------------------
 
 
-@numba.njit(**_INSIDE)
+@numba.njit(fastmath=FAST, forceinline=True)
 def slide(sliders: FloatArray, e: int, old: FloatArray, new: FloatArray, moved: float) -> float:
     """Force of an element's sliders after their port has moved; from the old force of each to the new, (element, slider)."""
     if old.shape[1] == 1:
         f = min(max(old[e, 0] + sliders[e, 0, 0] * moved, -sliders[e, 0, 1]), sliders[e, 0, 1])
         new[e, 0] = f
-        return f
+        return float(f)
     total = 0.0
     for i in range(old.shape[1]):
         limit = sliders[e, i, 1]
@@ -144,7 +141,7 @@ def slide(sliders: FloatArray, e: int, old: FloatArray, new: FloatArray, moved: 
     return total
 
 
-@numba.njit(**_INSIDE)
+@numba.njit(fastmath=FAST, forceinline=True)
 def implicit_slide(sliders: FloatArray, e: int, old: FloatArray, new: FloatArray, moved: float, a: float) -> float:
     """
     The force f of an element's sliders that move by d = ``moved`` - a f.
@@ -156,7 +153,7 @@ def implicit_slide(sliders: FloatArray, e: int, old: FloatArray, new: FloatArray
         k, limit = sliders[e, 0, 0], sliders[e, 0, 1]
         f = min(max((old[e, 0] + k * moved) / (1.0 + a * k), -limit), limit)
         new[e, 0] = f
-        return f
+        return float(f)
     f = 0.0
     for i in range(old.shape[1]):
         f += old[e, i]
@@ -177,7 +174,7 @@ def implicit_slide(sliders: FloatArray, e: int, old: FloatArray, new: FloatArray
     return slide(sliders, e, old, new, d)
 
 
-@numba.njit(**_INSIDE)
+@numba.njit(fastmath=FAST, forceinline=True)
 def coulomb(torque: float, v: float, b: float, v0: float) -> float:
     """
     Mean force of Coulomb friction over a step; v without it at the end, b its compliance to a constant force, v0 at the start.
