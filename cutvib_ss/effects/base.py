@@ -262,10 +262,17 @@ def discrete_values(effect: Effect) -> dict[str, Any]:
     return {f.name: getattr(effect, f.name) for f in fields(effect) if f.name != "place" and "range" not in f.metadata}
 
 
+def identifying_names(kind: type[Effect]) -> tuple[str, ...]:
+    """Discrete fields that tell one cause from another at a place: those that have no default, as a form has."""
+    return tuple(
+        f.name for f in fields(kind) if f.name != "place" and "range" not in f.metadata and f.default is MISSING
+    )
+
+
 def identifying_values(effect: Effect) -> tuple[str, ...]:
-    """Names that tell one cause from another at a place: of discrete fields that have no default, as a form has."""
-    given = [f.name for f in fields(effect) if f.name != "place" and "range" not in f.metadata and f.default is MISSING]
-    return tuple(v for v in (getattr(effect, name) for name in given) if isinstance(v, str))
+    """The names in those fields."""
+    values = (getattr(effect, name) for name in identifying_names(type(effect)))
+    return tuple(v for v in values if isinstance(v, str))
 
 
 def check_place(effect: Effect, model: Model) -> None:

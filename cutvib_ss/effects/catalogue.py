@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
 from importlib import metadata
-from inspect import isabstract, isclass
+from inspect import getdoc, isabstract, isclass
 from typing import Any, TypeVar
+
+import numpy as np
 
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect, parameter_fields
@@ -34,6 +36,9 @@ from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 
 EffectT = TypeVar("EffectT", bound=type[Effect])
 
@@ -195,6 +200,11 @@ def check_effect(kind: Any) -> None:
     for f in fields(kind):
         if "range" not in f.metadata and f.type in (float, "float") and f.default is MISSING:
             raise ParameterError(f"{who}.{f.name} has no range; write {f.name}: float = parameter(unit, low, high)")
+    for words in (kind.sentence, kind.inspection):
+        try:
+            words.format(place="", what="")
+        except (KeyError, IndexError, ValueError) as error:
+            raise ParameterError(f"{who}: {words!r} may hold {{place}} and {{what}} alone ({error})") from error
     missing = [n for n in kind.grows().carried_by if n not in {f.name for f in fields(kind)}]
     if missing:
         raise ParameterError(f"{who}.severity names {', '.join(missing)}, which it does not have")
@@ -204,3 +214,39 @@ def is_alias(effect: str, values: Mapping[str, object]) -> bool:
     """Whether causes outside the catalogue may appear as an effect with these discrete values."""
     kind = EFFECTS.get(effect)
     return kind is not None and kind.is_alias(values)
+
+
+def catalogue_table() -> str:
+    """
+    The catalogue as a Markdown table: id, places on the cutting machine and on other structures, parameters, what it is.
+
+    Returns
+    -------
+    str
+        A row an effect, in the order of the catalogue.
+    """
+    machine, other = published_machine(), _two_masses()
+    rows = ["| effect | places | on another structure | parameters | what it is |", "|---|---|---|---|---|"]
+    for name, kind in EFFECTS.items():
+        there = kind.places(other)
+        elsewhere = {("end", "spring"): "each port", ("spring",): "each port that spans a spring"}.get(there)
+        parameters = ", ".join(_parameter_text(f) for f in fields(kind) if f.name != "place")
+        what = (getdoc(kind) or "").partition("\n")[0].replace("|", "\\|")
+        places = ", ".join(f"`{p}`" for p in kind.places(machine))
+        rows.append(
+            f"| `{name}` | {places} | {elsewhere or ', '.join(f'`{p}`' for p in there)} | {parameters} | {what} |"
+        )
+    return "\n".join(rows) + "\n"
+
+
+def _two_masses() -> Structure:
+    """Two masses on a spring, with a port that spans it and one that does not."""
+    link = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    ports = {"end": np.array([1.0, 0.0]), "spring": np.array([1.0, -1.0])}
+    system = SecondOrder(np.eye(2), link, link, ("x1", "x2"), ports)
+    return Structure(system, {"y": Channel("end", "displacement")}, "end")
+
+
+def _parameter_text(f: Field[Any]) -> str:
+    unit = f.metadata["range"].unit if "range" in f.metadata else f.metadata.get("unit", "")
+    return f"`{f.name}`" + ("" if unit in ("", "1") else f" {unit}")

@@ -41,7 +41,8 @@ class CubicStiffness(LawElement):
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
         unit = s.stiffness / s.motion**2
-        return ({"stiffness3": float(r) * unit} for r in (*np.geomspace(0.01, 3.0, 6), -0.01, -0.05, -0.2))
+        softening = (-0.01, -0.05, -0.2) if s.held else ()
+        return ({"stiffness3": float(r) * unit} for r in (*np.geomspace(0.01 if s.held else 1e-4, 3.0, 6), *softening))
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:

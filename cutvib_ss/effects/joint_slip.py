@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from cutvib_ss.effects.base import Severity, parameter
+from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 
@@ -41,6 +42,12 @@ class JointSlip(LawElement):
     stiffness: float = parameter("N m/rad", 30.0, 3e4)
     slip_torque: float = parameter("N m", 1e-3, 20.0)
     spread: float = parameter("1", 0.0, 1.0, "linear", default=0.0)
+
+    def alias(self, stds: Mapping[str, float]) -> LawElement:
+        """The effect by the name it goes by: `dry_friction` where the spread is zero within its standard deviation."""
+        if self.spread > stds.get("spread", 0.0):
+            return self
+        return DryFriction(self.place, self.slip_torque, self.stiffness)
 
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:

@@ -13,6 +13,7 @@ from cutvib_ss.effects.base import (
     Effect,
     Measured,
     Model,
+    Motion,
     Range,
     applied,
     check_place,
@@ -27,13 +28,14 @@ from cutvib_ss.model.restoring_forces import RestoringForce, law
 
 
 class StartScale(NamedTuple):
-    """Sizes that the starting values of a law are in proportion to: motion, rate, force, stiffness and damping at the port."""
+    """Sizes that the starting values of a law are in proportion to, and whether a spring holds the port."""
 
     motion: float
     rate: float
     force: float
     stiffness: float
     damping: float
+    held: bool
 
 
 @dataclass(frozen=True)
@@ -76,20 +78,18 @@ class LawElement(Effect):
 
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
-        scale, wide = port_scale(model, place, motion), 1.0
-        if scale.stiffness == 0.0:
+        scale = port_scale(model, place, motion)
+        free = scale.stiffness == 0.0
+        if free:
             # A free body: what a typical force is over that motion, known to two decades.
-            scale, wide = replace(scale, stiffness=TYPICAL_FORCE / scale.motion), 100.0
-        bounds = cls._bounds(scale)
-        given = super().ranges(model, place, motion)
-        return {
-            name: replace(
-                r,
-                low=bounds[name][0] / (wide if r.scale == "log" else 1.0),
-                high=bounds[name][1] * (wide if r.unit != "1" else 1.0),
-            )
-            for name, r in given.items()
-        }
+            scale = replace(scale, stiffness=TYPICAL_FORCE / scale.motion)
+        out = {}
+        for name, r in super().ranges(model, place, motion).items():
+            low, high = cls._bounds(scale)[name]
+            if free and r.unit != "1":
+                low, high = (low / 100.0, high * 100.0) if r.scale == "log" else (low * 10.0, high * 10.0)
+            out[name] = replace(r, low=low, high=high)
+        return out
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
@@ -98,12 +98,19 @@ class LawElement(Effect):
             if motion is None or not motion.middle > 0.0:
                 continue
             mass, k, c = carried_at(model, place)
-            # Where no spring holds the place: the force that would hold it still, or where that is not known that of its inertia.
-            force = k * motion.middle or motion.force or mass * motion.rate**2 / motion.middle
-            scale = StartScale(
-                motion.middle, motion.rate, force, k or force / motion.middle, max(c, 1e-3 * force / motion.rate)
-            )
-            yield place, tuple(cls(place, **values) for values in cls._starts(scale))
+            if motion.force == 0.0:  # not known: that of its inertia
+                motion = replace(motion, force=mass * motion.rate**2 / motion.middle)
+            yield place, cls.starts_at(place, motion, k, c)
+
+    @classmethod
+    def starts_at(cls, place: str, motion: Motion, k: float, c: float) -> tuple[LawElement, ...]:
+        """Starts from hardly visible to strong; where k is zero, the force that would hold the place stands for k times motion."""
+        force = k * motion.middle or motion.force
+        # On a spring a damper is seen at its resonance; on a free body it has to bear a part of the force.
+        least = (1e-3 if k > 0.0 else 0.05) * force / motion.rate
+        stiffness = k or force / motion.middle
+        scale = StartScale(motion.middle, motion.rate, force, stiffness, max(c, least), k > 0.0)
+        return tuple(cls(place, **values) for values in cls._starts(scale))
 
     @classmethod
     def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:

@@ -6,10 +6,11 @@ import numpy as np
 
 from cutvib_ss.effects.base import Model, Motion
 from cutvib_ss.effects.catalogue import EFFECTS
-from cutvib_ss.gap.records import Records, merged
+from cutvib_ss.gap.records import Entry, Records, merged
 from cutvib_ss.gap.simulation import HYSTERESIS_AT
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step
+from cutvib_ss.results import FloatArray
 
 BAND = 24
 """Lines over which the scatter between levels is averaged."""
@@ -86,10 +87,12 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
     """
     places = tuple(dict.fromkeys(place for kind in EFFECTS.values() if not kind.linear for place in kind.places(model)))
     peaks: list[np.ndarray] = []
+    forces: list[np.ndarray] = []
     rates: list[np.ndarray] = []
     for g in merged(records.simulable, apart=True):
         for position, (entry, *_) in zip(g.positions, g.entries, strict=True):
             at = None if np.isnan(position) else float(position)
+            forces.append(_holding(model, at, g.freq, places) * _peak(entry))
             if entry.replay is None:
                 sweep = frequency_response(
                     model, None if at is None else [at], g.freq, form="receptance", inputs=["force"], outputs=places
@@ -102,8 +105,26 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
             moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
             peaks.append(np.abs(moved).max(axis=(0, 2)))
             rates.append(np.abs(np.diff(moved, axis=-1)).max(axis=(0, 2)) * entry.replay.fs)
-    peak, rate = np.array(peaks), np.array(rates)
+    peak, rate, force = np.array(peaks), np.array(rates), np.array(forces)
     return {
-        name: Motion(float(peak[:, i].min()), float(peak[:, i].max()), float(np.median(rate[:, i])))
+        name: Motion(
+            float(peak[:, i].min()),
+            float(peak[:, i].max()),
+            float(np.median(rate[:, i])),
+            float(np.median(force[:, i])),
+        )
         for i, name in enumerate(places)
     }
+
+
+def _holding(model: Model, position: float | None, freq: FloatArray, places: tuple[str, ...]) -> FloatArray:
+    """Force that would hold each place still over the exciting force, of which the median over the lines: by H_pf/H_pp."""
+    at = None if position is None else [position]
+    both = frequency_response(model, at, freq, "receptance", ["force", *places], places)
+    by_force, own = np.abs(both.data[0, :, 0]), np.abs(both.data[0, :, 1:])
+    return np.asarray(np.median(by_force / np.diagonal(own, axis1=0, axis2=1).T, axis=1))
+
+
+def _peak(entry: Entry) -> float:
+    """Peak of a record's force."""
+    return float(entry.sweep) if entry.replay is None else float(np.abs(np.stack(entry.replay.forces)).max())

@@ -253,7 +253,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     motions: they do not bend it.
 
     Eq. 4's c_s I ∂⁵w/∂y⁴∂t is its E I ∂⁴w/∂y⁴ with c_s/E ∂/∂t before it. It adds (c_s/E) ω_r² to the damping of each mode, as much
-    as ζ_r = (c_s/E) ω_r / 2. With shear the strain of either kind is damped alike.
+    as ζ_r = (c_s/E) ω_r / 2, and resists no rigid motion. With shear the strain of either kind is damped alike.
     """
     p = model.parameters
     modes = model.modes

@@ -39,9 +39,5 @@ def twist_shapes(position: ArrayLike) -> FloatArray:
 
 
 def twist_stiffness() -> FloatArray:
-    """
-    Modal stiffness of the twist's coordinates relative to J/2 ω_1², shape (TWIST_MODES + 1,); their inertia is J/2.
-
-    k² of the modes, then of the remainder.
-    """
+    """Modal stiffness of the twist's coordinates relative to J/2 ω_1², shape (TWIST_MODES + 1,); their inertia is J/2."""
     return np.append(_KEPT.astype(float) ** 2, _REMAINDER)

@@ -118,6 +118,7 @@ def _content(d: Diagnosis) -> dict[str, Any]:
                 "cause": c,
                 "name": wording.cause_name(c.effect, c.place, c.parameters),
                 "parameters": wording.parameters_text(c),
+                "inspect": wording.inspection_text(c.effect, c.place, c.parameters) if c in likely else "",
                 "likely": c in likely,
             }
             for c in listed

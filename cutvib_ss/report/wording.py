@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from cutvib_ss.effects.base import identifying_names
 from cutvib_ss.effects.catalogue import EFFECTS, is_alias
 from cutvib_ss.gap.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
 
@@ -81,14 +82,29 @@ def cause_name(effect: str, place: str, parameters: Mapping[str, FittedParameter
         return "nothing: the model is right within its tolerances"
     if effect == "unknown":
         return "a cause outside the catalogue" + ("" if place == "none" else f", at {place_name(place)}")
-    values: list[object] = [f.value for f in (parameters or {}).values()]
-    named = ", ".join(value for value in values if isinstance(value, str))
-    what = {"": "one value or channel", "all": "every channel"}.get(named, named)
     parts = []
     for e, p in zip(effect.split("+"), place.split("+")):
         words = (EFFECTS[e].sentence if e in EFFECTS else "") or e.replace("_", " ") + " at {place}"
-        parts.append(words.format(place=PLACES.get(p, p), what=what))
+        parts.append(words.format(place=PLACES.get(p, p), what=_named(e, parameters)))
     return "; together with: ".join(parts)
+
+
+def inspection_text(effect: str, place: str, parameters: Mapping[str, FittedParameter] | None = None) -> str:
+    """What to look at on the machine for a cause, as words without a full stop; empty where they say nothing."""
+    parts = []
+    for e, p in zip(effect.split("+"), place.split("+")):
+        if e in EFFECTS and EFFECTS[e].inspection:
+            words = EFFECTS[e].inspection.format(place=PLACES.get(p, p), what=_named(e, parameters))
+            parts.append(words)
+    return "; ".join(parts)
+
+
+def _named(effect: str, parameters: Mapping[str, FittedParameter] | None) -> str:
+    """What a cause names: the value that is off, the channel that is late."""
+    names = identifying_names(EFFECTS[effect]) if effect in EFFECTS else tuple(parameters or ())
+    found = [f.value for name, f in (parameters or {}).items() if name in names]
+    named = ", ".join(value for value in found if isinstance(value, str))
+    return {"": "one value or channel", "all": "every channel"}.get(named, named)
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:

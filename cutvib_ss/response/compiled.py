@@ -19,6 +19,7 @@ from cutvib_ss.model.restoring_forces.compiled import (
     implicit,
     implicit_slide,
     mean,
+    numbers,
     resist,
     slide,
     steepest,
@@ -92,7 +93,10 @@ def interact(
     away = np.zeros(blows, dtype=np.bool_)
     sweeps = _SWEEPS if elements > 1 else 1 if laws[0].code == JUMPS else 2
     kept = state.copy()
-    new_state, half_state = np.zeros(state.shape[1:]), np.zeros(state.shape[2])
+    state_new, state_half = np.zeros(state.shape[1:]), np.zeros(state.shape[1:])
+    codes, by_rate, stiffness = np.zeros(elements, np.int64), np.zeros(elements, np.bool_), np.zeros(elements)
+    for e in range(elements):
+        codes[e], by_rate[e], stiffness[e] = laws[e].code, laws[e].by_rate == 1, sliders[e, :, 0].sum()
     # Motion of port i by x0 and x1 of element j.
     moved = np.zeros((2, 2, elements, elements))
     for w in range(2):
@@ -108,6 +112,7 @@ def interact(
     f0, f1, extra = np.zeros(elements), np.zeros(elements), np.zeros(elements)
     x0, x1 = np.zeros(elements), np.zeros(elements)
     for blow in range(blows):
+        state_now = kept[blow]
         re[:], im[:] = surplus[blow, 0], surplus[blow, 1]
         x0[:], x1[:], extra[:] = 0.0, 0.0, 0.0
         largest, bound, peak = 0.0, 0.0, 0.0
@@ -118,10 +123,10 @@ def interact(
                 v0[e] -= reads[1, 0, e, m] * re[m] + reads[1, 1, e, m] * im[m]
                 bound += (abs(reads[1, 0, e, m]) + abs(reads[1, 1, e, m])) * (abs(re[m]) + abs(im[m]))
             f0[e] = 0.0
-            if laws[e].code == SLIDES:
+            if codes[e] == SLIDES:
                 f0[e] = state[blow, e].sum()
-            elif laws[e].code != JUMPS:
-                f0[e] = resist(laws, laws[e].code, values[e], q0[e], v0[e])
+            elif codes[e] != JUMPS:
+                f0[e] = resist(laws, codes[e], numbers(values, e), q0[e], v0[e])
             forces[blow, e, 0] = f0[e]
             for k in range(instants):
                 peak = max(peak, abs(motion[blow, 1, e, k]))
@@ -156,18 +161,17 @@ def interact(
                             own_q += moved[0, 0, e, j] * x0[j] + moved[0, 1, e, j] * x1[j]
                             own_v += moved[1, 0, e, j] * x0[j] + moved[1, 1, e, j] * x1[j]
                     a0, a1, b0, b1 = -moved[0, 0, e, e], -moved[0, 1, e, e], -moved[1, 0, e, e], -moved[1, 1, e, e]
-                    code, p, own = laws[e].code, values[e], kept[blow, e]
-                    by_rate = laws[e].by_rate == 1
+                    code, p = codes[e], numbers(values, e)
                     if code == JUMPS:
                         new = coulomb(sliders[e, 0, 1], own_v, b0 + b1, v0[e])
                         before = x0[e]
                         x0[e], x1[e], f1[e] = new, new, new
                         largest, change = max(largest, abs(new)), max(change, abs(new - before))
                         continue
-                    slope = sliders[e, :, 0].sum() if code == SLIDES else steepest(laws, code, p, own_q, own_v)
-                    held = slope * (b0 + b1 if by_rate else a0 + a1) > _STIFF
+                    slope = stiffness[e] if code == SLIDES else steepest(laws, code, p, own_q, own_v)
+                    held = slope * (b0 + b1 if by_rate[e] else a0 + a1) > _STIFF
                     if held:
-                        old = 0.0 if by_rate else 0.5
+                        old = 0.0 if by_rate[e] else 0.5
                         a, b = (1.0 - old) * (a0 + a1), (1.0 - old) * (b0 + b1)
                         part, c = old * f0[e], 0.0
                         own_q, own_v = own_q - (a0 + a1) * part, own_v - (b0 + b1) * part
@@ -176,7 +180,7 @@ def interact(
                         part = f0[e] + c
                         own_q, own_v = own_q - a0 * part - a1 * c, own_v - b0 * part - b1 * c
                     if code == SLIDES:
-                        f = implicit_slide(sliders[e], own, new_state[e], own_q - q0[e], a)
+                        f = implicit_slide(sliders, e, state_now, state_new, own_q - q0[e], a)
                     else:
                         f = implicit(laws, code, p, own_q, a, own_v, b)
                     f1[e] = f
@@ -192,7 +196,7 @@ def interact(
                             half_q = 0.5 * (q0[e] + q1) + 0.125 * step * (v0[e] - v1)
                             half_v = 1.5 * (q1 - q0[e]) / step - 0.25 * (v0[e] + v1)
                             if code == SLIDES:
-                                half = slide(sliders[e], own, half_state, half_q - q0[e])
+                                half = slide(sliders, e, state_now, state_half, half_q - q0[e])
                                 whole = (f0[e] + 4.0 * half + f) / 6.0
                             else:
                                 course_q, course_v = (q0[e], half_q, q1), (v0[e], half_v, v1)
@@ -214,16 +218,17 @@ def interact(
                 break
             for e in range(elements):
                 forces[blow, e, k] = f1[e]
-                if laws[e].code != JUMPS:
+                if codes[e] != JUMPS:
                     # Half of a step's mean correction to either end: the same impulse.
                     forces[blow, e, k] += 0.5 * extra[e]
                     forces[blow, e, k - 1] += 0.5 * extra[e]
-                if laws[e].code == SLIDES:
-                    kept[blow, e] = new_state[e]
+                if codes[e] == SLIDES:
+                    for i in range(state_now.shape[1]):
+                        state_now[e, i] = state_new[e, i]
                 q0[e], v0[e], f0[e] = q[e], v[e], f1[e]
         for e in range(elements):
-            if laws[e].code != SLIDES:
+            if codes[e] != SLIDES:
                 kept[blow, e, 0] = f0[e]
-            if laws[e].code == JUMPS and instants > 1:
+            if codes[e] == JUMPS and instants > 1:
                 forces[blow, e, 0] = forces[blow, e, 1]
     return forces, away, kept

@@ -31,6 +31,8 @@ _LONGEST = 1.0
 """Longest arc: a fifth of the motion's size, or as much as `sweep` allows in frequency."""
 _SHORTEST = 1e-5
 """Shortest arc, at which a curve is given up."""
+_CORNER = 1e-3
+"""Arc below which the curve may turn sharply."""
 _ARC_OF_MOTION = 0.2
 """Change of the motion over its size that counts as an arc of one."""
 
@@ -93,7 +95,7 @@ def balance(
     ports = laws.size
     for j in range(ports):
         at_port = slice(j * n, (j + 1) * n)
-        forces(x[at_port], omega, laws, j, values[j], sliders[j], tables, harmonics[at_port], slopes[j])
+        forces(x[at_port], omega, laws, j, values, sliders, tables, harmonics[at_port], slopes[j])
     for row in range(x.size):
         residual[row] = x[row]
         for w in range(x.size):
@@ -287,7 +289,9 @@ def sweep(
             aside = ((there - ahead) / reach) ** 2
             for k in range(n):
                 aside += ((new[k] - guess[k]) / size) ** 2
-            good, reached = found and aside < 0.25 * arc * arc, done
+            # Short of that the curve has a corner, where an element begins to slide, and turns at any length.
+            allowed = arc * arc * (0.25 if arc > _CORNER else 9.0)
+            good, reached = found and aside < allowed, done
             while good and reached < lines and sign * (there - omegas[reached]) >= 0.0:
                 part = (omegas[reached] - omega) / (there - omega)
                 for k in range(n):
@@ -297,7 +301,7 @@ def sweep(
                 for k in range(n):
                     far += (trial[k] - guess[k]) ** 2
                     motions[reached, k] = trial[k]
-                good = good and far <= (arc * size) ** 2
+                good = good and far <= max(4.0 * allowed, arc * arc) * size * size
                 reached += 1
             if good:
                 break

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numba
 import numpy as np
 
-from cutvib_ss.model.restoring_forces.compiled import resist, tangents
+from cutvib_ss.model.restoring_forces.compiled import numbers, resist, tangents
 from cutvib_ss.model.restoring_forces.packed import SLIDES
 from cutvib_ss.results import FloatArray
 
@@ -26,7 +26,7 @@ def forces(
     omega: float,
     laws: np.ndarray,
     which: int,
-    p: FloatArray,
+    values: FloatArray,
     sliders: FloatArray,
     tables: _Tables,
     out: FloatArray,
@@ -35,13 +35,13 @@ def forces(
     """Harmonics of a law's force into ``out``, their derivatives to the motion's x into ``slope``; ``which`` of the laws."""
     _, table, rate, edges, back = tables
     samples, n = table.shape
-    code = laws[which].code
+    code, p = laws[which].code, numbers(values, which)
     for u in range(n):
         out[u] = 0.0
         for w in range(n):
             slope[u, w] = 0.0
     if code == SLIDES:
-        _slipping(x, sliders, edges, back, out, slope)
+        _slipping(x, sliders[which], edges, back, out, slope)
         return
     for t in range(samples):
         q, v = 0.0, 0.0

@@ -50,7 +50,7 @@ class RailPair:
 
     @cached_property
     def _sums(self) -> tuple[ComplexArray, ComplexArray]:
-        """Σ (1, w², w w') a_l a_r and Σ (w, w') ζ_r/ζ d_l d_r over the modes, w' being the derivative to the shear ratio."""
+        """Σ (1, w², w w') a_l a_r and Σ (w, w') ζ_r/ζ a_l a_r over the modes, w' being the derivative to the shear ratio."""
         rail, w = self.rail, self.rail.w
         undamped, damped = [np.ones(w.size), w**2], [rail.damped_w]
         if rail.model.shear is not None:

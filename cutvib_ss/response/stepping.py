@@ -19,7 +19,7 @@ from scipy import fft
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.protocol import NonlinearElement
-from cutvib_ss.model.restoring_forces import packed
+from cutvib_ss.model.restoring_forces import Hysteretic, packed
 from cutvib_ss.response.modal_basis import linear_course, parts, reading
 from cutvib_ss.response.modal_form import ModalForm, modal_form
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -36,6 +36,8 @@ STEPS = 40
 """Steps in a period of a port's motion: errors of smooth laws are then about 1e-6, of laws with corners 1e-4."""
 _FINEST = 32
 """Largest oversampling that is chosen unasked."""
+_FREE = 8.0
+"""Oversampling of a free body with friction, at least: it drifts by 1e-3 of its way."""
 _BLOCK = 200_000
 """Fine instants of several blows that are treated together."""
 _CHUNK = 1 << 15
@@ -255,8 +257,12 @@ class _Run:
         mean = float(np.abs(self.s) @ power / np.sum(power)) / (2 * np.pi) if power.any() else 0.0
         if self.initial is not None:
             mean = max(mean, float(np.abs(self.form.poles).min()) / (2 * np.pi))
+        slips = any(isinstance(e.restoring_force, Hysteretic) for e in self.elements)
         steps = self.steps * (2 if any(e.restoring_force.jumps for e in self.elements) else 1)
-        return int(min(_FINEST, 2 ** np.ceil(np.log2(max(1.0, steps * mean / self.fs)))))
+        # Where a free body stops and starts adds up over its whole way.
+        free = float(np.abs(self.form.poles).min()) < 2 * np.pi * self.fs / self.size
+        least = _FREE if slips and free else 1.0
+        return int(min(_FINEST, 2 ** np.ceil(np.log2(max(least, steps * mean / self.fs)))))
 
     def _nonlinear(self, linear: ComplexArray, surplus: ComplexArray) -> tuple[ComplexArray, np.ndarray]:
         """Spectra of the nonlinear forces, shape (blow, element, frequency)."""
@@ -271,7 +277,11 @@ class _Run:
         turn, pushes = linear_course(form.poles[modes], form.drives[modes, 1:].T, h)
         beyond = ~modes
         still = (rows[:, beyond] * -1.0 / form.poles[beyond]) @ form.drives[beyond, 1:]
-        laws = packed([e.restoring_force for e in self.elements])
+        over_a_step = still.real + (rows[:, modes] @ (pushes[0] + pushes[1]).T).real
+        forces_of = [
+            e.restoring_force.at_step(float(a)) for e, a in zip(self.elements, over_a_step.diagonal(), strict=True)
+        ]
+        laws = packed(forces_of)
         begin = surplus[:, modes]
         reads = np.stack([reading(rows[:, modes] * form.poles[modes] ** k) for k in range(2)])
         forces, away, _ = compiled.interact(
@@ -285,8 +295,8 @@ class _Run:
         x = np.where(self.s == 0.0, 1e-9, self.s * h)
         even = (np.sinh(x / 2) / (x / 2)) ** 2
         constant = np.expm1(x) / x
-        for k, e in enumerate(self.elements):
-            spectrum[:, k] *= constant if e.restoring_force.jumps else even
+        for k, force in enumerate(forces_of):
+            spectrum[:, k] *= constant if force.jumps else even
         return spectrum, away
 
 

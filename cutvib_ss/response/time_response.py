@@ -169,12 +169,19 @@ class _Run:
         self.direct = np.array([r.direct(system, drives, signs) for r in rows])
         self.drives = (self.modes.drives @ drives).T
         self.ports = np.array([row_of(system, p) @ self.modes.shapes for p in ports])
-        self.laws = packed([e.restoring_force for e in self.elements])
-        self.jumps = [e.restoring_force.jumps for e in self.elements]
+        self._resolve(fs)
+
+    def _resolve(self, rate: float) -> None:
+        """Take the laws as steps at a rate resolve them."""
+        _, pushes = linear_course(self.modes.poles, -self.drives[1:], 1.0 / rate)
+        over_a_step = np.sum(self.ports * (pushes[0] + pushes[1]), axis=-1).real if self.elements else ()
+        laws = [e.restoring_force.at_step(float(a)) for e, a in zip(self.elements, over_a_step, strict=True)]
+        self.laws, self.jumps = packed(laws), [f.jumps for f in laws]
 
     def histories(self, force: FloatArray, begin: ComplexArray, oversample: int | None) -> FloatArray:
         """Outputs at the samples of a force, from given modes."""
         fine = self._enough(force, begin) if oversample is None else oversample
+        self._resolve(self.fs * fine)
         # One sample more, since a nonlinear force at an instant is complete when the step after it is known.
         longer = np.append(force, force[-1]) if self.elements else force
         data = self._run(_refined(longer, fine), fine, begin, np.zeros(self.laws.sliders.shape[:2]))[0]
@@ -190,6 +197,7 @@ class _Run:
         if not self.elements:
             return self._run(closed, 1, begin, np.zeros((0, 1)))[0][:, :-1]
         fine = self._enough(closed, begin) if oversample is None else oversample
+        self._resolve(self.fs * fine)
         refined, n, size = _refined(closed, fine), begin.size, float(np.abs(begin).max()) or 1.0
 
         def after(x: FloatArray, slid: FloatArray) -> tuple[FloatArray, ComplexArray, FloatArray]:

@@ -161,7 +161,7 @@ def _all(laws, p, q, v, a, b, course_q, course_v, f0, f1):  # type: ignore[no-un
 def test_kernels_are_the_law(name: str, compliance: float) -> None:
     force, old_q = FORCES[name], 0.1
     laws, values, sliders = packed([force])
-    old = np.linspace(0.2, 0.9, sliders.shape[1]) * sliders[0, :, 1]
+    old = np.linspace(0.2, 0.9, sliders.shape[1]) * sliders[:, :, 1]
     a, b = compliance, 5.0 * compliance
     for q in (-7.0, -0.41, -0.05, 0.0, 0.3, 0.42, 2.0):
         v = 3.0 * q - 0.5
@@ -170,19 +170,19 @@ def test_kernels_are_the_law(name: str, compliance: float) -> None:
             if isinstance(force, Memoryless):
                 return float(force.force(q - a * f, v - b * f))
             k, limit = sliders[0].T
-            return float(np.clip(old + k * (q - a * f - old_q), -limit, limit).sum())
+            return float(np.clip(old[0] + k * (q - a * f - old_q), -limit, limit).sum())
 
         if name == "softening" and compliance > 0.1 and abs(q) > 2.0:
             continue  # beyond the peak
         if isinstance(force, Hysteretic):
-            new = np.zeros(old.size)
-            got = implicit_slide(sliders[0], old, new, q - old_q, a)
+            new = np.zeros(old.shape)
+            got = implicit_slide(sliders, 0, old, new, q - old_q, a)
             assert new.sum() == pytest.approx(got, rel=1e-12)
-            assert slide(sliders[0], old, new.copy(), q - a * got - old_q) == pytest.approx(got, rel=1e-9, abs=1e-12)
+            assert slide(sliders, 0, old, new.copy(), q - a * got - old_q) == pytest.approx(got, rel=1e-9, abs=1e-12)
         else:
             course = (q, q + 0.02, q + 0.03), (v, v + 0.1, v)
             ends = [float(force.force(course[0][i], course[1][i])) for i in (0, 2)]
-            value, by_q, by_v, steepest_, got, mean_ = _all(laws, values[0], q, v, a, b, *course, *ends)
+            value, by_q, by_v, steepest_, got, mean_ = _all(laws, tuple(values[0]), q, v, a, b, *course, *ends)
             assert value == pytest.approx(float(force.force(q, v)), rel=1e-12)
             assert (by_q, by_v) == pytest.approx([float(x) for x in force.tangent(q, v)], rel=1e-12)
             assert steepest_ >= max(abs(by_q), abs(by_v)) * (1 - 1e-12)

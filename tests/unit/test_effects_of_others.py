@@ -20,7 +20,8 @@ from cutvib_ss.gap.diagnosis import diagnose
 from cutvib_ss.gap.hypotheses import candidates
 from cutvib_ss.gap.plan import PlannedCampaign, plan
 from cutvib_ss.gap.workers import Workers
-from cutvib_ss.report.wording import cause_name, verdict_sentence
+from cutvib_ss.report import report_html
+from cutvib_ss.report.wording import cause_name, inspection_text, verdict_sentence
 from tests.plugin_package.effects import Belt, HydraulicDamper
 
 MASS = np.array([[2.0, 0.0], [0.0, 1.2]])
@@ -168,6 +169,9 @@ def test_the_diagnosis_finds_and_the_report_names_it(by_entry_point: None, by_ca
     assert best.parameters["damping"].value == pytest.approx(40.0, rel=0.1)
     assert "a damper with a soft mount holds top" in verdict_sentence(found)
     assert any(e.effect == "belt" for e in found.evidence)
+    page = report_html(found)
+    assert "a damper with a soft mount holds top" in page
+    assert "To look at: look for a shock absorber or a hose on top" in page
 
 
 def test_a_plan_counts_them_in(by_entry_point: None, by_call: None, tmp_path: Path) -> None:
@@ -182,6 +186,7 @@ def test_a_plan_counts_them_in(by_entry_point: None, by_call: None, tmp_path: Pa
 
 def test_words_fall_back_on_the_id(by_call: None) -> None:
     assert cause_name("belt", "tool") == "belt at the tool"
+    assert inspection_text("belt", "tool") == ""
 
 
 def known(_: int) -> list[str]:
@@ -283,6 +288,12 @@ class NotADataclass(Belt):
 
 
 @dataclass(frozen=True)
+class WrongWords(Belt):
+    effect = "wrong_words"
+    sentence = "{port} is pulled"
+
+
+@dataclass(frozen=True)
 class NoId(Belt):
     effect = "No Id"
 
@@ -296,6 +307,7 @@ class NoId(Belt):
         (NoRange, r"NoRange\.length has no range"),
         (Taken, "'tool_contact' is taken by cutvib_ss"),
         (NotADataclass, "must be a dataclass"),
+        (WrongWords, r"may hold \{place\} and \{what\} alone"),
         (NoId, "'No Id' must be an id in lower case"),
         (float, "is not a class that inherits"),
     ],

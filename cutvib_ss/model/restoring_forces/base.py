@@ -98,6 +98,10 @@ class RestoringForce(ABC):
         """The law without jumps, at a port of that dynamic stiffness and largest motion; for the harmonic balance."""
         return self
 
+    def at_step(self, compliance: float) -> RestoringForce:
+        """The law as time steps resolve it, over which a constant unit force moves the port by ``compliance``."""
+        return self
+
     def holds_below(self, compliance: float) -> float:
         """Displacement beyond which a port of this static compliance finds no equilibrium."""
         return math.inf

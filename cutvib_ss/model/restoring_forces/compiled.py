@@ -23,12 +23,12 @@ FAST = {"contract", "reassoc", "nsz", "arcp"}
 """Liberties of floating-point arithmetic; NaN stays NaN."""
 
 for _helper in HELPERS:
-    register_jitable(fastmath=FAST)(_helper)
+    register_jitable(fastmath=FAST, forceinline=True)(_helper)
 
 
 def _own(law: type[Memoryless], kernel: str) -> Callable[..., Any]:
     """A law's kernel, compiled; Newton's method, Simpson's rule or the tangent here where it has none of its own."""
-    compiled = numba.njit(fastmath=FAST)
+    compiled = numba.njit(fastmath=FAST, forceinline=True)
     given = getattr(law, kernel)
     if given is not None:
         return compiled(given)
@@ -63,18 +63,24 @@ def _picking(laws: tuple[type[Memoryless], ...], kernel: str, code: int = 0) -> 
     own = _own(laws[code], kernel)
     if code == len(laws) - 1:
 
-        def last(laws: Any, code: Any, *args: Any) -> Any:
+        def last(code: int, *args: Any) -> Any:
             return own(*args)
 
-        return last
-    here, rest = code, numba.njit(fastmath=FAST)(_picking(laws, kernel, code + 1))
+        return numba.njit(fastmath=FAST, forceinline=True)(last)
+    here, rest = code, _picking(laws, kernel, code + 1)
 
-    def picked(laws: Any, code: Any, *args: Any) -> Any:
+    def picked(code: int, *args: Any) -> Any:
         if code == here:
             return own(*args)
-        return rest(laws, code, *args)
+        return rest(code, *args)
 
-    return picked
+    return numba.njit(fastmath=FAST, forceinline=True)(picked)
+
+
+@register_jitable(fastmath=FAST, forceinline=True)
+def numbers(values: FloatArray, e: int) -> tuple[float, float, float, float]:
+    """What the kernels of an element take: a tuple, since views of arrays in compiled loops are counted."""
+    return values[e, 0], values[e, 1], values[e, 2], values[e, 3]
 
 
 def resist(laws: np.ndarray, code: int, *args: Any) -> float:
@@ -103,9 +109,14 @@ def steepest(laws: np.ndarray, code: int, *args: Any) -> float:
 
 
 def _compiled_by_overload(kernel: Callable[..., Any]) -> None:
-    @overload(kernel, jit_options={"fastmath": FAST})
+    @overload(kernel, jit_options={"fastmath": FAST, "forceinline": True})
     def choose(laws: Any, code: Any, *args: Any) -> Any:
-        return _picking(memoryless(), kernel.__name__)
+        picked = _picking(memoryless(), kernel.__name__)
+
+        def call(laws: Any, code: Any, *args: Any) -> Any:
+            return picked(code, *args)
+
+        return call
 
 
 for _kernel in (resist, tangents, implicit, mean, steepest):
@@ -115,40 +126,44 @@ for _kernel in (resist, tangents, implicit, mean, steepest):
 # --- Jenkins elements -------------------------------------------------------------------------------------------------
 
 
-@numba.njit(cache=True, fastmath=FAST)
-def slide(sliders: FloatArray, old: FloatArray, new: FloatArray, moved: float) -> float:
-    """Force of Jenkins elements after their port has moved; from the old force of each to the new."""
+@numba.njit(fastmath=FAST, forceinline=True)
+def slide(sliders: FloatArray, e: int, old: FloatArray, new: FloatArray, moved: float) -> float:
+    """Force of an element's sliders after their port has moved; from the old force of each to the new, (element, slider)."""
+    if old.shape[1] == 1:
+        f = min(max(old[e, 0] + sliders[e, 0, 0] * moved, -sliders[e, 0, 1]), sliders[e, 0, 1])
+        new[e, 0] = f
+        return float(f)
     total = 0.0
-    for i in range(old.size):
-        limit = sliders[i, 1]
-        new[i] = min(max(old[i] + sliders[i, 0] * moved, -limit), limit)
-        total += new[i]
+    for i in range(old.shape[1]):
+        limit = sliders[e, i, 1]
+        new[e, i] = min(max(old[e, i] + sliders[e, i, 0] * moved, -limit), limit)
+        total += new[e, i]
     return total
 
 
-@numba.njit(cache=True, fastmath=FAST)
-def implicit_slide(sliders: FloatArray, old: FloatArray, new: FloatArray, moved: float, a: float) -> float:
+@numba.njit(fastmath=FAST, forceinline=True)
+def implicit_slide(sliders: FloatArray, e: int, old: FloatArray, new: FloatArray, moved: float, a: float) -> float:
     """
-    The force f of Jenkins elements that move by d = ``moved`` - a f.
+    The force f of an element's sliders that move by d = ``moved`` - a f.
 
     d + a f(d) is piecewise straight and rises; away from d = 0 its slope only falls, since elements only begin to slide. Newton's
     steps from there come to the root from one side, and end on it.
     """
-    if old.size == 1:
-        k, limit = sliders[0, 0], sliders[0, 1]
-        new[0] = min(max((old[0] + k * moved) / (1.0 + a * k), -limit), limit)
-        return float(new[0])
+    if old.shape[1] == 1:
+        k, limit = sliders[e, 0, 0], sliders[e, 0, 1]
+        f = min(max((old[e, 0] + k * moved) / (1.0 + a * k), -limit), limit)
+        new[e, 0] = f
+        return float(f)
     f = 0.0
-    for i in range(old.size):
-        f += old[i]
-    left = moved - a * f
-    side = math.copysign(1.0, left)
+    for i in range(old.shape[1]):
+        f += old[e, i]
+    side = math.copysign(1.0, moved - a * f)
     d = 0.0
-    for _ in range(old.size + 1):
+    for _ in range(old.shape[1] + 1):
         slope, f = 1.0, 0.0
-        for i in range(old.size):
-            k, limit = sliders[i, 0], sliders[i, 1]
-            at = old[i] + k * d
+        for i in range(old.shape[1]):
+            k, limit = sliders[e, i, 0], sliders[e, i, 1]
+            at = old[e, i] + k * d
             f += min(max(at, -limit), limit)
             if side * at < limit:
                 slope += a * k
@@ -156,10 +171,10 @@ def implicit_slide(sliders: FloatArray, old: FloatArray, new: FloatArray, moved:
         if side * change <= 0.0:
             break
         d += change
-    return slide(sliders, old, new, d)
+    return slide(sliders, e, old, new, d)
 
 
-@numba.njit(cache=True, fastmath=FAST)
+@numba.njit(fastmath=FAST, forceinline=True)
 def coulomb(torque: float, v: float, b: float, v0: float) -> float:
     """
     Mean force of Coulomb friction over a step; v without it at the end, b its compliance to a constant force, v0 at the start.

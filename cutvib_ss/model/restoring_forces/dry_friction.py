@@ -15,6 +15,12 @@ STICKING = 1000.0
 """Stiffness that stands for ideal sticking in the harmonic balance, over the model's own at the port; also the largest motion over
 that at which it yields."""
 
+RIGID = 4.0
+"""
+Stiffness times the displacement that a constant unit force makes over a time step, beyond which an element sticks ideally: a stuck
+mass then vibrates with less than 2.2 steps in a period, and the spring gives less than a quarter of what friction moves in a step.
+"""
+
 
 @dataclass(frozen=True)
 class DryFriction(Hysteretic):
@@ -30,6 +36,8 @@ class DryFriction(Hysteretic):
         return np.array([[self.sticking_stiffness, self.torque]])
 
     def regularised(self, stiffness: float, motion: float) -> Self:
-        if not self.jumps:
-            return self
-        return replace(self, sticking_stiffness=STICKING * max(stiffness, self.torque / motion))
+        rigid = STICKING * max(stiffness, self.torque / motion)
+        return replace(self, sticking_stiffness=min(rigid, self.sticking_stiffness))
+
+    def at_step(self, compliance: float) -> Self:
+        return replace(self, sticking_stiffness=math.inf) if self.sticking_stiffness * compliance > RIGID else self

@@ -53,10 +53,11 @@ class Freeplay(Memoryless):
         inside = 1.0 + a * (more - contact)
         if inside > 0.0 and abs(q) <= gap * inside:
             return (more - contact) * q / inside
+        held = contact * math.copysign(gap, q)
+        if more == 0.0:
+            return -held
         beyond = 1.0 + a * more
-        if beyond <= 0.0:
-            return math.nan
-        return (more * q - contact * math.copysign(gap, q)) / beyond
+        return (more * q - held) / beyond if beyond > 0.0 else math.nan
 
     @staticmethod
     def mean(p: Values, q: Course, v: Course, f0: float, f1: float) -> float:
@@ -65,7 +66,8 @@ class Freeplay(Memoryless):
         high = mean_size(q[0] + gap, q[1] + gap) + mean_size(q[1] + gap, q[2] + gap)
         low = mean_size(q[0] - gap, q[1] - gap) + mean_size(q[1] - gap, q[2] - gap)
         held = 0.25 * (high - low) + (bend if abs(q[1]) < gap else 0.0)
-        return p[2] * (q[0] + 4.0 * q[1] + q[2]) / 6.0 - p[1] * held
+        linear = p[2] * (q[0] + 4.0 * q[1] + q[2]) / 6.0 if p[2] != 0.0 else 0.0
+        return linear - p[1] * held
 
     @staticmethod
     def steepest(p: Values, q: float, v: float) -> float:

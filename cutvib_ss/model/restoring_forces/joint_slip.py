@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
-from cutvib_ss.model.restoring_forces.base import Hysteretic, value
+from cutvib_ss.model.restoring_forces.base import Hysteretic, RestoringForce, value
+from cutvib_ss.model.restoring_forces.dry_friction import RIGID, STICKING, DryFriction
 from cutvib_ss.results import FloatArray
 
 CONTACTS = 16
@@ -35,6 +36,15 @@ class JointSlip(Hysteretic):
     stiffness: float = value("N m/rad")
     slip_torque: float = value("N m")
     spread: float = value("1", maximum=1.0, default=0.0)
+
+    def regularised(self, stiffness: float, motion: float) -> Self:
+        rigid = STICKING * max(stiffness, self.slip_torque / motion)
+        return replace(self, stiffness=min(rigid, self.stiffness))
+
+    def at_step(self, compliance: float) -> RestoringForce:
+        # Its most compliant contact decides.
+        contacts = 1 if self.spread == 0.0 else CONTACTS
+        return DryFriction(self.slip_torque) if self.stiffness / contacts * compliance > RIGID else self
 
     def sliders(self) -> FloatArray:
         if self.spread == 0.0:

@@ -18,6 +18,10 @@ SLIDES, JUMPS = -1, -2
 """Codes of Jenkins elements and of Coulomb friction; laws without memory count from zero."""
 
 
+WIDTH = 4
+"""Numbers that the kernels of a law may take."""
+
+
 class Packed(NamedTuple):
     """
     Laws of some elements.
@@ -27,7 +31,7 @@ class Packed(NamedTuple):
     laws : ndarray of records, shape (element,)
         ``code`` and ``by_rate`` of each; the name of the last field changes with the code of the registered laws, so that what was
         compiled for others is not taken from numba's cache.
-    values : ndarray, shape (element, value)
+    values : ndarray, shape (element, WIDTH)
         What the kernels of those without memory take.
     sliders : ndarray, shape (element, slider, 2)
         Stiffness and slip force of those with memory; zero where there are fewer.
@@ -59,8 +63,8 @@ def packed(forces: Sequence[RestoringForce]) -> Packed:
     laws = np.zeros(len(forces), dtype=_record(known))
     values = [f.values if isinstance(f, Memoryless) else () for f in forces]
     sliders = [f.sliders() if isinstance(f, Hysteretic) else np.zeros((0, 2)) for f in forces]
-    width, count = max([1, *map(len, values)]), max([1, *map(len, sliders)])
-    wide, deep = np.zeros((len(forces), width)), np.zeros((len(forces), count, 2))
+    count = max([1, *map(len, sliders)])
+    wide, deep = np.zeros((len(forces), WIDTH)), np.zeros((len(forces), count, 2))
     for k, f in enumerate(forces):
         laws[k]["code"] = known.index(type(f)) if isinstance(f, Memoryless) else JUMPS if f.jumps else SLIDES
         laws[k]["by_rate"] = f.moved_by == "velocity"
