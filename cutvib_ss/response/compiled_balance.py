@@ -68,28 +68,7 @@ def balance(
     harmonics: FloatArray,
     slopes: FloatArray,
 ) -> None:
-    """
-    Residual of the harmonic balance and its derivatives to the unknowns.
-
-    Parameters
-    ----------
-    x : ndarray, shape (port · unknown,)
-        Motion of the ports.
-    omega : float
-        Frequency [rad/s].
-    force : float
-        Force amplitude, in phase with the cosine.
-    system, elements, tables : tuple
-        The model, the laws, the harmonics.
-    residual : ndarray, shape (port · unknown,)
-        Takes the residual.
-    jacobian : ndarray, shape (port · unknown, port · unknown)
-        Takes its derivatives.
-    harmonics : ndarray, shape (port · unknown,)
-        Takes the harmonics of the laws' forces.
-    slopes : ndarray, shape (port, unknown, unknown)
-        Takes their derivatives to the motion of the same port.
-    """
+    """Residual of the harmonic balance at a motion x of the ports, its derivatives, and the forces' harmonics and slopes."""
     laws, values, sliders = elements
     numbers, n = tables[0], tables[1].shape[1]
     ports = laws.size
@@ -161,25 +140,7 @@ def _solve(a: FloatArray, b: FloatArray) -> None:
 
 @numba.njit(cache=True)
 def newton(x: FloatArray, omega: float, force: float, system: _System, elements: Packed, tables: _Tables) -> bool:
-    """
-    The solution at a frequency.
-
-    Parameters
-    ----------
-    x : ndarray, shape (port · unknown,)
-        A motion close by; takes the solution.
-    omega : float
-        Frequency [rad/s].
-    force : float
-        Force amplitude.
-    system, elements, tables : tuple
-        The model, the laws, the harmonics.
-
-    Returns
-    -------
-    bool
-        Whether there is one.
-    """
+    """The solution at a frequency, in place of a motion x close by; whether there is one."""
     n = x.size
     r, j, f = np.zeros(n), np.zeros((n, n)), np.zeros(n)
     slopes = np.zeros((elements.laws.size, tables[1].shape[1], tables[1].shape[1]))
@@ -208,33 +169,11 @@ def sweep(
     reach: float,
 ) -> tuple[int, FloatArray]:
     """
-    Steady motion along a sweep of frequency at constant force.
+    Steady motion along a sweep of frequency at constant force, from the motion at its first line; lines found, and their motions.
 
-    Parameters
-    ----------
-    start : ndarray, shape (port · unknown,)
-        The motion at the first frequency.
-    omegas : ndarray, shape (line,)
-        Frequencies in the order of the sweep, up or down [rad/s].
-    force : float
-        Force amplitude.
-    system, elements, tables : tuple
-        The model, the laws, the harmonics.
-    reach : float
-        Frequency that an arc of one may span [rad/s].
-
-    Returns
-    -------
-    done : int
-        Lines found; fewer than all where the curve was lost.
-    motions : ndarray, shape (line, port · unknown)
-        The motion of the ports.
-
-    Notes
-    -----
     Pseudo-arclength continuation (Keller 1977) in the motion over its size and the frequency over ``reach``. Where the curve folds
     it runs back along the unstable branch to the next fold; a line counts when it is reached for the first time, so that the
-    sweep jumps as a slow one does.
+    sweep jumps as a slow one does. Fewer lines than all where the curve was lost.
     """
     lines, n, ports = omegas.size, start.size, elements.laws.size
     sign = 1.0 if lines < 2 or omegas[-1] > omegas[0] else -1.0
@@ -319,29 +258,7 @@ def sweep(
 def balances(
     motions: FloatArray, omegas: FloatArray, system: _System, elements: Packed, tables: _Tables
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """
-    `balance` at many lines, without force.
-
-    Parameters
-    ----------
-    motions : ndarray, shape (line, port · unknown)
-        Motions of the ports.
-    omegas : ndarray, shape (line,)
-        Frequencies [rad/s].
-    system, elements, tables : tuple
-        The model, the laws, the harmonics.
-
-    Returns
-    -------
-    residuals : ndarray, shape (line, port · unknown)
-        What is left, without force.
-    jacobians : ndarray, shape (line, port · unknown, port · unknown)
-        Its derivatives.
-    harmonics : ndarray, shape (line, port · unknown)
-        Harmonics of the laws' forces.
-    slopes : ndarray, shape (line, port, unknown, unknown)
-        Their derivatives to the motion of the same port.
-    """
+    """Residuals, Jacobians, harmonics and slopes of many lines, as `balance` gives them, without force."""
     lines, n = motions.shape
     ports, width = elements.laws.size, tables[1].shape[1]
     residuals, jacobians, harmonics = np.zeros((lines, n)), np.zeros((lines, n, n)), np.zeros((lines, n))

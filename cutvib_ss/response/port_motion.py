@@ -68,21 +68,7 @@ class PortMotion:
         return x
 
     def sweep(self, omegas: FloatArray, force: float) -> FloatArray:
-        """
-        Motion along a sweep.
-
-        Parameters
-        ----------
-        omegas : ndarray, shape (line,)
-            Frequencies in the order of the sweep, up or down [rad/s].
-        force : float
-            Force amplitude.
-
-        Returns
-        -------
-        ndarray, shape (line, port · unknown)
-            The motion; fewer lines than asked for where the curve is lost, or a softening spring lets go.
-        """
+        """Motion along a sweep, a line each; fewer lines than asked for where the curve is lost, or a softening spring lets go."""
         start = self._ramped(omegas[0], force, by_law=False)
         if start is None:
             # Growing out of rest it comes to a fold; what lies beyond is sought from the linear model.
@@ -108,21 +94,7 @@ class PortMotion:
         return int(np.argmax(passed)) if passed.any() else len(motions)
 
     def fundamentals(self, omegas: FloatArray, motions: FloatArray) -> ComplexArray:
-        """
-        Fundamentals of the laws' forces.
-
-        Parameters
-        ----------
-        omegas : ndarray, shape (frequency,)
-            Frequencies [rad/s].
-        motions : ndarray, shape (frequency, port · unknown)
-            Motions.
-
-        Returns
-        -------
-        ndarray of complex, shape (frequency, port)
-            The fundamentals.
-        """
+        """Fundamentals of the laws' forces, shape (frequency, port), under motions of shape (frequency, port · unknown)."""
         forces = self._compiled.balances(motions, omegas, self._system, self._laws, self._tables)[2]
         own = forces.reshape(omegas.size, self.ports, self.width)[:, :, self.first : self.first + 2]
         return np.asarray(own[:, :, 0] - 1j * own[:, :, 1])
@@ -133,19 +105,8 @@ class PortMotion:
         """
         Small changes of the forces' fundamentals, the other harmonics following.
 
-        Parameters
-        ----------
-        omegas : ndarray, shape (frequency,)
-            Frequencies [rad/s].
-        motions : ndarray, shape (frequency, port · unknown)
-            Motions.
-
-        Returns
-        -------
-        by_motion : ndarray, shape (frequency, 2 port, 2 port)
-            With the motion's fundamentals, cosine and sine of each port.
-        by_parameter : mapping of (port, name) to ndarray, shape (frequency, 2 port)
-            These held, with each parameter of the laws.
+        By the motion's fundamentals, cosine and sine of each port, shape (frequency, 2 port, 2 port); and, these held, by each
+        parameter of the laws: (port, name) to an array of shape (frequency, 2 port).
         """
         own = (self.width * np.arange(self.ports)[:, None] + self.first + np.arange(2)).ravel()
         rest = np.setdiff1d(np.arange(self.size), own)
