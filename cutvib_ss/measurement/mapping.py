@@ -169,7 +169,7 @@ def _chosen(
     """Columns that carry a channel of the model, in the model's order; the others are named in a warning."""
     numbered = any(column.dof is not None for column in columns)
     if not numbered and not channels:
-        return [(column.name, column) for column in columns]
+        return [(_spelt(column.name, [c.name for c in columns], layout), column) for column in columns]
     groups = [column.group if isinstance(column, Signal) else "" for column in columns]
     there = [f"{g}/{column.name}" if g else column.name for g, column in zip(groups, columns, strict=True)]
     responses_only = bool(columns) and isinstance(columns[0], RawResponse)
@@ -208,6 +208,13 @@ def _chosen(
     elif left:
         warnings.append(f"{where}: not used, since [channels] maps no channel to it: {', '.join(c.name for c in left)}")
     return chosen
+
+
+def _spelt(name: str, there: Sequence[str], layout: Layout) -> str:
+    """The model's spelling of a column that differs from a channel by case, blanks or signs alone."""
+    plain = _PLAIN.sub("", name.casefold())
+    alike = [channel for channel in layout.quantities if _PLAIN.sub("", channel.casefold()) == plain]
+    return alike[0] if len(alike) == 1 and alike[0] not in there else name
 
 
 def _index(wanted: str | int, there: Sequence[str], columns: Sequence[_Column], channel: str, group: str) -> int | None:

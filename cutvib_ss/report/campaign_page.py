@@ -12,7 +12,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, ScalarFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter, ScalarFormatter
 
 from cutvib_ss.measurement.records import FORCE, Campaign, Record
 from cutvib_ss.measurement.summary import PAIR_HEADS, RecordSummary, Summary
@@ -88,6 +88,8 @@ def _responses(records: Sequence[tuple[RecordSummary, MeasuredFrequencyResponse]
         if nominal is not None:
             ax.plot(*nominal, color="#888888", ls="--", lw=0.9, label="nominal model", zorder=1)
         ax.set_yscale("log")
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_minor_formatter(NullFormatter())
         ax.set_title(f"{name} [{unit}]", fontsize=9, loc="left")
         ax.grid(True)
     if coherent:
