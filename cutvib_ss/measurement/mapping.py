@@ -51,6 +51,12 @@ def listed(there: Sequence[str]) -> str:
     return ", ".join(f"{k}: {name!r}" for k, name in enumerate(there, start=1))
 
 
+def left_out(warnings: Sequence[str]) -> str:
+    """In parentheses, what the reader of the file left out, which may be what is missed."""
+    notes = [warning.partition(": ")[2] for warning in warnings if warning.endswith("left out")]
+    return f" ({'; '.join(notes)})" if notes else ""
+
+
 def turned(values: FloatArray, phase: float) -> FloatArray:
     """A signal whose spectrum is turned by a constant phase at every line but zero (and the last of an even count)."""
     spectrum = np.fft.rfft(values)
@@ -188,7 +194,7 @@ def _chosen(
             if index is None:
                 raise DataFormatError(
                     f"{where}: channel {channel!r} is {spec.name!r} under [channels], but the file has "
-                    f"{listed(there)}; correct that line, for instance: {mapping_line(channel, there)}"
+                    f"{listed(there)}{left_out(warnings)}; correct that line, for instance: {mapping_line(channel, there)}"
                 )
         if index is None:
             continue

@@ -259,10 +259,25 @@ def test_separators_at_row_ends_quotes_and_an_empty_column(tmp_path):
     assert any("'spare' is empty" in warning for warning in campaign.warnings)
 
 
+def test_tabs_at_row_ends(tmp_path):
+    table, _ = _rows()
+    lines = ["time [s]\tforce [N]\ttool_x [g]\t"] + [f"{t:.9g}\t{f:.9g}\t{a:.9g}\t" for t, f, a in table]
+    record = _text(tmp_path, "\n".join(lines))
+    np.testing.assert_allclose(record.histories[0].force, table[:, 1], rtol=1e-7)
+
+
 def test_a_time_column_before_each_channel(tmp_path):
     table, _ = _rows()
     lines = ["time [s];force [N];time [s];tool_x [g]"] + [f"{t:.9g};{f:.9g};{t:.9g};{a:.9g}" for t, f, a in table]
     assert _text(tmp_path, "\n".join(lines)).channels == ("tool_x",)
+
+
+def test_an_empty_column_that_is_missed_is_named(tmp_path):
+    table, _ = _rows()
+    lines = ["time [s];force [N];tool_x [g]"] + [f"{t:.9g};{f:.9g};" for t, f, _ in table]
+    for toml in ("", '[channels]\ntool_x = { name = "tool_x" }\n'):
+        with pytest.raises(DataFormatError, match="column 'tool_x' is empty"):
+            _text(tmp_path, "\n".join(lines), channels=toml)
 
 
 def test_columns_of_text_beside_the_numbers(tmp_path):
