@@ -70,12 +70,12 @@ def _responses(records: Sequence[tuple[RecordSummary, MeasuredFrequencyResponse]
     coherent = any(np.any(np.isfinite(frf.coherence)) for _, frf in records)
     low = min(r.band_hz[0] for r, _ in records)
     high = max(r.band_hz[1] for r, _ in records)
-    picture = _figure(1.75 * len(names) + (0.95 if coherent else 0.0) + 0.7)
+    picture = _figure(1.8 * len(names) + (0.95 if coherent else 0.0) + 0.5 + 0.2 * (len(records) + 1))
     heights = [1.8] * len(names) + ([0.9] if coherent else [])
     axes = np.atleast_1d(picture.subplots(len(heights), 1, sharex=True, height_ratios=heights))
     for k, name in enumerate(names):
         ax = axes[k]
-        unit = ""
+        unit, least, largest = "", np.inf, 0.0
         for j, (record, frf) in enumerate(records):
             if name not in frf.outputs:
                 continue
@@ -83,13 +83,15 @@ def _responses(records: Sequence[tuple[RecordSummary, MeasuredFrequencyResponse]
             size = np.abs(part.data[0, 0, 0])
             keep = _extremes(size, np.flatnonzero((part.freq >= low) & (part.freq <= high) & (part.freq > 0)))
             unit = part.units[0]
+            least, largest = min(least, float(np.min(size[keep]))), max(largest, float(np.max(size[keep])))
             ax.plot(part.freq[keep], size[keep], color=_colour(j), label=record.name, lw=1.1)
         nominal = _nominal(campaign, records[0][0], name, np.linspace(low, high, 800))
         if nominal is not None:
             ax.plot(*nominal, color="#888888", ls="--", lw=0.9, label="nominal model", zorder=1)
-        ax.set_yscale("log")
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.yaxis.set_minor_formatter(NullFormatter())
+        if largest > 8 * least:
+            ax.set_yscale("log")
+            ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            ax.yaxis.set_minor_formatter(NullFormatter())
         ax.set_title(f"{name} [{unit}]", fontsize=9, loc="left")
         ax.grid(True)
     if coherent:
