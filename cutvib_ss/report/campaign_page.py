@@ -92,7 +92,7 @@ def _responses(records: Sequence[tuple[RecordSummary, MeasuredFrequencyResponse]
             ax.set_yscale("log")
             ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             ax.yaxis.set_minor_formatter(NullFormatter())
-        ax.set_title(f"{name} [{unit}]", fontsize=9, loc="left")
+        ax.set_title(f"{name} [{unit}]", fontsize=9, loc="left", color=_PEN)
         ax.grid(True)
     if coherent:
         ax = axes[-1]
@@ -103,7 +103,7 @@ def _responses(records: Sequence[tuple[RecordSummary, MeasuredFrequencyResponse]
             if np.any(np.isfinite(frf.coherence)):
                 ax.plot(frf.freq[keep], least[keep], color=_colour(j), lw=0.9)
         ax.set_ylim(0, 1.02)
-        ax.set_title("coherence (least of the channels)", fontsize=9, loc="left")
+        ax.set_title("coherence (least of the channels)", fontsize=9, loc="left", color=_PEN)
         ax.grid(True)
     last = axes[-1]
     last.set_xscale("log" if high > 4 * low else "linear")
@@ -131,9 +131,9 @@ def _blows(record: Record) -> Figure:
         largest = int(np.argmax(np.ptp(history.responses, axis=-1)))
         time, values = _envelope(history.time, history.responses[largest])
         bottom.fill_between(time, values[0], values[1], color=_colour(k), alpha=0.45, lw=0)
-    top.set_title(f"force [{record.input_unit}] over time from the peak [ms]", fontsize=9, loc="left")
+    top.set_title(f"force [{record.input_unit}] over time from the peak [ms]", fontsize=9, loc="left", color=_PEN)
     name = record.channels[int(np.argmax(np.ptp(record.histories[0].responses, axis=-1)))]
-    bottom.set_title(f"{name}, extent over time [s]", fontsize=9, loc="left")
+    bottom.set_title(f"{name}, extent over time [s]", fontsize=9, loc="left", color=_PEN)
     for ax in (top, bottom):
         ax.grid(True)
     return picture
@@ -195,7 +195,6 @@ def _inline(picture: Figure, prefix: str) -> Markup:
         ax.tick_params(colors=_PEN, labelsize=8, which="both")
         ax.xaxis.label.set_color(_PEN)
         ax.title.set_color(_PEN)
-        ax._left_title.set_color(_PEN)  # type: ignore[attr-defined]
         for side, spine in ax.spines.items():
             spine.set_visible(side in ("left", "bottom"))
             spine.set_color(_PEN)
