@@ -10,7 +10,7 @@ import numpy as np
 
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawHistory, RawResponse, Signal
-from cutvib_ss.measurement.mapping import mapping_line
+from cutvib_ss.measurement.mapping import left_out, mapping_line
 from cutvib_ss.measurement.records import FORCE, History
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.units import SI_UNIT, to_si
@@ -55,7 +55,7 @@ def histories_of(contents: Contents, layout: Layout, where: str) -> tuple[Histor
     """
     if not contents.histories:
         raise DataFormatError(f"{where}: holds no time record; record at least one blow")
-    return tuple(_history(history, layout, where) for history in contents.histories)
+    return tuple(_history(history, layout, where, left_out(contents.warnings)) for history in contents.histories)
 
 
 def frf_of(contents: Contents, layout: Layout, where: str) -> RawFrf:
@@ -155,17 +155,17 @@ def to_contents(histories: Sequence[History], layout: Layout) -> Contents:
     return Contents(histories=tuple(raw))
 
 
-def _history(raw: RawHistory, layout: Layout, where: str) -> History:
+def _history(raw: RawHistory, layout: Layout, where: str, missing: str) -> History:
     where = f"{where}: {raw.name}" if raw.name not in ("", "1") else where
     names = [signal.name for signal in raw.signals]
     _check_names(names, layout, where)
     if FORCE not in names:
         raise DataFormatError(
-            f"{where}: no channel {FORCE!r} among {', '.join(names)}; record the force with the responses, or say under "
+            f"{where}: no channel {FORCE!r} among {', '.join(names)}{missing}; record the force with the responses, or say under "
             f"[channels] which it is: {mapping_line(FORCE, names)}"
         )
     if len(names) == 1:
-        raise DataFormatError(f"{where}: no response channel; record at least one of {_responses(layout)}")
+        raise DataFormatError(f"{where}: no response channel{missing}; record at least one of {_responses(layout)}")
     lengths = {signal.name: signal.values.size for signal in raw.signals}
     if len(set(lengths.values())) > 1:
         raise DataFormatError(f"{where}: channels have different lengths {lengths}; record them together")

@@ -51,6 +51,12 @@ def listed(there: Sequence[str]) -> str:
     return ", ".join(f"{k}: {name!r}" for k, name in enumerate(there, start=1))
 
 
+def left_out(warnings: Sequence[str]) -> str:
+    """In parentheses, what the reader of the file left out, which may be what is missed."""
+    notes = [warning.partition(": ")[2] for warning in warnings if warning.endswith("left out")]
+    return f" ({'; '.join(notes)})" if notes else ""
+
+
 def turned(values: FloatArray, phase: float) -> FloatArray:
     """A signal whose spectrum is turned by a constant phase at every line but zero (and the last of an even count)."""
     spectrum = np.fft.rfft(values)
@@ -169,7 +175,7 @@ def _chosen(
     """Columns that carry a channel of the model, in the model's order; the others are named in a warning."""
     numbered = any(column.dof is not None for column in columns)
     if not numbered and not channels:
-        return [(column.name, column) for column in columns]
+        return [(_spelt(column.name, [c.name for c in columns], layout), column) for column in columns]
     groups = [column.group if isinstance(column, Signal) else "" for column in columns]
     there = [f"{g}/{column.name}" if g else column.name for g, column in zip(groups, columns, strict=True)]
     responses_only = bool(columns) and isinstance(columns[0], RawResponse)
@@ -188,7 +194,7 @@ def _chosen(
             if index is None:
                 raise DataFormatError(
                     f"{where}: channel {channel!r} is {spec.name!r} under [channels], but the file has "
-                    f"{listed(there)}; correct that line, for instance: {mapping_line(channel, there)}"
+                    f"{listed(there)}{left_out(warnings)}; correct that line, for instance: {mapping_line(channel, there)}"
                 )
         if index is None:
             continue
@@ -208,6 +214,13 @@ def _chosen(
     elif left:
         warnings.append(f"{where}: not used, since [channels] maps no channel to it: {', '.join(c.name for c in left)}")
     return chosen
+
+
+def _spelt(name: str, there: Sequence[str], layout: Layout) -> str:
+    """The model's spelling of a column that differs from a channel by case, blanks or signs alone."""
+    plain = _PLAIN.sub("", name.casefold())
+    alike = [channel for channel in layout.quantities if _PLAIN.sub("", channel.casefold()) == plain]
+    return alike[0] if len(alike) == 1 and alike[0] not in there else name
 
 
 def _index(wanted: str | int, there: Sequence[str], columns: Sequence[_Column], channel: str, group: str) -> int | None:

@@ -12,7 +12,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, ScalarFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter, ScalarFormatter
 
 from cutvib_ss.measurement.records import FORCE, Campaign, Record
 from cutvib_ss.measurement.summary import PAIR_HEADS, RecordSummary, Summary
@@ -70,12 +70,12 @@ def _responses(records: Sequence[tuple[RecordSummary, MeasuredFrequencyResponse]
     coherent = any(np.any(np.isfinite(frf.coherence)) for _, frf in records)
     low = min(r.band_hz[0] for r, _ in records)
     high = max(r.band_hz[1] for r, _ in records)
-    picture = _figure(1.75 * len(names) + (0.95 if coherent else 0.0) + 0.7)
+    picture = _figure(1.8 * len(names) + (0.95 if coherent else 0.0) + 0.5 + 0.2 * (len(records) + 1))
     heights = [1.8] * len(names) + ([0.9] if coherent else [])
     axes = np.atleast_1d(picture.subplots(len(heights), 1, sharex=True, height_ratios=heights))
     for k, name in enumerate(names):
         ax = axes[k]
-        unit = ""
+        unit, least, largest = "", np.inf, 0.0
         for j, (record, frf) in enumerate(records):
             if name not in frf.outputs:
                 continue
@@ -83,12 +83,16 @@ def _responses(records: Sequence[tuple[RecordSummary, MeasuredFrequencyResponse]
             size = np.abs(part.data[0, 0, 0])
             keep = _extremes(size, np.flatnonzero((part.freq >= low) & (part.freq <= high) & (part.freq > 0)))
             unit = part.units[0]
+            least, largest = min(least, float(np.min(size[keep]))), max(largest, float(np.max(size[keep])))
             ax.plot(part.freq[keep], size[keep], color=_colour(j), label=record.name, lw=1.1)
         nominal = _nominal(campaign, records[0][0], name, np.linspace(low, high, 800))
         if nominal is not None:
             ax.plot(*nominal, color="#888888", ls="--", lw=0.9, label="nominal model", zorder=1)
-        ax.set_yscale("log")
-        ax.set_title(f"{name} [{unit}]", fontsize=9, loc="left")
+        if largest > 8 * least:
+            ax.set_yscale("log")
+            ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.set_title(f"{name} [{unit}]", fontsize=9, loc="left", color=_PEN)
         ax.grid(True)
     if coherent:
         ax = axes[-1]
@@ -99,7 +103,7 @@ def _responses(records: Sequence[tuple[RecordSummary, MeasuredFrequencyResponse]
             if np.any(np.isfinite(frf.coherence)):
                 ax.plot(frf.freq[keep], least[keep], color=_colour(j), lw=0.9)
         ax.set_ylim(0, 1.02)
-        ax.set_title("coherence (least of the channels)", fontsize=9, loc="left")
+        ax.set_title("coherence (least of the channels)", fontsize=9, loc="left", color=_PEN)
         ax.grid(True)
     last = axes[-1]
     last.set_xscale("log" if high > 4 * low else "linear")
@@ -127,9 +131,9 @@ def _blows(record: Record) -> Figure:
         largest = int(np.argmax(np.ptp(history.responses, axis=-1)))
         time, values = _envelope(history.time, history.responses[largest])
         bottom.fill_between(time, values[0], values[1], color=_colour(k), alpha=0.45, lw=0)
-    top.set_title(f"force [{record.input_unit}] over time from the peak [ms]", fontsize=9, loc="left")
+    top.set_title(f"force [{record.input_unit}] over time from the peak [ms]", fontsize=9, loc="left", color=_PEN)
     name = record.channels[int(np.argmax(np.ptp(record.histories[0].responses, axis=-1)))]
-    bottom.set_title(f"{name}, extent over time [s]", fontsize=9, loc="left")
+    bottom.set_title(f"{name}, extent over time [s]", fontsize=9, loc="left", color=_PEN)
     for ax in (top, bottom):
         ax.grid(True)
     return picture
@@ -191,7 +195,6 @@ def _inline(picture: Figure, prefix: str) -> Markup:
         ax.tick_params(colors=_PEN, labelsize=8, which="both")
         ax.xaxis.label.set_color(_PEN)
         ax.title.set_color(_PEN)
-        ax._left_title.set_color(_PEN)  # type: ignore[attr-defined]
         for side, spine in ax.spines.items():
             spine.set_visible(side in ("left", "bottom"))
             spine.set_color(_PEN)

@@ -295,6 +295,15 @@ def test_tdms_without_groups_and_as_frequency_responses(tmp_path):
     _refused(tmp_path, "TDMS holds time records")
 
 
+def test_tdms_with_damaged_names_leaves_one_line(tmp_path, capfd):
+    """The library would print what it found between the names, as long as it is."""
+    folder, file = _written(tmp_path, "tdms")
+    content = file.read_bytes()
+    file.write_bytes(content.replace(b"tool_x", b"tool\xff\xfe"))
+    _refused(folder, "p1.tdms")
+    assert capfd.readouterr() == ("", "")
+
+
 def test_tdms_that_its_recorder_did_not_close(tmp_path):
     folder, file = _written(tmp_path, "tdms")
     content = bytearray(file.read_bytes())

@@ -301,3 +301,25 @@ def test_show_of_what_cannot_be_read(tmp_path, capsys):
     assert main(["campaign", "show", str(tmp_path), "--report", str(page)]) == 2
     assert "no such file" in capsys.readouterr().err
     assert not page.exists()
+
+
+def test_show_of_measured_rigs(shared, capsys):
+    """What is documented of them is seen: the beam depends on its level at every pair; an axis under feedback is not turned."""
+    assert main(["campaign", "show", str(shared / "data" / "brb" / "constant_force"), "--json", "-"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert len(data["levels"]) == 10
+    assert min(pair["difference"] for pair in data["levels"]) > 0.1
+    assert any("in 10 of 10 pairs of levels" in sentence for sentence in data["sentences"])
+    assert not read_campaign(shared / "data" / "emps" / "free_axis").warnings
+
+
+def test_show_of_a_linear_and_a_nonlinear_machine(shared, capsys):
+    """Sensor noise explains the blows of a simulated machine whose sensors are all that is noisy; a law shows between levels."""
+    said = {}
+    for name in ("c01", "c12"):
+        assert main(["campaign", "show", str(shared / "campaigns" / name), "--json", "-"]) == 0
+        said[name] = json.loads(capsys.readouterr().out)
+    ratios = [c["blow_ratio"] for r in said["c01"]["records"] for c in r["channels"]]
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.1)
+    assert not any("depends on the level" in s for s in said["c01"]["sentences"])
+    assert any("depends on the level: in 18 of 18" in s for s in said["c12"]["sentences"])

@@ -1,5 +1,7 @@
 """Files as measuring systems write them, mapped by [channels]: the same three blows from each."""
 
+import contextlib
+
 import nptdms
 import numpy as np
 import pytest
@@ -7,6 +9,10 @@ from scipy.io import savemat
 
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement import read_campaign
+from cutvib_ss.measurement.conversion import histories_of
+from cutvib_ss.measurement.layout import layout_of
+from cutvib_ss.measurement.reading import read_file
+from cutvib_ss.measurement.schema import ChannelTable
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from tests.unit import lab_files as lab
@@ -253,10 +259,25 @@ def test_separators_at_row_ends_quotes_and_an_empty_column(tmp_path):
     assert any("'spare' is empty" in warning for warning in campaign.warnings)
 
 
+def test_tabs_at_row_ends(tmp_path):
+    table, _ = _rows()
+    lines = ["time [s]\tforce [N]\ttool_x [g]\t"] + [f"{t:.9g}\t{f:.9g}\t{a:.9g}\t" for t, f, a in table]
+    record = _text(tmp_path, "\n".join(lines))
+    np.testing.assert_allclose(record.histories[0].force, table[:, 1], rtol=1e-7)
+
+
 def test_a_time_column_before_each_channel(tmp_path):
     table, _ = _rows()
     lines = ["time [s];force [N];time [s];tool_x [g]"] + [f"{t:.9g};{f:.9g};{t:.9g};{a:.9g}" for t, f, a in table]
     assert _text(tmp_path, "\n".join(lines)).channels == ("tool_x",)
+
+
+def test_an_empty_column_that_is_missed_is_named(tmp_path):
+    table, _ = _rows()
+    lines = ["time [s];force [N];tool_x [g]"] + [f"{t:.9g};{f:.9g};" for t, f, _ in table]
+    for toml in ("", '[channels]\ntool_x = { name = "tool_x" }\n'):
+        with pytest.raises(DataFormatError, match="column 'tool_x' is empty"):
+            _text(tmp_path, "\n".join(lines), channels=toml)
 
 
 def test_columns_of_text_beside_the_numbers(tmp_path):
@@ -340,3 +361,37 @@ def test_what_cannot_be_used(tmp_path, text, toml, words):
         _text(tmp_path, text, toml, "latin-1")
     for word in ("r.csv", *words):
         assert word in str(caught.value), str(caught.value)
+
+
+def test_names_that_differ_by_case_and_signs_alone(tmp_path):
+    table, rows = _rows()
+    record = _text(tmp_path, "Time [s],FORCE [N],Tool X [g]\n" + rows)
+    np.testing.assert_allclose(record.histories[0].responses[0], 9.80665 * table[:, 2], rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "write", [lab.german_csv, lab.dewesoft_csv, lab.lvm, lab.tdms_by_blow], ids=lambda w: w.__name__
+)
+def test_damaged_files_are_refused_or_read_but_never_a_fault(tmp_path, tables, write):
+    """Bytes changed, cut out and cut off anywhere: a DataFormatError, or numbers."""
+    rng = np.random.default_rng(11)
+    suffix = {"german_csv": ".csv", "dewesoft_csv": ".txt", "lvm": ".lvm", "tdms_by_blow": ".tdms"}[write.__name__]
+    path = tmp_path / f"r{suffix}"
+    write(path, tables[:1] if write in (lab.lvm, lab.tdms_by_blow) else tables[0])
+    whole = path.read_bytes()
+    layout = layout_of(published_machine())
+    channels = {name: ChannelTable(name=k) for k, name in enumerate(("force", *ALL), start=1)}
+    for _ in range(25):
+        content = bytearray(whole)
+        at = int(rng.integers(len(content) if rng.random() < 0.5 else 400))
+        match int(rng.integers(3)):
+            case 0:
+                content = content[:at]
+            case 1:
+                content[at] = int(rng.integers(256))
+            case _:
+                del content[at : at + int(rng.integers(1, 60))]
+        path.write_bytes(bytes(content))
+        with contextlib.suppress(DataFormatError):
+            for history in histories_of(read_file(path, False, layout, channels), layout, path.name):
+                assert np.all(np.isfinite(history.responses))

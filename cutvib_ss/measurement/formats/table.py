@@ -52,7 +52,8 @@ def read_table(path: Path, options: TextOptions) -> TextTable:
         options = replace(options, header_lines=given - 1)  # the line of headings was counted, too
     headings, units, preamble = _headings(lines[:start], delimiter, options)
     rows = [line for line in lines[start:] if line.strip()]
-    values = _numbers(path, rows, delimiter, decimal, start)
+    named = len(headings) - (1 if headings and not headings[-1].strip() else 0)
+    values = _numbers(path, rows, delimiter, decimal, start, named)
     width = values.shape[1]
     if headings and len(headings) == width + 1 and not headings[-1].strip():
         headings, units = headings[:-1], units[:-1]
@@ -252,12 +253,16 @@ def _are_units(cells: Sequence[str]) -> bool:
     return bool(filled) and all(looks_like_unit(cell) for cell in filled)
 
 
-def _numbers(path: Path, rows: Sequence[str], delimiter: str | None, decimal: str, start: int) -> FloatArray:
+def _numbers(
+    path: Path, rows: Sequence[str], delimiter: str | None, decimal: str, start: int, named: int
+) -> FloatArray:
+    """Rows as numbers; a separator at the end of every row belongs to no column, where the headings name one less."""
     if not rows:
         raise DataFormatError(f"{path}: there are no rows under its first line; export the record again")
     text = [row.replace(",", ".") for row in rows] if decimal == "," else list(rows)
-    if delimiter is not None and all(row.endswith(delimiter) for row in text[:3]):
-        text = [row.rstrip()[:-1] if row.rstrip().endswith(delimiter) else row for row in text]
+    ended = delimiter is not None and all(row.rstrip(" ").endswith(delimiter) for row in text[:3])
+    if delimiter is not None and ended and len(cells_of(text[0], delimiter)) != named:
+        text = [row.rstrip(" ")[:-1] if row.rstrip(" ").endswith(delimiter) else row for row in text]
     try:
         values = np.loadtxt(text, delimiter=delimiter, ndmin=2, comments=None, quotechar='"')
         return np.asarray(values, dtype=np.float64)

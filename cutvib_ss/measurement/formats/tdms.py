@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,9 +36,10 @@ def read(path: Path, frf: bool, options: TextOptions) -> Contents:
     _check_complete(path)
     warnings: list[str] = []
     try:
-        file = nptdms.TdmsFile.read(path)
-        groups = file.groups()
-        histories = tuple(_history(path, group, warnings) for group in groups if group.channels())
+        with _quiet():
+            file = nptdms.TdmsFile.read(path)
+            groups = file.groups()
+            histories = tuple(_history(path, group, warnings) for group in groups if group.channels())
     except DataFormatError:
         raise
     except Exception as error:  # npTDMS raises whatever the damaged bytes lead it to
@@ -112,6 +116,21 @@ def _history(path: Path, group: nptdms.TdmsGroup, warnings: list[str]) -> RawHis
         for s, step in zip(signals, steps.values(), strict=True)
     ]
     return RawHistory(group.name, fs, tuple(signals))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without npTDMS's own lines on standard error, which hold whole stretches of a damaged file."""
+    names = [name for name in logging.Logger.manager.loggerDict if name.startswith("nptdms")]
+    loggers = [logging.getLogger(name) for name in names]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def _check_complete(path: Path) -> None:
