@@ -145,6 +145,11 @@ def test_levels_that_agree_and_levels_that_do_not():
     apart = [entry(i, level=10.0 * (i + 1), scale=1.0 + 0.1 * i) for i in range(3)]
     assert where.level_dependence(apart) > where.LEVEL_EXCESS
     assert np.isnan(where.level_dependence([entry(0)]))
+    # Two sessions between which the machine has moved are not two levels.
+    moved = [entry(i, scale=1.0 + 0.1 * (i // 2)) for i in range(4)]
+    assert where.level_dependence(moved) > where.LEVEL_EXCESS
+    named = [dataclasses.replace(e, session=("first", "second")[e.record // 2]) for e in moved]
+    assert where.level_dependence(named) == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_band_that_stands_out_is_found():
