@@ -129,6 +129,19 @@ def test_linear_hypotheses_have_no_loudness():
     assert apart.loud == ()
 
 
+def test_forces_belong_to_their_records_however_these_are_grouped():
+    one, two = (records(20.0, 60.0, position=y).entries for y in (0.2, 0.8))
+    mixed = Records(tuple(replace(e, record=k) for k, e in enumerate((one[0], two[0], one[1], two[1]))))
+    law, x = Hypothesis((CubicStiffness("joint2", 4e9),)), np.arange(4) / 10
+    for by_session in (False, True):
+        problem = problem_for(MACHINE, mixed, law, by_session=by_session)
+        unknowns = problem.start()
+        unknowns[problem.first_effect - 4 : problem.first_effect] = x
+        factors = problem._loudness(unknowns)
+        found = {problem.groups[i].entries[row][0].record: factors[i][row] for i, row in problem.loud}
+        assert [found[k] for k in range(4)] == pytest.approx(np.exp(LOUDNESS * x))
+
+
 def test_the_second_cause_promises_most():
     first, second = RailAddedMass("rail", 0.3, 3.0, 1.0), ChannelDelay("measurement", channel="all", delay=2e-4)
     seen = Records(
