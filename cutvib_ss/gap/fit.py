@@ -134,6 +134,11 @@ def fit(
     search = _Search(problem, problem.start(warm), not records.widened, sizes, _beside(problem, records))
     if hypothesis.linear and not records.rough:
         search.start_from(_from_afar(nominal, records, hypothesis, search))
+    if not hypothesis.linear and search.spread and max_iterations > FEW_STEPS:
+        # What a law far from its optimum leaves would pass for a large discrepancy, in whose side minima the steps end.
+        plain = _Search(problem, search.at.x, spread=False, sizes=sizes)
+        plain.climb(max_iterations, tolerance)
+        search.start_from(plain)
     redrawn = not isinstance(problem, SimulatedProblem)
     passes = PASSES if redrawn and max_iterations > FEW_STEPS else 1
     for _ in range(passes):

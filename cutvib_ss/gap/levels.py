@@ -120,7 +120,7 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
 def _holding(model: Model, position: float | None, freq: FloatArray, places: tuple[str, ...]) -> FloatArray:
     """Force that would hold each place still over the exciting force, of which the median over the lines: by H_pf/H_pp."""
     at = None if position is None else [position]
-    both = frequency_response(model, at, freq, "receptance", ["force", *places], places)
+    both = frequency_response(model, at, freq, form="receptance", inputs=["force", *places], outputs=places)
     by_force, own = np.abs(both.data[0, :, 0]), np.abs(both.data[0, :, 1:])
     return np.asarray(np.median(by_force / np.diagonal(own, axis1=0, axis2=1).T, axis=1))
 

@@ -208,7 +208,7 @@ class Directions:
         return matrix, gradient
 
     def flat(self) -> FloatArray:
-        """All columns over all data, shape (column, datum), in the order of `Problem.rows`."""
+        """All columns over all data, shape (column, datum): of each group the real parts, then the imaginary ones."""
         size = sum(g.data.size for g in self.groups)
         out = np.zeros((self.layout.size, 2 * size))
         offset = 0

@@ -362,7 +362,7 @@ class Problem:
         plain = p.data * np.sqrt(2.0 / g.variance) * self.calibration
         own = []
         for c in range(len(g.channels)):
-            real = (shapes[:, None, :] * plain[None, :, c]).reshape(shapes.shape[0], -1)
+            real = (shapes[:, None, :] * plain[None, :, c]).reshape(shapes.shape[0], plain[:, c].size)
             own.append(np.concatenate([real, 1j * real]))
         return shared, own
 

@@ -248,8 +248,10 @@ class SimulatedProblem(Problem):
         # What a linear model shows does not depend on the force.
         if self.hypothesis.linear:
             return ()
-        found = ((i, row, g.entries[row][0].replay) for i, g in enumerate(self.groups) for row in range(len(g.data)))
-        return tuple((i, row) for i, row, replay in found if replay is not None and replay.assumed)
+        found = ((g.entries[row][0], i, row) for i, g in enumerate(self.groups) for row in range(len(g.data)))
+        # In the records' order, however they are grouped: unknowns are handed from fit to fit.
+        loud = sorted((e.record, i, row) for e, i, row in found if e.replay is not None and e.replay.assumed)
+        return tuple((i, row) for _, i, row in loud)
 
     def _loudness(self, x: FloatArray) -> list[FloatArray]:
         """Factors on the forces of each group's records."""

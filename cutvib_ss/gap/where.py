@@ -65,7 +65,7 @@ def _joined(found: list[tuple[float, float]], width: float) -> tuple[tuple[float
 
 def level_dependence(entries: Sequence[Entry]) -> float:
     """
-    Reduced χ² of the levels at each position against their mean.
+    Reduced χ² of the levels at each position, in each session, against their mean: sessions differ by drift.
 
     Parameters
     ----------
@@ -78,9 +78,11 @@ def level_dependence(entries: Sequence[Entry]) -> float:
         About 1 where the response does not change with the level; NaN with one level.
     """
     total, freedom = 0.0, 0
-    places: dict[tuple[float, tuple[str, ...], int], list[Entry]] = {}
+    places: dict[tuple[object, ...], list[Entry]] = {}
     for e in entries:
-        places.setdefault((float(np.nan_to_num(e.position, nan=-1.0)), e.channels, e.freq.size), []).append(e)
+        # Records of a structure are compared as they are, unless they state their sessions.
+        session = (e.session,) if e.session is not None else ()
+        places.setdefault((float(np.nan_to_num(e.position, nan=-1.0)), e.channels, e.freq.size, *session), []).append(e)
     for same in places.values():
         if len(same) < 2:
             continue

@@ -13,7 +13,7 @@ from cutvib_ss.gap.meaning import meaning
 from cutvib_ss.gap.metrics import Sides
 from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.records import Entry, Records
-from cutvib_ss.gap.shrinkage import judged
+from cutvib_ss.gap.shrinkage import judged, predicted
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.units import STANDARD_GRAVITY
@@ -83,8 +83,7 @@ def test_extrapolation_is_said():
 
 def test_bands_hold_most_of_the_error_and_say_that_it_repeats():
     records = entries(levels=(15.0, 60.0))
-    tuned = tuple(judged(e, frequency_response(NOMINAL, [e.position], FREQ).data[0, :, 0]) for e in records)
-    after = tuple(judged(e, frequency_response(MACHINE, [e.position], FREQ).data[0, :, 0]) for e in records)
+    tuned, after = (tuple(judged(e, predicted(e, m, 0.0)) for e in records) for m in (NOMINAL, MACHINE))
     found = bands([(20.0, 399.0)], (20.0, 399.0), Sides(tuned, tuned, after), 1.0)
     main = [b for b in found if b.stands_out]
     assert main

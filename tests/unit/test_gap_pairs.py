@@ -10,6 +10,7 @@ from cutvib_ss.effects.end_fixity import EndFixity
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypotheses import Candidate, candidates
 from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.problem import WITHIN
 from cutvib_ss.gap.ranking import on_all_lines
 from cutvib_ss.gap.records import Entry, Records
 from cutvib_ss.gap.scan import Scan
@@ -26,7 +27,7 @@ BLOCK = 3.0
 """Of it the slowest modes leave a ten-thousandth: too little to see, enough to be reckoned with."""
 
 
-def clamped_and_crossed():
+def clamped_and_crossed(fraction=0.16):
     """Dense responses of a machine with stiff ends, read by sensors of which one is askew."""
     rng, machine = np.random.default_rng(3), EndFixity("rail_ends", 4.4e4, 1.1e5).apply(MACHINE)
     out = []
@@ -35,7 +36,7 @@ def clamped_and_crossed():
         load = np.broadcast_to(system.port("tool_x")[:, None], (FREQ.size, len(system.dofs), 1))
         reads = np.array([system.port(p) for p in ("tool_x", "tool_z", "base")])
         data = (reads @ np.linalg.solve(system.dynamic_stiffness(S), load)[..., 0].T) * S**2
-        data[1] += 0.16 * data[0]
+        data[1] += fraction * data[0]
         noise = 1e-3 * np.abs(data).max(axis=1, keepdims=True) * np.ones(FREQ.size)
         data = data + noise * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape)) / np.sqrt(2)
         out.append(Entry(k, y, np.nan, data, noise**2, FREQ, CHANNELS, ("acceleration",) * 3, BLOCK, 0.05, 0.0, False))
@@ -54,17 +55,23 @@ def first(records):
 
 def test_a_cause_that_does_nothing_at_its_start_promises_most_all_the_same(records, first):
     # The tuning stands in for what lacks, and the circles around the slow poles are not those of the fit.
-    assert first.chi2 > 2 * first.count
+    assert first.chi2 > 1.5 * first.count
     scan = Scan(OFF, records, first.hypothesis, first.x, {}, apart=False)
     gains = {c.name: scan.promise(c.starts).gain for c in candidates(OFF, (18.0, 400.0), CHANNELS)}
     assert max(gains, key=lambda name: gains[name]) == "cross_axis"
     assert gains["cross_axis"] > 0.8 * (scan.leaves - first.count)
 
 
-def test_a_strained_tuning_counts_its_way_back(records, first):
+def test_a_strained_tuning_counts_its_way_back():
+    # So little askew that no unknown is held by an end of its range: freed, those would gain too.
+    records = clamped_and_crossed(0.02)
+    first = fit(OFF, records, Hypothesis((EndFixity("rail_ends", 5e4, 9e4),)))
+    assert np.all(np.abs(first.x[: first.first_effect]) < WITHIN)
     scan = Scan(OFF, records, first.hypothesis, first.x, {}, apart=False)
-    # At the best fit its own unknowns gain nothing, the priors counted; those at the ends of their ranges would, a little.
-    assert scan.leaves == pytest.approx(first.objective, rel=5e-3)
+    # At the best fit its own unknowns gain nothing, the priors counted; drift and discrepancy have taken their part in both.
+    strain = float(first.x[: first.first_effect] @ first.x[: first.first_effect])
+    assert strain > 3.0
+    assert scan.leaves == pytest.approx(first.chi2 + strain, abs=0.3 * strain)
 
 
 def test_causes_that_are_not_fitted_stay_as_far_behind_as_they_were(records, first):

@@ -1,5 +1,8 @@
 """What a fit on few records leaves on others, and how sure it can be of them."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -11,6 +14,7 @@ from cutvib_ss.gap import shrinkage
 from cutvib_ss.gap.candidate_evidence import at_their_ends, unspecific
 from cutvib_ss.gap.fit import fit
 from cutvib_ss.gap.hypothesis import Hypothesis
+from cutvib_ss.gap.likelihood import Layout, Sizes, Spread
 from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.problem import Problem
 from cutvib_ss.gap.ranking import Ranked
@@ -19,6 +23,7 @@ from cutvib_ss.gap.simulation import SimulatedProblem, simulated
 from cutvib_ss.gap.workers import Workers
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
+from tests.unit.test_gap_simulation import NOISE as NOISE_OF_LAWS
 from tests.unit.test_gap_simulation import records as with_forces
 
 MACHINE = published_machine()
@@ -63,40 +68,69 @@ def two_positions():
 
 def test_what_one_position_does_not_tell_is_no_error_of_the_model(two_positions):
     assert shrinkage.reduced_chi2(two_positions) == pytest.approx(1.0, abs=0.03)
-    alone = [shrinkage.judged(j.entry, j.predicted) for j in two_positions]
+    alone = [
+        shrinkage.judged(j.entry, shrinkage.Shown(j.predicted, np.zeros(j.predicted.shape), None))
+        for j in two_positions
+    ]
     assert shrinkage.reduced_chi2(alone) > 1.05, "the tuning was left uncertain: noise alone does not say by how much"
 
 
-def test_the_spread_of_a_prediction_is_that_of_the_unknowns():
+def left(shown, x, root, entry):
+    """χ² a datum of each channel by the dense covariance of noise and prediction, moved along each column of a root."""
+    weight = np.sqrt(2 / entry.variance)
+    moved = np.array([(shown(x + r) - shown(x - r)) / 2 * weight for r in root.T])
+    residual = (entry.data - shown(x)) * weight
+    out = []
+    for a, r in zip(np.moveaxis(moved, 1, 0), residual, strict=True):
+        a, y = np.concatenate([a.real, a.imag], axis=1), np.append(r.real, r.imag)
+        out.append(y @ np.linalg.solve(np.eye(y.size) + a.T @ a, y) / y.size)
+    return np.array(out)
+
+
+def uncertain(problem, x, root):
+    """A fit of which the covariance is given, without drift and discrepancy."""
+    none = Layout(problem.size, (), problem.channels, (), (), 0, 1)
+    return SimpleNamespace(x=x, spread=Spread(none, Sizes(), np.zeros(x.size), np.linalg.inv(root @ root.T)))
+
+
+def test_a_prediction_is_as_uncertain_as_its_unknowns():
     rng = np.random.default_rng(0)
     entries = measured(MACHINE, (0.1, 0.6), rng)
     problem = Problem(MACHINE, merged(entries[:1]), Hypothesis())
-    (elsewhere,) = merged(entries[1:])
     x = problem.start()
     root = 0.05 * rng.standard_normal((problem.size, problem.size)) / np.sqrt(problem.size)
-    there = Problem(MACHINE, (elsewhere,), Hypothesis())
+    there = Problem(MACHINE, merged(entries[1:]), Hypothesis())
 
     def shown(x):
-        return there.predictions(x)[0].data * there.calibration_of(CHANNELS, FREQ, x)
+        return there.predictions(x)[0].data[0] * there.calibration_of(CHANNELS, FREQ, x)
 
-    draws = np.array([shown(x + root @ rng.standard_normal(problem.size)) for _ in range(400)])
-    spread = problem.spread(x, there.predictions(x)[0], root @ root.T)
-    assert spread == pytest.approx(np.mean(np.abs(draws - shown(x)) ** 2, axis=0), rel=0.35)
-    assert spread.sum() == pytest.approx(np.mean(np.abs(draws - shown(x)) ** 2, axis=0).sum(), rel=0.1)
+    # What the unknowns may be off by, and by as much they are.
+    off = x + 2.0 * root @ rng.standard_normal(problem.size)
+    entry = replace(entries[1], data=entries[1].data + shown(off) - shown(x))
+    seen = shrinkage.predicted(entry, MACHINE, 0.0, problem, x)
+    found = shrinkage.judged(entry, seen, problem, uncertain(problem, x, root)).chi2
+    np.testing.assert_allclose(found, left(shown, x, root, entry), rtol=0.01)
+    assert np.all(shrinkage.judged(entry, seen).chi2 > 1.3 * found)
 
 
 def test_a_law_is_as_uncertain_where_it_was_not_fitted():
     law = Hypothesis((CubicStiffness("joint2", 4e9),), {"joint2": 1e-4})
-    fitted, other = with_forces(20.0, 60.0), with_forces(40.0)
-    problem = SimulatedProblem(MACHINE, fitted.apart, law)
-    covariance = np.zeros((problem.size, problem.size))
-    covariance[-1, -1] = 1e-3**2
-    (group,) = other.apart
+    problem = SimulatedProblem(MACHINE, with_forces(20.0, 60.0).apart, law)
     x = problem.start()
-    found = problem.spread(x, simulated(problem.applied(x), group), covariance)
-    moved = x + np.eye(x.size)[-1] * 1e-3
-    change = simulated(problem.applied(moved), group).data - simulated(problem.applied(x), group).data
-    assert found.sum() == pytest.approx(np.sum(np.abs(change) ** 2), rel=0.05)
+    (group,) = with_forces(40.0).apart
+
+    def shown(x):
+        return simulated(problem.applied(x), group).data[0]
+
+    root = 1e-6 * np.eye(x.size)
+    root[-1, -1] = 1e-4
+    noise = np.random.default_rng(2).standard_normal((2, *group.data[0].shape)) * NOISE_OF_LAWS / np.sqrt(2)
+    entry = replace(group.entries[0][0], data=shown(x + 2.0 * root[-1]) + noise[0] + 1j * noise[1])
+    seen = shrinkage.Shown(shown(x), np.zeros(entry.data.shape), simulated(problem.applied(x), group))
+    found = shrinkage.judged(entry, seen, problem, uncertain(problem, x, root)).chi2
+    np.testing.assert_allclose(found, left(shown, x, root[:, -1:], entry), rtol=0.02)
+    # The base hardly moves with the second joint.
+    assert np.all(found[:2] < 0.1 * shrinkage.judged(entry, seen).chi2[:2])
 
 
 def test_a_value_at_the_end_of_its_range_is_told():

@@ -25,6 +25,11 @@ def entry(record, position=0.5, level=50.0, scale=1.0, check=False, seed=None):
     )  # fmt: skip
 
 
+def as_shown(data):
+    """A prediction of which nothing is uncertain."""
+    return shrinkage.Shown(data, np.zeros(data.shape), None)
+
+
 JUDGED = Calibration()
 """The numbers that judgement set, whatever ships."""
 
@@ -108,14 +113,18 @@ def test_records_marked_for_checking_are_only_judged():
 
 def test_judging_noise_gives_one():
     e = entry(0)
-    result = shrinkage.judged(e, np.ones((2, FREQ.size), complex))
+    result = shrinkage.judged(e, as_shown(np.ones((2, FREQ.size), complex)))
     assert result.chi2 == pytest.approx([1.0, 1.0], abs=0.15)
     np.testing.assert_allclose(result.error, result.noise, rtol=0.08)
+    # A prediction as uncertain as the record is noisy halves what is left, and moves no error.
+    doubtful = shrinkage.judged(e, as_shown(np.ones((2, FREQ.size), complex))._replace(variance=e.variance))
+    np.testing.assert_allclose(doubtful.chi2, result.chi2 / 2)
+    np.testing.assert_array_equal(doubtful.error, result.error)
 
 
 def test_interval_of_shrinkage_holds_its_value():
-    before = [shrinkage.judged(entry(i, scale=3.0), np.ones((2, FREQ.size))) for i in range(6)]
-    after = [shrinkage.judged(entry(i), np.ones((2, FREQ.size))) for i in range(6)]
+    before = [shrinkage.judged(entry(i, scale=3.0), as_shown(np.ones((2, FREQ.size)))) for i in range(6)]
+    after = [shrinkage.judged(entry(i), as_shown(np.ones((2, FREQ.size)))) for i in range(6)]
     value = 1 - shrinkage.mean_error(after) / shrinkage.mean_error(before)
     low, high = shrinkage.shrinkage_interval(before, after, 0)
     assert low <= value <= high
@@ -136,6 +145,11 @@ def test_levels_that_agree_and_levels_that_do_not():
     apart = [entry(i, level=10.0 * (i + 1), scale=1.0 + 0.1 * i) for i in range(3)]
     assert where.level_dependence(apart) > where.LEVEL_EXCESS
     assert np.isnan(where.level_dependence([entry(0)]))
+    # Two sessions between which the machine has moved are not two levels.
+    moved = [entry(i, scale=1.0 + 0.1 * (i // 2)) for i in range(4)]
+    assert where.level_dependence(moved) > where.LEVEL_EXCESS
+    named = [dataclasses.replace(e, session=("first", "second")[e.record // 2]) for e in moved]
+    assert where.level_dependence(named) == pytest.approx(1.0, abs=0.1)
 
 
 def test_a_band_that_stands_out_is_found():
