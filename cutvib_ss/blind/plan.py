@@ -186,14 +186,14 @@ def requests(asked: Settings, causes: Sequence[str], outside: Sequence[str]) -> 
     tuple of Request
         In random order.
     """
-    rng = np.random.default_rng(asked.seed)
+    rng, dealer = np.random.default_rng(asked.seed), np.random.default_rng([asked.seed, 1])
     seeds = np.random.SeedSequence(asked.seed).generate_state(asked.cases, np.uint32)
     choices: dict[str, Sequence[str]] = {"single": causes, "outside": outside}
     drawn: list[tuple[Kind, str | None, tuple[str, ...]]] = []
     for kind in KINDS:
         names = choices.get(kind, ())
         order, count = rng.permutation(len(names)), asked.mix[kind]
-        having = {name: set(rng.permutation(count)[: round(share * count)]) for name, share in asked.traits.items()}
+        having = {name: set(dealer.permutation(count)[: round(share * count)]) for name, share in asked.traits.items()}
         for i in range(count):
             cause = names[order[i % len(names)]] if len(names) else None
             drawn.append((kind, cause, tuple(name for name, own in having.items() if i in own)))

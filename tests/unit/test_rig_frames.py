@@ -1,4 +1,4 @@
-"""Structures that are no cutting machine: the rig's finite elements against textbook cases, and their campaigns against the package."""
+"""Structures that are no cutting machine: finite elements against textbook cases, campaigns against the package."""
 
 from pathlib import Path
 

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from cutvib_ss.blind.rig.chain_forms import CHAIN_FORMS
+from cutvib_ss.blind.rig.head_forms import HEAD_FORMS
 from cutvib_ss.blind.rig.law_forms import LAW_FORMS
-from cutvib_ss.blind.rig.linear_forms import LINEAR_FORMS
+from cutvib_ss.blind.rig.rail_forms import RAIL_FORMS
 from cutvib_ss.blind.rig.sites import Form
 
-FORMS: Mapping[str, tuple[Form, ...]] = {**LINEAR_FORMS, **LAW_FORMS, **CHAIN_FORMS}
+FORMS: Mapping[str, tuple[Form, ...]] = {**RAIL_FORMS, **HEAD_FORMS, **LAW_FORMS, **CHAIN_FORMS}
 """Forms of each cause, the catalogue's first. `modal_truncation`, which is no part, has one form only."""
 
 FRAME_CAUSES = (

@@ -23,6 +23,9 @@ Maker: TypeAlias = Callable[[AnyMachine, float, np.random.Generator], Made]
 TYPICAL = 2 * np.pi * 220.0
 """Angular frequency of the head's pair of modes [rad/s]."""
 
+MIDDLE = float(np.sqrt(15.0 * 450.0))
+"""Middle of the band [Hz]."""
+
 SWING = {"joint1": 3.0e-5, "joint2": 4.0e-4}
 """Peak deflection of the joints under a blow of 100 N [rad]."""
 
