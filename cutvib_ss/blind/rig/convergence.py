@@ -11,7 +11,8 @@ from __future__ import annotations
 import argparse
 import itertools
 import sys
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,16 +88,31 @@ def main(arguments: list[str] | None = None) -> None:
     a = parser.parse_args(arguments)
     rows: dict[str, list[Found]] = {}
     for found in study(a.draws, a.seed):
-        rows.setdefault(found.name, []).append(found)
-        sys.stderr.write(f"{found.name} {found.steps} {found.error:.2g}\n")
-    write = sys.stdout.write
-    write("| what | blows | refused | steps to a sample | largest change by steps a quarter as long, of the noise |\n")
-    write("| --- | --- | --- | --- | --- |\n")
+        rows.setdefault(grouped(found.name), []).append(found)
+        sys.stderr.write(f"{found.name}: {found.steps} {found.error:.2g}\n")
+    sys.stdout.write(table(rows) + "\n")
+
+
+def grouped(name: str) -> str:
+    """The row of the table that a blow belongs to."""
+    if " + " in name:
+        return "a law and a linear cause" if name.split(" + ")[1] in LINEAR else "two laws"
+    return name.partition(":")[0]
+
+
+def table(rows: Mapping[str, list[Found]]) -> str:
+    """The study as a table in Markdown."""
+    lines = [
+        "| what | blows | refused | steps to a sample | still wrong, of the noise |",
+        "| --- | --- | --- | --- | --- |",
+    ]
     for name, group in rows.items():
         taken = [f for f in group if f.steps is not None]
-        steps = ", ".join(str(s) for s in sorted({f.steps for f in taken if f.steps is not None}))
+        counts = Counter(f.steps for f in taken if f.steps is not None)
+        steps = ", ".join(f"{n} ({counts[n]})" for n in sorted(counts))
         worst = f"{100 * max(f.error for f in taken):.2g} %" if taken else "-"
-        write(f"| {name} | {len(group)} | {len(group) - len(taken)} | {steps} | {worst} |\n")
+        lines.append(f"| {name} | {len(group)} | {len(group) - len(taken)} | {steps} | {worst} |")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
