@@ -41,6 +41,7 @@ def main(request: dict[str, Any], folder: Path) -> None:
         request["cause"],
         tuple(request["severity"]),
         SMALL if request["small"] else None,
+        request.get("traits") or (),
     )
     (folder / CAMPAIGN).mkdir()
     write_campaign(case, folder / CAMPAIGN)
@@ -51,7 +52,7 @@ def main(request: dict[str, Any], folder: Path) -> None:
 
 def write_fresh(case: Any, folder: Path) -> None:
     """
-    Records of the same machine at other positions, with hardly any noise and no calibration errors.
+    Records of the same machine at other positions, with hardly any noise, no calibration errors and nothing that drifts.
 
     Parameters
     ----------
@@ -62,6 +63,7 @@ def write_fresh(case: Any, folder: Path) -> None:
     """
     from cutvib_ss.blind.rig import files
     from cutvib_ss.blind.rig.campaign import Campaign
+    from cutvib_ss.blind.rig.repeatability import Repeatability
 
     class TrueCampaign(Campaign):
         """A campaign with perfect sensors; what is wrong with the chain as a cause stays."""
@@ -74,30 +76,33 @@ def write_fresh(case: Any, folder: Path) -> None:
     conditions = replace(
         usual, positions=between(usual.positions), file_format="tdms", blows=1, hit_twice=0.0, overloads=0, bits=24,
         wander=0.0, noise=tuple(QUIET * n for n in usual.noise), force_noise=QUIET * usual.force_noise,
+        repeatability=Repeatability(), coupling=(0.0, 0.0), bad=(),
     )  # fmt: skip
     files.write(TrueCampaign(case.rig, conditions, case.seed + 1), case.nominal, folder)
 
 
-def between(positions: Sequence[float]) -> tuple[float, ...]:
+def between(positions: Sequence[float | None]) -> tuple[float | None, ...]:
     """
     Positions in the middle of the widest gaps that a campaign leaves.
 
     Parameters
     ----------
-    positions : sequence of float
+    positions : sequence of (float or None)
         Of the campaign.
 
     Returns
     -------
-    tuple of float
-        Ascending.
+    tuple of (float or None)
+        Ascending; one record of a structure that has no positions.
 
     Examples
     --------
     >>> between((0.02, 0.1, 0.4, 0.5, 0.9))
     (0.25, 0.7)
     """
-    measured = np.sort(positions)
+    if any(p is None for p in positions):
+        return (None,)
+    measured = np.sort([p for p in positions if p is not None])
     widest = np.argsort(-np.diff(measured), kind="stable")[:FRESH_POSITIONS]
     return tuple(float(round((measured[k] + measured[k + 1]) / 2, 4)) for k in sorted(widest))
 

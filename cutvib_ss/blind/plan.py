@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -18,6 +18,12 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 SHARES: Mapping[str, float] = {"none": 0.30, "outside": 0.12, "pair": 0.08}
 """Parts of a trial by default; the rest has one cause. Of 500 cases: 150, 60, 40 and 250."""
+
+TRAITS: Mapping[str, float] = {"drifting": 1 / 3, "varied": 0.5, "rough": 1 / 3, "structure": 0.15}
+"""
+Parts of the cases of each kind, by default: whose machine moves between sessions; whose cause has another form than the
+catalogue's; that are measured with instruments and hands as they are; whose machine is another structure. Each is dealt by itself.
+"""
 
 SMALL: Mapping[str, Any] = {
     "positions": (0.12, 0.37, 0.63, 0.88), "levels": (20.0, 100.0), "channels": ("tool_x", "tool_z"),
@@ -42,6 +48,8 @@ class Request:
         Range from which the severity is drawn, relative to the rig's usual one.
     small : bool
         Whether the campaign is one of an hour, not of a day.
+    traits : tuple of str
+        What else the case has, of `TRAITS`.
     """
 
     seed: int
@@ -49,6 +57,7 @@ class Request:
     cause: str | None
     severity: tuple[float, float]
     small: bool = False
+    traits: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -68,6 +77,8 @@ class Settings:
         Range of severities.
     small : bool
         Whether all campaigns have `SMALL` extent, instead of one that is drawn.
+    traits : mapping of str to float
+        Part of the cases that has each of `TRAITS`.
     """
 
     cases: int
@@ -75,6 +86,7 @@ class Settings:
     mix: Mapping[str, int]
     severity: tuple[float, float] = (0.3, 2.0)
     small: bool = False
+    traits: Mapping[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """
@@ -101,7 +113,8 @@ def settings(
     seed : int
         Of all cases.
     mix : str, optional
-        Numbers by kind, such as ``"none=150,outside=60,pair=40"``; the rest has one cause.
+        Numbers by kind, such as ``"none=150,outside=60,pair=40"``; the rest has one cause. Numbers of `TRAITS` may follow,
+        ``"drifting=130"``; those that are not given have their default share.
     severity : tuple of float
         Range of severities.
     small : bool
@@ -123,6 +136,8 @@ def settings(
     {'none': 150, 'outside': 60, 'pair': 40, 'single': 250}
     >>> settings(12, 1, "none=3,pair=1").mix
     {'none': 3, 'outside': 0, 'pair': 1, 'single': 8}
+    >>> settings(12, 1, "none=3,drifting=12,structure=0").traits["drifting"]
+    1.0
     """
     if cases < 1:
         raise ParameterError(f"--cases {cases}: a trial has at least one case")
@@ -130,19 +145,27 @@ def settings(
         raise ParameterError(f"--seed {seed}: must not be negative")
     if not 0.0 < severity[0] <= severity[1] < float("inf"):
         raise ParameterError(f"--severity {severity[0]:g}:{severity[1]:g}: needs 0 < LO <= HI, both finite")
-    counts = {kind: round(share * cases) for kind, share in SHARES.items()} if mix is None else _counts(mix)
+    given = {} if mix is None else _counts(mix)
+    counts = {kind: round(share * cases) for kind, share in SHARES.items()}
+    if any(kind in given for kind in SHARES):
+        counts = {kind: given.get(kind, 0) for kind in SHARES}
+    traits = {name: given[name] / cases if name in given else share for name, share in TRAITS.items()}
+    for name, share in traits.items():
+        if share > 1:
+            raise ParameterError(f"--mix {mix}: {name} in {given[name]} of {cases} cases")
     singles = cases - sum(counts.values())
     if singles < 0:
         raise ParameterError(f"--mix {mix}: asks for {cases - singles} cases, --cases for {cases}")
-    return Settings(cases, seed, {**counts, "single": singles}, severity, small)
+    return Settings(cases, seed, {**counts, "single": singles}, severity, small, traits)
 
 
 def _counts(mix: str) -> dict[str, int]:
-    counts = dict.fromkeys(SHARES, 0)
+    counts: dict[str, int] = {}
+    known = (*SHARES, *TRAITS)
     for part in mix.split(","):
         kind, _, number = part.partition("=")
-        if kind.strip() not in counts or not number.strip().isdecimal():
-            raise ParameterError(f"--mix {mix}: give KIND=NUMBER for {', '.join(counts)}, such as none=150,outside=60")
+        if kind.strip() not in known or not number.strip().isdecimal():
+            raise ParameterError(f"--mix {mix}: give KIND=NUMBER for {', '.join(known)}, such as none=150,outside=60")
         counts[kind.strip()] = int(number)
     return counts
 
@@ -163,19 +186,21 @@ def requests(asked: Settings, causes: Sequence[str], outside: Sequence[str]) -> 
     tuple of Request
         In random order.
     """
-    rng = np.random.default_rng(asked.seed)
+    rng, dealer = np.random.default_rng(asked.seed), np.random.default_rng([asked.seed, 1])
     seeds = np.random.SeedSequence(asked.seed).generate_state(asked.cases, np.uint32)
     choices: dict[str, Sequence[str]] = {"single": causes, "outside": outside}
-    drawn: list[tuple[Kind, str | None]] = []
+    drawn: list[tuple[Kind, str | None, tuple[str, ...]]] = []
     for kind in KINDS:
         names = choices.get(kind, ())
-        order = rng.permutation(len(names))
-        for i in range(asked.mix[kind]):
-            drawn.append((kind, names[order[i % len(names)]] if len(names) else None))
+        order, count = rng.permutation(len(names)), asked.mix[kind]
+        having = {name: set(dealer.permutation(count)[: round(share * count)]) for name, share in asked.traits.items()}
+        for i in range(count):
+            cause = names[order[i % len(names)]] if len(names) else None
+            drawn.append((kind, cause, tuple(name for name, own in having.items() if i in own)))
     dealt = [drawn[k] for k in rng.permutation(asked.cases)]
     return tuple(
-        Request(int(seed), kind, cause, asked.severity, asked.small)
-        for seed, (kind, cause) in zip(seeds, dealt, strict=True)
+        Request(int(seed), kind, cause, asked.severity, asked.small, traits)
+        for seed, (kind, cause, traits) in zip(seeds, dealt, strict=True)
     )
 
 
@@ -196,9 +221,10 @@ def options_of(asked: Mapping[str, Any]) -> str:
     Examples
     --------
     >>> options_of(settings(12, 9, "none=6,outside=1", small=True).to_dict())
-    '--cases 12 --seed 9 --mix none=6,outside=1,pair=0 --severity 0.3:2 --small'
+    '--cases 12 --seed 9 --mix none=6,outside=1,pair=0,drifting=4,varied=6,rough=4,structure=2 --severity 0.3:2 --small'
     """
     mix = ",".join(f"{kind}={n}" for kind, n in asked["mix"].items() if kind != "single")
+    mix += "".join(f",{name}={round(share * asked['cases'])}" for name, share in (asked.get("traits") or {}).items())
     low, high = asked["severity"]
     small = " --small" if asked.get("small") else ""
     return f"--cases {asked['cases']} --seed {asked['seed']} --mix {mix} --severity {low:g}:{high:g}{small}"

@@ -132,8 +132,7 @@ def _prepared(trial: Trial, asked: Settings) -> bytes:
     kept = trial.sealed / "trial.json"
     if kept.is_file():
         before = read_json(kept)
-        # A trial from before there were small ones says nothing of them.
-        if {"small": False, **before["settings"]} != asked.to_dict():
+        if before["settings"] != asked.to_dict():
             raise ParameterError(
                 f"{trial.folder}: holds a trial with other settings ({options_of(before['settings'])}); repeat these to "
                 "resume it, or choose another folder"

@@ -136,7 +136,7 @@ def fit(
         search.start_from(_from_afar(nominal, records, hypothesis, search))
     if not hypothesis.linear and search.spread and max_iterations > FEW_STEPS:
         # What a law far from its optimum leaves would pass for a large discrepancy, in whose side minima the steps end.
-        plain = _Search(problem, search.at.x, spread=False, sizes=sizes)
+        plain = _Search(problem, search.at.x, False, sizes, search.beside)
         plain.climb(max_iterations, tolerance)
         search.start_from(plain)
     redrawn = not isinstance(problem, SimulatedProblem)

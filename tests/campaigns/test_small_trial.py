@@ -24,7 +24,7 @@ def test_a_small_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         "--seed",
         SEED,
         "--mix",
-        "none=7,outside=1",
+        "none=7,outside=1,drifting=0,varied=0,rough=0,structure=0",
         "--small",
         "--out",
         str(out),
@@ -50,3 +50,35 @@ def test_a_small_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
         assert not any(
             effect in text for effect in told[name]["effect"].replace("outside:", "").split("+") if effect != "none"
         )
+
+
+@pytest.mark.slow
+def test_a_small_trial_as_hard_as_the_large_one(tmp_path: Path) -> None:
+    # Machines that drift, causes of other forms, real instruments, other structures: what is checked here is the trial, not how
+    # good the diagnosis is.
+    out = tmp_path / "trial"
+    run = [
+        "blind",
+        "run",
+        "--cases",
+        "12",
+        "--seed",
+        "41",
+        "--mix",
+        "none=4,outside=2,pair=1",
+        "--small",
+        "--out",
+        str(out),
+    ]
+    assert main([*run, "--jobs", "2"]) == 0
+    assert main(["blind", "score", str(out), "--json", str(tmp_path / "score.json")]) == 0
+    score = json.loads((tmp_path / "score.json").read_text())
+    figures = {row["key"]: row for row in score["rows"]}
+    assert len(score["cases"]) == 12
+    assert figures["failed"]["value"] <= 1 / 12
+    assert figures["right_varied"]["cases"] >= 1
+    assert figures["false_alarm_drifting"]["cases"] >= 1
+    names = {title: [group["name"] for group in groups] for title, groups in score["groups"].items()}
+    assert names["by kind"] == ["none", "outside", "pair", "single"]
+    assert len(names["by machine"]) >= 2
+    assert any("drifts" in name for name in names["by repeatability"])

@@ -53,6 +53,30 @@ def test_requests_are_drawn_from_the_seed_alone() -> None:
     assert [r.kind for r in made] != sorted(r.kind for r in made)
 
 
+def test_traits_are_dealt_to_the_same_part_of_every_kind_and_apart_from_each_other() -> None:
+    asked = settings(300, 9, "none=90,outside=60,pair=30,drifting=100,structure=0")
+    assert {name: round(share, 3) for name, share in asked.traits.items()} == {
+        "drifting": 0.333, "varied": 0.5, "rough": 0.333, "structure": 0.0,
+    }  # fmt: skip
+    made = requests(asked, CAUSES, OUTSIDE)
+    for kind, count in asked.mix.items():
+        own = [r for r in made if r.kind == kind]
+        assert sum("drifting" in r.traits for r in own) == round(count / 3)
+        assert sum("varied" in r.traits for r in own) == count // 2
+        assert not any("structure" in r.traits for r in own)
+    both = sum({"drifting", "varied"} <= set(r.traits) for r in made)
+    assert 30 <= both <= 70, "a drifting machine has a varied cause as often as another"
+    plain = requests(
+        settings(300, 9, "none=90,outside=60,pair=30,drifting=0,varied=0,rough=0,structure=0"), CAUSES, OUTSIDE
+    )
+    assert [replace(r, traits=()) for r in made] == list(plain), "traits leave the rest of the plan alone"
+
+
+def test_more_cases_with_a_trait_than_cases_are_refused() -> None:
+    with pytest.raises(ParameterError, match="drifting in 12 of 10 cases"):
+        settings(10, 1, "none=2,drifting=12")
+
+
 def test_names_tell_nothing_without_the_salt(trial: Trial, tmp_path: Path) -> None:
     again = run_trial(ASKED, tmp_path / "again", TOOLS)
     names = {p.name for p in trial.campaigns.iterdir()}

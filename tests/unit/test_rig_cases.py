@@ -42,7 +42,7 @@ def test_every_cause_is_drawn_with_a_place_and_changes_the_machine(kind: str, ca
 
 def test_a_seed_gives_one_case_and_another_seed_another(tmp_path: Path) -> None:
     for name, seed in (("a", 11), ("b", 11), ("c", 12)):
-        write_campaign(draw_case(seed, "single", "freeplay", conditions=SMALL), tmp_path / name)
+        write_campaign(draw_case(seed, "single", "cubic_stiffness", conditions=SMALL), tmp_path / name)
     first, again, other = (contents(tmp_path / name) for name in "abc")
     assert first == again
     assert first != other
@@ -91,7 +91,8 @@ def test_nothing_in_the_files_tells_the_cause(tmp_path: Path) -> None:
 def test_labels_are_json_and_say_how_large_the_gap_is() -> None:
     def label(case: Case) -> dict[str, object]:
         read: dict[str, object] = json.loads(json.dumps(case.label, allow_nan=False))
-        assert set(read) == {"effect", "place", "parameters", "severity", "kind", "gap_sigma", "conditions"}
+        named = {"effect", "place", "parameters", "severity", "kind", "gap_sigma", "conditions"}
+        assert set(read) == named | {"machine", "form", "grade", "equivalent_places"}
         return read
 
     assert label(draw_case(5, "none", conditions=SMALL))["gap_sigma"] == 0.0

@@ -11,14 +11,14 @@ pytest.importorskip("exudyn")
 import cutvib_ss as cv
 from cutvib_ss.blind.rig import draw_case, write_campaign
 from cutvib_ss.blind.rig.campaign import Campaign
-from cutvib_ss.blind.rig.repeatability import Repeatability, states
+from cutvib_ss.blind.rig.repeatability import CUTTING_MACHINE, Repeatability, draw_repeatability, states
 
 SMALL = {"positions": (0.2, 0.6), "levels": (50.0, 100.0), "blows": 1, "overloads": 0, "file_format": "tdms"}
 
 
 def test_sessions_scatter_by_what_is_asked_and_records_of_one_session_share_it() -> None:
     sessions = tuple(np.repeat(np.arange(400), 2).tolist())
-    drawn = states(Repeatability(drift=0.004), sessions, 3, seed=5)
+    drawn = states(Repeatability(drift=0.004), sessions, CUTTING_MACHINE, 3, seed=5)
     logs = {name: np.log([s.values[name] for s in drawn]) for name in drawn[0].values}
     assert np.std(logs["k1"][::2]) == pytest.approx(0.004, rel=0.12)
     assert np.std(logs["first_frequency"][::2]) == pytest.approx(0.002, rel=0.12)
@@ -29,7 +29,7 @@ def test_sessions_scatter_by_what_is_asked_and_records_of_one_session_share_it()
 
 
 def test_the_temperature_moves_stiffnesses_together_and_frequencies_half_as_far() -> None:
-    drawn = states(Repeatability(temperature=0.02), tuple(range(6)), 3, seed=1)
+    drawn = states(Repeatability(temperature=0.02), tuple(range(6)), CUTTING_MACHINE, 3, seed=1)
     for s in drawn:
         assert s.values["k1"] == s.values["k2"] == pytest.approx(s.values["first_frequency"] ** 2)
         assert s.values["c1"] == 1.0
@@ -55,11 +55,20 @@ def test_the_drift_is_in_machine_toml_where_it_is_stated(stated: float | None, t
     assert cv.read_campaign(tmp_path).machine.tolerance.drift == stated
 
 
+def test_drifts_are_of_a_tenth_of_a_percent_to_two_percent_and_rarely_of_ten() -> None:
+    rng = np.random.default_rng(0)
+    drawn = [draw_repeatability(rng, stated=i % 2 == 0) for i in range(600)]
+    drifts = np.array([r.drift for r in drawn])
+    assert drifts.min() >= 0.001
+    assert drifts.max() <= 0.1
+    assert 0.01 < np.mean(drifts > 0.02) < 0.08
+    assert all((r.stated is not None) == (i % 2 == 0) for i, r in enumerate(drawn))
+    told = np.log([r.stated / r.drift for r in drawn[::2]])
+    assert np.std(told) == pytest.approx(0.2, rel=0.2), "what is stated is about right"
+
+
 def test_about_every_other_drifting_case_states_it_and_drift_leaves_the_rest_of_the_case_alone() -> None:
-    cases = [draw_case(seed, "single", "tool_contact", drift=(0.001, 0.01)) for seed in range(24)]
-    drifts = np.array([c.conditions.repeatability.drift for c in cases])
-    assert drifts.min() > 0.001
-    assert drifts.max() < 0.01
+    cases = [draw_case(seed, "single", "tool_contact", traits=("drifting",)) for seed in range(24)]
     assert 6 <= sum(c.conditions.repeatability.stated is not None for c in cases) <= 18
     plain = draw_case(3, "single", "tool_contact")
     assert cases[3].rig == plain.rig

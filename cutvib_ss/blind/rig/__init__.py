@@ -9,6 +9,6 @@ try:
 except ModuleNotFoundError as error:
     raise ModuleNotFoundError("the virtual machine needs exudyn: pip install cutvib_ss[rig]", name="exudyn") from error
 
-from cutvib_ss.blind.rig.cases import CAUSES, OUTSIDE_KINDS, Case, draw_case, write_campaign
+from cutvib_ss.blind.rig.cases import CAUSES, OUTSIDE_KINDS, TRAITS, Case, draw_case, write_campaign
 
-__all__ = ["CAUSES", "OUTSIDE_KINDS", "Case", "draw_case", "write_campaign"]
+__all__ = ["CAUSES", "OUTSIDE_KINDS", "TRAITS", "Case", "draw_case", "write_campaign"]

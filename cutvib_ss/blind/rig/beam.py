@@ -36,7 +36,7 @@ class RailMatrices:
         Matrices [SI]; fixed-interface modes are mass-normalised.
     interface : tuple of str
         Names of the physical coordinates at the front: ``"base"``, the deflection under the head; ``"twist"``, the twist there,
-        where the rail twists; ends that are free. The others are fixed-interface modes.
+        where the rail twists; ports that were asked for. The others are fixed-interface modes.
     """
 
     mass: Array
@@ -99,8 +99,12 @@ def _bending(rail: Rail, nodes: Array, spans: int, fittings: Fittings) -> tuple[
         if fittings.shear is None:
             m, k = _slender_element(h, ei, mu)
         else:
-            kga = fittings.shear.shear_ratio * np.pi**2 * ei / rail.length**2
-            rotary = mu * ei * fittings.shear.modulus_ratio / kga  # ρI = μ EI/(EA), EA = κGA / (κG/E)
+            shear = fittings.shear
+            kga = shear.shear_ratio * np.pi**2 * ei / rail.length**2
+            rotary = mu * ei * shear.modulus_ratio / kga  # ρI = μ EI/(EA), EA = κGA / (κG/E)
+            middle = (nodes[first] + h / 2) / nodes[-1]
+            if shear.soft and not shear.soft[0] < middle < shear.soft[1]:
+                kga *= 50.0
             m, k = _shearing_element(h, ei, mu, kga, rotary)
         dofs = np.arange(2 * first, 2 * (first + spans) + 2)
         if first == hinge:
@@ -119,10 +123,10 @@ def _node_at(nodes: Array, position: float) -> int:
 
 
 def _twisting(twist: Twist, nodes: Array) -> tuple[Array, Array, Array]:
-    """Mass, damping and stiffness of the shaft over the twists of its inner nodes; its ends are held."""
+    """Mass, damping and stiffness of the shaft over the twists of its nodes, of the inner ones where its ends are held."""
     length = nodes[-1]
     density = twist.inertia / length
-    rigidity = density * (2 * twist.torsion_frequency * length) ** 2
+    rigidity = density * (2 * twist.torsion_frequency * length) ** 2 * twist.stiffer
     n = nodes.size
     mass, stiffness = np.zeros((n, n)), np.zeros((n, n))
     for i, h in enumerate(np.diff(nodes)):
@@ -130,14 +134,16 @@ def _twisting(twist: Twist, nodes: Array) -> tuple[Array, Array, Array]:
         # midway between lumped and consistent inertia: the error is of fourth order in h
         mass[span, span] += density * h * np.array([[5, 1], [1, 5]]) / 12
         stiffness[span, span] += rigidity / h * np.array([[1, -1], [-1, 1]])
-    inner = slice(1, -1)
+    if np.isfinite(twist.ends):
+        stiffness[[0, -1], [0, -1]] += twist.ends * rigidity / length
+    inner = slice(1, -1) if np.isinf(twist.ends) else slice(None)
     damping = 2 * twist.damping_ratio / (2 * np.pi * twist.torsion_frequency) * stiffness
     return mass[inner, inner], damping[inner, inner], stiffness[inner, inner]
 
 
-def _strain_damping(mass: Array, stiffness: Array, nodes: Array, ratio: float) -> Array:
+def _strain_damping(mass: Array, stiffness: Array, nodes: Array, rail: Rail) -> Array:
     """
-    Damping of the same ratio in every mode of the rail between pins, against motion relative to the ends' chord.
+    Damping of one ratio, or one that grows with frequency, of the rail's modes between pins, against motion off the ends' chord.
 
     It comes from the rate of strain (Eq. 4), so that a rail that moves as a rigid body is not damped.
     """
@@ -146,7 +152,9 @@ def _strain_damping(mass: Array, stiffness: Array, nodes: Array, ratio: float) -
     rest = np.setdiff1d(np.arange(n), ends)
     squares, modes = eigh(stiffness[np.ix_(rest, rest)], mass[np.ix_(rest, rest)])
     shapes = mass[np.ix_(rest, rest)] @ modes
-    relative = (shapes * (2 * ratio * np.sqrt(squares))) @ shapes.T
+    omega = np.sqrt(squares)
+    ratio = rail.damping_ratio * (1 + rail.damping_slope * np.log(omega / omega[0]))
+    relative = (shapes * (2 * ratio * omega)) @ shapes.T
     chord = np.tile(np.array([-1.0, 1.0]) / nodes[-1], (n, 1))  # slopes
     chord[0 : last + 1 : 2] = np.column_stack([1 - nodes / nodes[-1], nodes / nodes[-1]])
     away = np.zeros((rest.size, n))
@@ -156,7 +164,7 @@ def _strain_damping(mass: Array, stiffness: Array, nodes: Array, ratio: float) -
 
 
 def rail_matrices(
-    rail: Rail, fittings: Fittings, position: float, highest: float, free_ends: tuple[str, ...] = ()
+    rail: Rail, fittings: Fittings, position: float, highest: float, ports: tuple[str, ...] = ()
 ) -> RailMatrices:
     """
     The rail under the head, by component modes.
@@ -171,8 +179,9 @@ def rail_matrices(
         y_b / L of the head.
     highest : float
         Frequency up to which fixed-interface modes are kept [Hz].
-    free_ends : tuple of str
-        Ends (``"rail_left"``, ``"rail_right"``) that become physical coordinates, held by what is fitted there.
+    ports : tuple of str
+        What becomes a physical coordinate: ends (``"rail_left"``, ``"rail_right"``), held by what is fitted there; their slopes
+        (``"turn_left"``, ``"turn_right"``); points (``"rail@0.25"``), but for that under the head, which is the base.
 
     Returns
     -------
@@ -180,18 +189,28 @@ def rail_matrices(
         The rail.
     """
     crack = fittings.crack
-    points = (position, *(lump.position for lump in fittings.lumps), *((crack.position,) if crack else ()))
+    at = {name: float(name[5:]) for name in ports if name.startswith("rail@")}
+    points = (
+        position,
+        *at.values(),
+        *(lump.position for lump in fittings.lumps),
+        *((crack.position,) if crack else ()),
+    )
     nodes, spans = _mesh(rail.length, points, fittings.shear is not None)
     mass, stiffness = _bending(rail, nodes, spans, fittings)
-    damping = _strain_damping(mass, stiffness, nodes, rail.damping_ratio)
+    damping = _strain_damping(mass, stiffness, nodes, rail)
     ends = {"rail_left": 0, "rail_right": 2 * nodes.size - 2}
+    dofs = ends | {"turn_left": 1, "turn_right": 2 * nodes.size - 1}
+    dofs |= {name: 2 * _node_at(nodes, y) for name, y in at.items()}
+    base = 2 * _node_at(nodes, position)
+    ports = tuple(name for name in ports if dofs[name] != base)
     for lump in fittings.lumps:
         dof = 2 * _node_at(nodes, lump.position)
         mass[dof, dof] += lump.mass
         damping[dof, dof] += lump.damping
     for dof, turning in zip(ends.values(), fittings.fixity, strict=True):
         stiffness[dof + 1, dof + 1] += turning
-    held = [dof for end, dof in ends.items() if end not in free_ends]
+    held = [dof for end, dof in ends.items() if end not in ports]
     if fittings.supports:
         s = fittings.supports
         held = []
@@ -200,12 +219,12 @@ def rail_matrices(
             damping[dof, dof] += c
     kept = np.setdiff1d(np.arange(mass.shape[0]), held)
     parts = [matrix[np.ix_(kept, kept)] for matrix in (mass, damping, stiffness)]
-    names = ("base", *free_ends)
-    front = np.searchsorted(kept, [2 * _node_at(nodes, position), *(ends[end] for end in free_ends)])
+    names = ("base", *ports)
+    front = np.searchsorted(kept, [base, *(dofs[name] for name in ports)])
     if fittings.twist:
         parts = [block_diag(a, b) for a, b in zip(parts, _twisting(fittings.twist, nodes), strict=True)]
-        front = np.insert(front, 1, kept.size + _node_at(nodes, position) - 1)
-        names = ("base", "twist", *free_ends)
+        front = np.insert(front, 1, kept.size + _node_at(nodes, position) - (1 if np.isinf(fittings.twist.ends) else 0))
+        names = ("base", "twist", *ports)
     mass, damping, stiffness = parts
     if rail.truncation is not None:
         return _truncated(mass, damping, stiffness, front, names, rail.truncation)

@@ -22,6 +22,9 @@ BLOCK = 2.0
 
 SIMULATED = 2.1
 
+HAMMERS = {"half_sine": 0.0, "two_lobes": 0.25, "tail": 0.12, "ringing": 0.08}
+"""Shapes of blows, and the usual size of what makes each."""
+
 _SECOND = signal.firwin(257, 1820.0, window=("kaiser", 8.0), fs=FS * 4)
 
 
@@ -40,12 +43,41 @@ class Pulse:
         How long it lasts [s].
     skewness : float
         0 for a symmetric pulse.
+    shape : str
+        One of `HAMMERS`.
+    detail : float
+        Size of what makes the shape, over the peak.
     """
 
     at: float
     peak: float
     width: float
     skewness: float
+    shape: str = "half_sine"
+    detail: float = 0.0
+
+    def force(self, time: Array) -> Array:
+        """Force [N] at some times [s]."""
+        phase = (time - self.at) / self.width
+        inside = (phase > 0) & (phase < 1)
+        total = np.zeros_like(time)
+        # a half sine with rounded feet, its crest drawn forward or back
+        bent = phase[inside] ** np.exp(self.skewness)
+        total[inside] = self.peak * np.sin(np.pi * bent) ** 1.3
+        after = np.maximum(phase, 0.0)
+        if self.shape == "two_lobes":  # the head of the hammer turns on its handle
+            total[inside] *= 1 + self.detail * np.cos(4.4 * np.pi * phase[inside])
+        elif self.shape == "tail":  # a soft tip creeps back
+            total += self.detail * self.peak * (1 - np.exp(-5 * after)) * np.exp(-after / 1.5)
+        elif self.shape == "ringing":  # a light hammer rings
+            total += (
+                self.detail
+                * self.peak
+                * np.exp(-after / 2)
+                * np.sin(2 * np.pi * 3.5 * after)
+                * (1 - np.exp(-9 * after))
+            )
+        return total
 
 
 @dataclass(frozen=True)
@@ -76,17 +108,10 @@ class Blow:
             Force [N] at FS x fine, over SIMULATED.
         """
         time = np.arange(round(SIMULATED * FS * fine)) / (FS * fine)
-        total = np.zeros(time.size)
-        for p in self.pulses:
-            phase = (time - p.at) / p.width
-            inside = (phase > 0) & (phase < 1)
-            # a half sine with rounded feet, its crest drawn forward or back
-            bent = phase[inside] ** np.exp(p.skewness)
-            total[inside] += p.peak * np.sin(np.pi * bent) ** 1.3
-        return total
+        return np.asarray(sum(p.force(time) for p in self.pulses))
 
 
-def draw_blow(rng: np.random.Generator, level: float, width: float, bounce: float) -> Blow:
+def draw_blow(rng: np.random.Generator, level: float, width: float, bounce: float, hammer: str = "half_sine") -> Blow:
     """
     Draw a blow.
 
@@ -100,6 +125,8 @@ def draw_blow(rng: np.random.Generator, level: float, width: float, bounce: floa
         How long the hammer's tip stays at 50 N [s].
     bounce : float
         Probability of a double hit.
+    hammer : str
+        Shape of its blows, one of `HAMMERS`.
 
     Returns
     -------
@@ -111,7 +138,8 @@ def draw_blow(rng: np.random.Generator, level: float, width: float, bounce: floa
     width = width * (level / 50.0) ** -0.03 * float(np.exp(0.04 * rng.standard_normal()))
     skewness = -0.1 + 0.06 * float(rng.standard_normal())
     at = 0.050 + 0.002 * float(rng.random())
-    pulses = [Pulse(at, peak, width, skewness)]
+    detail = HAMMERS[hammer] * float(np.exp(0.2 * rng.standard_normal())) if HAMMERS[hammer] else 0.0
+    pulses = [Pulse(at, peak, width, skewness, hammer, detail)]
     if rng.random() < bounce:
         late = float(rng.uniform(0.012, 0.045))
         pulses.append(Pulse(at + late, peak * float(rng.uniform(0.05, 0.3)), width * 1.1, skewness))

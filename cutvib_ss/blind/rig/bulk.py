@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Collection
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from cutvib_ss.blind.rig.cases import CAUSES, OUTSIDE_KINDS, Kind, draw_case, write_campaign
+from cutvib_ss.blind.rig.cases import CAUSES, OUTSIDE_KINDS, TRAITS, Kind, draw_case, write_campaign
 
 _SHARES: dict[Kind, float] = {"none": 0.3, "single": 0.5, "outside": 0.1, "pair": 0.1}
 
@@ -61,7 +62,7 @@ def make(
     kind: Kind,
     cause: str | None,
     severity: tuple[float, float],
-    drift: tuple[float, float] | None = None,
+    traits: Collection[str] = (),
 ) -> dict[str, Any]:
     """
     Write one case; a complete folder is left as it is.
@@ -78,8 +79,8 @@ def make(
         Its cause.
     severity : (float, float)
         Range of severities.
-    drift : (float, float), optional
-        Range of how far the machine moves between sessions.
+    traits : collection of str
+        What else the case shall have, of `cases.TRAITS`.
 
     Returns
     -------
@@ -90,7 +91,7 @@ def make(
     if kept.is_file():
         label: dict[str, Any] = json.loads(kept.read_text())
         return label
-    case = draw_case(seed, kind, cause, severity, drift=drift)
+    case = draw_case(seed, kind, cause, severity, traits=traits)
     write_campaign(case, folder)
     label = case.label | {"seed": seed}
     kept.write_text(json.dumps(label))
@@ -113,7 +114,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--severity", type=float, nargs=2, default=(0.3, 2.0), metavar=("FROM", "TO"))
     parser.add_argument(
-        "--drift", type=float, nargs=2, metavar=("FROM", "TO"), help="how far machines move: 0.001 0.01"
+        "--traits", nargs="*", default=(), choices=TRAITS, help="what every case shall have beside its cause"
     )
     for kind, share in _SHARES.items():
         parser.add_argument(f"--{kind}", type=float, default=share, metavar="SHARE", help=f"share of {kind} cases")
@@ -129,7 +130,7 @@ def main(arguments: list[str] | None = None) -> None:
     names = [f"c{i:04d}" for i in range(1, len(planned) + 1)]
     with ProcessPoolExecutor(a.jobs, mp_context=get_context("spawn")) as pool:
         jobs = {
-            pool.submit(make, a.out / name, *case, tuple(a.severity), a.drift and tuple(a.drift)): name
+            pool.submit(make, a.out / name, *case, tuple(a.severity), tuple(a.traits)): name
             for name, case in zip(names, planned, strict=True)
         }
         for done, job in enumerate(as_completed(jobs), start=1):

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cutvib_ss.blind.rig.assembly import assembled
 from cutvib_ss.blind.rig.blows import BLOCK, FS, Blow, antialiased, draw_blow
-from cutvib_ss.blind.rig.chain import frequencies, hum, recorded, sensed, smooth_error
+from cutvib_ss.blind.rig.chain import frequencies, hum, recorded, sensed, smooth_error, windowed
 from cutvib_ss.blind.rig.conditions import Conditions
-from cutvib_ss.blind.rig.motion import CHANNELS, converged_answer, linear_answer
-from cutvib_ss.blind.rig.multibody import Linearised, build, linearise
-from cutvib_ss.blind.rig.repeatability import State, at_rest, states
-from cutvib_ss.blind.rig.structure import Rig
+from cutvib_ss.blind.rig.motion import STEPS, converged_answer, linear_answer
+from cutvib_ss.blind.rig.multibody import Linearised
+from cutvib_ss.blind.rig.repeatability import CUTTING_MACHINE, STRUCTURE, State, states
+from cutvib_ss.blind.rig.structure import Machinery, Rig
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Streams of random numbers, one a purpose, so that none depends on how many numbers another took.
-_BLOWS, _ERRORS, _NOISE, _LATE, _OVERLOAD = range(10, 15)
+_BLOWS, _ERRORS, _NOISE, _LATE, _OVERLOAD, _BAD = range(10, 16)
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Campaign:
 
     Parameters
     ----------
-    rig : Rig
+    rig : Machinery
         The machine.
     conditions : Conditions
         How it is measured.
@@ -62,13 +63,18 @@ class Campaign:
         Blows, calibration errors, noise follow from it, in streams of their own.
     """
 
-    rig: Rig
+    rig: Machinery
     conditions: Conditions
     seed: int
 
     @property
-    def records(self) -> tuple[tuple[float, float], ...]:
-        """Position and level of each record."""
+    def names(self) -> tuple[str, ...]:
+        """All response channels, recorded or not."""
+        return tuple(c.name for c in self.rig.channels)
+
+    @property
+    def records(self) -> tuple[tuple[float | None, float], ...]:
+        """Position and level of each record; a structure without positions is measured several times over."""
         return tuple((y, level) for y in self.conditions.positions for level in self.conditions.levels)
 
     @cached_property
@@ -76,8 +82,10 @@ class Campaign:
         """The blows of each record."""
         c = self.conditions
         rng = np.random.default_rng([self.seed, _BLOWS])
+        twice = [1.0 if kind == "double" else c.hit_twice for kind in map(dict(c.bad).get, range(len(self.records)))]
         return tuple(
-            tuple(draw_blow(rng, level, c.width, c.hit_twice) for _ in range(c.blows)) for _, level in self.records
+            tuple(draw_blow(rng, level, c.width, bounce, c.hammer) for _ in range(c.blows))
+            for (_, level), bounce in zip(self.records, twice, strict=True)
         )
 
     @cached_property
@@ -88,22 +96,27 @@ class Campaign:
     @cached_property
     def states(self) -> tuple[State, ...]:
         """How far the machine has moved during each record."""
-        return states(self.conditions.repeatability, self.sessions, len(CHANNELS), self.seed)
+        changes = CUTTING_MACHINE if isinstance(self.rig, Rig) else STRUCTURE
+        return states(self.conditions.repeatability, self.sessions, changes, len(self.names), self.seed)
 
     @cached_property
-    def _machines(self) -> dict[tuple[float, int], Linearised]:
+    def _machines(self) -> dict[tuple[float | None, int], Linearised]:
         return {}
 
-    def _machine(self, record: int) -> tuple[Rig, Linearised]:
+    def machine(self, record: int) -> tuple[Machinery, Linearised]:
         """The machine during a record, assembled once for each state that it is in."""
         rig = self.rig.at(record / max(len(self.records) - 1, 1))
         moves = self.conditions.repeatability.moves
         if moves:
-            rig = at_rest(rig, self.states[record])
+            rig = rig.moved(self.states[record].values)
         key = (self.records[record][0], record if self.rig.drift or moves else 0)
         if key not in self._machines:
-            self._machines[key] = linearise(build(rig, key[0]))
+            self._machines[key] = assembled(rig, key[0])
         return rig, self._machines[key]
+
+    @cached_property
+    def _steps(self) -> dict[str, int]:
+        return {}
 
     @cached_property
     def _answers(self) -> dict[tuple[int, int], tuple[Array, Array]]:
@@ -127,13 +140,16 @@ class Campaign:
         """
         key = (record, blow)
         if key not in self._answers:
-            rig, machine = self._machine(record)
+            rig, machine = self.machine(record)
             struck = self.blows[record][blow]
             force = antialiased(struck.force())
             if rig.linear:
                 response = linear_answer(rig, machine, force[None], FS)[0]
             else:
-                response, _, _ = converged_answer(rig, machine, struck, self.conditions.noise)
+                begin = self._steps.get("needed", STEPS[0])
+                response, fine, _ = converged_answer(rig, machine, struck, self.conditions.noise, begin)
+                # the next blow begins where this one could have, and is checked by halving all the same
+                self._steps["needed"] = max(fine // 2, STEPS[0])
             self._answers[key] = (force, response)
         return self._answers[key]
 
@@ -141,7 +157,7 @@ class Campaign:
     def errors(self) -> Complex:
         """Calibration errors that are nobody's cause: (channel, frequency of the sensors' transform)."""
         rng = np.random.default_rng([self.seed, _ERRORS])
-        return np.array([smooth_error(rng, frequencies()) for _ in CHANNELS])
+        return np.array([smooth_error(rng, frequencies()) for _ in self.names])
 
     def overloaded(self) -> frozenset[tuple[int, int]]:
         """
@@ -175,11 +191,19 @@ class Campaign:
         """
         late = np.random.default_rng([self.seed, _LATE, record, blow]).standard_normal() * self.rig.chain.jitter
         force, response = self.answer(record, blow)
-        shown = sensed(self.rig.chain, response, late, self.errors)
+        shown = sensed(self.rig.chain, self.names, force, response, late, self.errors)
         shown = shown * np.array(self.states[record].gains)[:, None]
         rng = np.random.default_rng([self.seed, _NOISE, record, blow])
-        overload = (record, blow) in self.overloaded()
-        return recorded(self.rig.chain, self.conditions, force, shown, rng, overload)
+        bad = dict(self.conditions.bad).get(record)
+        channel = np.random.default_rng([self.seed, _BAD, record]).integers(len(self.names))
+        conditions = self.conditions
+        if bad == "loose_cable":
+            shown[channel] *= rng.uniform(0.4, 0.9)
+        elif bad == "noisy":
+            noise = [n * (20 if i == channel else 1) for i, n in enumerate(conditions.noise)]
+            conditions = replace(conditions, noise=tuple(noise))
+        overload = (record, blow) in self.overloaded() or bad == "clipped"
+        return recorded(self.rig.chain, conditions, force, shown, rng, overload)
 
     def frf(self, record: int) -> Frf:
         """
@@ -249,12 +273,12 @@ def quiet_response(campaign: Campaign, record: int, freq: Array) -> Complex:
     chain = campaign.rig.chain
     count = round(BLOCK * FS)
     late = np.random.default_rng([campaign.seed, _LATE, record, 0]).standard_normal() * chain.jitter
-    shown = sensed(chain, response, late)
+    shown = sensed(chain, campaign.names, force, response, late)
     if chain.hum:
-        shown = shown + hum(chain, np.random.default_rng([campaign.seed, _NOISE, record, 0]))
-    window = np.exp(-chain.decay_rate * np.arange(count) / FS)
+        shown = shown + hum(chain, len(shown), np.random.default_rng([campaign.seed, _NOISE, record, 0]))
+    on_force, on_responses = windowed(chain.window, np.arange(count) / FS)
     lines = np.round(freq * BLOCK).astype(int)
-    f, a = (np.fft.rfft(x * window, axis=-1)[..., lines] for x in (force[:count], shown))
+    f, a = (np.fft.rfft(x, axis=-1)[..., lines] for x in (force[:count] * on_force, shown * on_responses))
     return np.asarray(a / f)
 
 
@@ -305,4 +329,7 @@ def conditions_label(campaign: Campaign) -> Mapping[str, object]:
         "bits": c.bits,
         "overloads": c.overloads,
         "repeatability": asdict(c.repeatability),
+        "coupling": list(c.coupling),
+        "hammer": c.hammer,
+        "bad_records": [list(b) for b in c.bad],
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,26 +14,39 @@ from threadpoolctl import threadpool_limits
 from cutvib_ss.blind.rig import files
 from cutvib_ss.blind.rig.blows import BLOCK, FS
 from cutvib_ss.blind.rig.campaign import Campaign, conditions_label, force_power, quiet_response
-from cutvib_ss.blind.rig.causes import MEASUREMENT, MECHANICAL, Parameters
-from cutvib_ss.blind.rig.conditions import Conditions, Nominal, changed, draw_conditions, draw_nominal
-from cutvib_ss.blind.rig.motion import CHANNELS
+from cutvib_ss.blind.rig.causes import FORMS, FRAME_CAUSES, SPRUNG, drawn_form
+from cutvib_ss.blind.rig.conditions import (
+    Conditions,
+    Nominal,
+    changed,
+    draw_conditions,
+    draw_nominal,
+    frame_conditions,
+    roughened,
+)
+from cutvib_ss.blind.rig.frames import Frame, FrameNominal, draw_frame
 from cutvib_ss.blind.rig.outside import OUTSIDE
 from cutvib_ss.blind.rig.repeatability import draw_repeatability
-from cutvib_ss.blind.rig.structure import TOLERANCE, Rig, scattered
+from cutvib_ss.blind.rig.sites import AnyMachine, Form, Parameters
+from cutvib_ss.blind.rig.structure import TOLERANCE, Machinery, Rig, scattered
 
 Kind: TypeAlias = Literal["none", "single", "pair", "outside"]
 
-CAUSES = (*MECHANICAL, "modal_truncation", *MEASUREMENT)
+CAUSES = (*FORMS, "modal_truncation")
 """The catalogue's effects."""
 
 OUTSIDE_KINDS = tuple(OUTSIDE)
 """Kinds outside the catalogue."""
 
+TRAITS = ("drifting", "varied", "rough", "structure")
+"""What a case may have beside its cause: values that move between sessions, a cause of another form than the catalogue's, real
+instruments, and a structure that is no cutting machine."""
+
 BAND = np.arange(15.0, 450.5, 0.5)
 """Lines over which gaps are measured [Hz]."""
 
 _SCATTER_DRAWS = 3
-_REPEATABILITY = 21
+_TRAITS = 21
 _SAMPLES = round(BLOCK * FS)
 
 
@@ -50,14 +63,23 @@ class Fault:
         Where.
     parameters : mapping of str to float or str
         Its parameters, by the contract's names.
-    rig : Rig
+    rig : Rig or Frame
         The machine that has this fault alone.
+    form : str
+        Its physical form.
+    grade : int
+        How far that is from the catalogue's, see `sites.Form`.
+    same : tuple of str
+        Other places that are physically the same.
     """
 
     effect: str
     place: str
     parameters: Parameters
-    rig: Rig
+    rig: AnyMachine
+    form: str = ""
+    grade: int = 0
+    same: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -73,11 +95,11 @@ class Case:
         Its kind.
     severity : float, optional
         Severity of its faults; None where there are none.
-    nominal : Nominal
+    nominal : Nominal or FrameNominal
         What machine.toml says.
-    plain : Rig
+    plain : Rig or Frame
         The machine as built, without its faults.
-    rig : Rig
+    rig : Rig or Frame
         The machine with them.
     faults : tuple of Fault
         The faults as drawn.
@@ -92,9 +114,9 @@ class Case:
     seed: int
     kind: Kind
     severity: float | None
-    nominal: Nominal
-    plain: Rig
-    rig: Rig
+    nominal: Nominal | FrameNominal
+    plain: AnyMachine
+    rig: AnyMachine
     faults: tuple[Fault, ...]
     conditions: Conditions
 
@@ -126,7 +148,7 @@ class Case:
             return self._gap_sigma()
 
     def _gap_sigma(self) -> float:
-        if self.faults[0].effect == "modal_truncation":
+        if self.faults[0].effect == "modal_truncation" and isinstance(self.plain, Rig):
             rail = replace(self.plain.rail, truncation=self.nominal.n_modes)
             model = Campaign(replace(self.plain, rail=rail), self.conditions, self.seed)
             return _distance(model, self.campaign) / _spread(self.campaign)
@@ -148,6 +170,10 @@ class Case:
             else {},
             "severity": self.severity,
             "kind": self.kind,
+            "machine": "cutting_machine" if isinstance(self.plain, Rig) else self.plain.kind,
+            "form": "+".join(f.form for f in faults) or None,
+            "grade": max((f.grade for f in faults), default=0),
+            "equivalent_places": sorted({place for f in faults for place in f.same}),
             "gap_sigma": self.gap_sigma,
             "conditions": dict(conditions_label(self.campaign)) | {"n_modes": self.nominal.n_modes},
         }
@@ -159,7 +185,8 @@ def draw_case(
     cause: str | None = None,
     severity: tuple[float, float] = (0.3, 2.0),
     conditions: Mapping[str, Any] | None = None,
-    drift: tuple[float, float] | None = None,
+    traits: Collection[str] = (),
+    form: str | None = None,
 ) -> Case:
     """
     Draw a case.
@@ -176,9 +203,10 @@ def draw_case(
         Range of severities, drawn evenly in their logarithm; 1 is a clear fault.
     conditions : mapping, optional
         Fields of `Conditions` to fix instead of drawing them.
-    drift : (float, float), optional
-        Range of how far the machine moves between sessions (relative, of stiffnesses and gains); every other seed states it in
-        machine.toml. None: it repeats.
+    traits : collection of str
+        What else the case shall have, of `TRAITS`. A structure is drawn only where it can have the cause.
+    form : str, optional
+        Form of a single cause, instead of drawing it.
 
     Returns
     -------
@@ -188,32 +216,54 @@ def draw_case(
     Raises
     ------
     ValueError
-        If the cause is not known.
+        If the cause, a trait or the form is not known.
     """
+    if unknown := set(traits) - set(TRAITS):
+        raise ValueError(f"{', '.join(sorted(unknown))}: no trait of a case; there are {', '.join(TRAITS)}")
     rng = np.random.default_rng(seed)
-    nominal = draw_nominal(rng)
-    plain = scattered(Rig(nominal.head, nominal.rail), rng)
-    drawn = changed(draw_conditions(rng), dict(conditions or {}))
-    if drift is not None:
-        own = np.random.default_rng([seed, _REPEATABILITY])
-        drawn = replace(drawn, repeatability=draw_repeatability(own, *drift, stated=bool(own.random() < 0.5)))
+    own = np.random.default_rng([seed, _TRAITS])
+    names = _names(kind, cause, rng, "structure" in traits)
+    known = OUTSIDE_KINDS if kind == "outside" else CAUSES
+    for name in names:
+        if name not in known:
+            raise ValueError(f"{name!r} is no {kind} cause; there are {', '.join(OUTSIDE_KINDS)}; {', '.join(CAUSES)}")
+    nominal: Nominal | FrameNominal
+    plain: AnyMachine
+    if "structure" in traits and all(_on_frames(name) for name in names):
+        nominal = FrameNominal(draw_frame(own, any(name in SPRUNG for name in names)))
+        plain = nominal.frame.scattered(rng)
+        drawn = frame_conditions(plain, rng)
+    else:
+        nominal = draw_nominal(rng)
+        plain = scattered(Rig(nominal.head, nominal.rail), rng)
+        drawn = draw_conditions(rng)
+    if "drifting" in traits:
+        drawn = replace(drawn, repeatability=draw_repeatability(own, stated=bool(own.random() < 0.5)))
+    if "rough" in traits:
+        drawn = roughened(drawn, own)
+    drawn = changed(drawn, dict(conditions or {}) if isinstance(plain, Rig) else _for_frames(conditions))
     size = float(np.exp(rng.uniform(*np.log(severity))))
-    names = _names(kind, cause, rng)
-    unknown = [name for name in names if name not in (OUTSIDE_KINDS if kind == "outside" else CAUSES)]
-    if unknown:
-        raise ValueError(
-            f"{unknown[0]!r} is no {kind} cause; there are {', '.join(OUTSIDE_KINDS)}; {', '.join(CAUSES)}"
-        )
     while True:
-        rig, faults, new_nominal = _with_faults(plain, nominal, names, size, rng)
+        rig, faults, new_nominal = _with_faults(plain, nominal, names, size, rng, "varied" in traits, form)
         places = [f.place for f in faults]
-        if len(set(places)) == len(places):
+        if len(set(places)) == len(places) and not (rig.fittings.laws and rig.fittings.lossy):
             break
         if cause is None:
-            names = _names(kind, cause, rng)
+            names = _names(kind, cause, rng, not isinstance(plain, Rig))
+    every = tuple(c.name for c in rig.channels)
     if any(_channel_of(fault) not in (*drawn.channels, "all") for fault in faults):
-        drawn = replace(drawn, channels=CHANNELS)
+        drawn = replace(drawn, channels=every)
     return Case(seed, kind, size if faults else None, new_nominal, plain, rig, faults, drawn)
+
+
+def _for_frames(conditions: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What of the conditions a structure has: no positions, and channels of its own."""
+    return {name: value for name, value in (conditions or {}).items() if name not in ("positions", "channels")}
+
+
+def _on_frames(name: str) -> bool:
+    """Whether a structure that is no cutting machine can have a cause."""
+    return name in FRAME_CAUSES or (name in OUTSIDE and OUTSIDE[name].frames)
 
 
 def write_campaign(case: Case, folder: Path) -> None:
@@ -232,39 +282,48 @@ def write_campaign(case: Case, folder: Path) -> None:
         files.write(case.campaign, case.nominal, folder)
 
 
-_MAKERS = {**MECHANICAL, **MEASUREMENT, **OUTSIDE}
-
-
-def _names(kind: Kind, cause: str | None, rng: np.random.Generator) -> tuple[str, ...]:
+def _names(kind: Kind, cause: str | None, rng: np.random.Generator, structure: bool) -> tuple[str, ...]:
     if kind == "none":
         return ()
     if cause is not None:
         return tuple(cause.split("+"))
     if kind == "outside":
-        return (str(rng.choice(OUTSIDE_KINDS)),)
+        return (str(rng.choice([name for name in OUTSIDE_KINDS if not structure or OUTSIDE[name].frames])),)
+    causes = FRAME_CAUSES if structure else CAUSES
     if kind == "single":
-        return (str(rng.choice(CAUSES)),)
+        return (str(rng.choice(causes)),)
     # hysteresis has no exact motion in time beside a nonlinear element; a truncated model is no fault of the machine
-    able = [name for name in CAUSES if name not in ("structural_damping", "modal_truncation")]
+    able = [name for name in causes if name not in ("structural_damping", "modal_truncation")]
     return tuple(str(name) for name in rng.choice(able, 2, replace=False))
 
 
 def _with_faults(
-    plain: Rig, nominal: Nominal, names: Sequence[str], size: float, rng: np.random.Generator
-) -> tuple[Rig, tuple[Fault, ...], Nominal]:
+    plain: AnyMachine,
+    nominal: Nominal | FrameNominal,
+    names: Sequence[str],
+    size: float,
+    rng: np.random.Generator,
+    varied: bool,
+    form: str | None,
+) -> tuple[AnyMachine, tuple[Fault, ...], Nominal | FrameNominal]:
     rig, faults = plain, []
     for name in names:
-        if name == "modal_truncation":
+        if name == "modal_truncation" and isinstance(nominal, Nominal):
             n_modes = max(1, round(2.2 - 1.2 * np.log(size)))
-            faults.append(Fault(name, "rail", {"n_modes": nominal.n_modes}, plain))
+            faults.append(Fault(name, "rail", {"n_modes": nominal.n_modes}, plain, "truncated"))
             nominal = replace(nominal, n_modes=n_modes)
             continue
-        maker = _MAKERS[name]
+        if name in OUTSIDE:
+            one, same = Form(name, 3, OUTSIDE[name].make), OUTSIDE[name].same
+        else:
+            one, same = drawn_form(name, varied, rng), ()
+            if form is not None:
+                one = next((f for f in FORMS[name] if f.name == form), one)
         state = rng.bit_generator.state
-        rig, place, parameters = maker(rig, size, rng)
+        rig, place, parameters = one.make(rig, size, rng)
         rng.bit_generator.state = state
-        alone, _, _ = maker(plain, size, rng)
-        faults.append(Fault(name, place, parameters, alone))
+        alone, _, _ = one.make(plain, size, rng)
+        faults.append(Fault(name, place, parameters, alone, one.name, one.grade, same))
     return rig, tuple(faults), nominal
 
 
@@ -274,14 +333,30 @@ def _channel_of(fault: Fault) -> str:
 
 
 def _picked(campaign: Campaign) -> list[int]:
-    return [CHANNELS.index(name) for name in campaign.conditions.channels]
+    return [campaign.names.index(name) for name in campaign.conditions.channels]
 
 
 def _distance(without: Campaign, with_faults: Campaign, positions: int | None = None) -> float:
     records = _some(with_faults, positions)
     rows = _picked(with_faults)
     change = [quiet_response(with_faults, i, BAND)[rows] - quiet_response(without, i, BAND)[rows] for i in records]
-    return float(np.sqrt(np.mean(np.abs(change) ** 2)))
+    return float(np.sqrt(np.mean(np.abs(np.array(change) / _weights(without)) ** 2)))
+
+
+def _as_built(machine: Machinery, rng: np.random.Generator) -> Machinery:
+    """Another machine of the same values, scattered within their tolerances."""
+    if isinstance(machine, Frame):
+        return machine.scattered(rng)
+    if isinstance(machine, Rig):
+        return scattered(machine, rng)
+    raise TypeError(f"{type(machine).__name__}: has no tolerances")
+
+
+def _weights(campaign: Campaign) -> Any:
+    """What each channel is measured by: 1 for accelerations; for a structure's channels, of any unit, their noise."""
+    if isinstance(campaign.rig, Rig):
+        return 1.0
+    return np.array(campaign.conditions.noise)[_picked(campaign)][:, None]
 
 
 def _some(campaign: Campaign, positions: int | None) -> list[int]:
@@ -295,16 +370,17 @@ def _spread(campaign: Campaign) -> float:
     """Root mean square of what scatter of the values, calibration and noise do to the responses."""
     rng = np.random.default_rng([campaign.seed, 1])
     c, rows = campaign.conditions, _picked(campaign)
-    levels = len(c.levels)
+    levels, weights = len(c.levels), _weights(campaign)
     first = [p * levels for p in range(len(c.positions))]
     plain = {i: quiet_response(campaign, i, BAND)[rows] for i in first}
     scatter = []
     for _ in range(_SCATTER_DRAWS):
-        other = Campaign(scattered(campaign.rig, rng), c, campaign.seed)
-        scatter += [np.abs(quiet_response(other, i, BAND)[rows] - plain[i]) ** 2 for i in first]
+        built = _as_built(campaign.rig, rng)
+        other = Campaign(built, c, campaign.seed)
+        scatter += [np.abs((quiet_response(other, i, BAND)[rows] - plain[i]) / weights) ** 2 for i in first]
     noise = [
-        np.outer(np.square(c.noise)[rows], 1 / force_power(campaign, i, BAND)) * _SAMPLES / c.blows
+        np.outer(np.square(c.noise)[rows], 1 / force_power(campaign, i, BAND)) * _SAMPLES / c.blows / weights**2
         for i in range(len(campaign.records))
     ]
-    calibration = TOLERANCE["calibration"] ** 2 * np.mean([np.abs(h) ** 2 for h in plain.values()])
+    calibration = TOLERANCE["calibration"] ** 2 * np.mean([np.abs(h / weights) ** 2 for h in plain.values()])
     return float(np.sqrt(np.mean(scatter) + calibration + np.mean(noise)))

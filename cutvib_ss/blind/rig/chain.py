@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from cutvib_ss.blind.rig.blows import BLOCK, FS
 from cutvib_ss.blind.rig.conditions import Conditions
-from cutvib_ss.blind.rig.motion import CHANNELS
-from cutvib_ss.blind.rig.structure import TOLERANCE, Chain
+from cutvib_ss.blind.rig.structure import TOLERANCE, Chain, Filter, Window
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -47,106 +49,111 @@ def smooth_error(rng: np.random.Generator, freq: Array) -> Complex:
     return np.asarray(1 + gain + 1j * phase * np.minimum(freq / 20.0, 1.0))
 
 
-def linear_part(chain: Chain, name: str, freq: Array) -> Complex:
+def filtered(filters: Sequence[Filter], freq: Array) -> Complex:
+    """Shown over true of what a channel's instrument does: (frequency,)."""
+    answer = np.ones(freq.size, dtype=np.complex128)
+    for one in filters:
+        x = freq / one.freq
+        if one.kind == "lowpass":
+            answer /= 1 + 1j * x
+        elif one.kind == "bessel":
+            answer *= 3 / (3 + 3j * x - x**2)
+        elif one.kind == "highpass":
+            answer *= 1j * x / (1 + 1j * x)
+        elif one.kind == "slope":
+            answer *= np.maximum(1 + one.value * np.log10(np.maximum(x, 1e-3)), 0.05)
+        else:
+            answer /= 1 - x**2 + 2j * one.value * x
+    return answer
+
+
+def windowed(window: Window | None, time: Array) -> tuple[Array, Array]:
+    """What the window multiplies force and responses by: two of (sample,)."""
+    one = np.ones_like(time)
+    if window is None:
+        return one, one
+    if window.kind == "exponential":
+        shape = np.exp(-window.rate * time)
+        return shape, shape
+    late = np.maximum(time - window.start, 0.0)
+    if window.kind == "late":
+        return one, np.exp(-window.rate * late)
+    faded = np.minimum(late * window.rate, 1.0)
+    shape = 1.0 * (late == 0) if window.kind == "cut" else 0.5 + 0.5 * np.cos(np.pi * faded)
+    return shape, shape
+
+
+def sensed(
+    chain: Chain, names: Sequence[str], force: Array, responses: Array, late: float, errors: Complex | None = None
+) -> Array:
     """
-    Gain, delay and a loose mount's resonance of one channel.
+    What the response channels show without noise: (channel, sample) over BLOCK.
+
+    Saturation, distortion and zero shift come first, in the sensor; then leaks of one channel into another; then gains, delays,
+    filters and calibration errors; the force's signal that is picked up, and the clock, last.
 
     Parameters
     ----------
     chain : Chain
         The measurement chain.
-    name : str
-        The channel.
-    freq : ndarray, shape (frequency,)
-        Frequencies [Hz].
-
-    Returns
-    -------
-    ndarray of complex, shape (frequency,)
-        Shown over true.
-    """
-    answer = chain.gains.get(name, 1.0) * np.exp(-2j * np.pi * freq * chain.delays.get(name, 0.0))
-    if name in chain.mounts:
-        resonance, ratio = chain.mounts[name]
-        x = freq / resonance
-        answer = answer / (1 - x**2 + 2j * ratio * x)
-    return np.asarray(answer)
-
-
-def sensed(chain: Chain, accelerations: Array, late: float, errors: Complex | None = None) -> Array:
-    """
-    What the response channels show without noise.
-
-    Parameters
-    ----------
-    chain : Chain
-        The measurement chain.
-    accelerations : ndarray, shape (channel, sample)
-        Accelerations at FS [m/s^2].
+    names : sequence of str
+        The channels.
+    force : ndarray, shape (sample,)
+        Force at FS [N].
+    responses : ndarray, shape (channel, sample)
+        Motion at FS.
     late : float
         How late the responses of this blow are [s].
     errors : ndarray of complex, shape (channel, frequency), optional
         Calibration errors at `frequencies`.
-
-    Returns
-    -------
-    ndarray, shape (channel, sample)
-        Histories over BLOCK [m/s^2].
-
-    Notes
-    -----
-    Saturation comes first, in the sensor; then the leak of X into Z; then gains, delays and calibration errors.
     """
     count = round(BLOCK * FS)
-    shown = accelerations.copy()
-    for i, name in enumerate(CHANNELS):
-        if name in chain.saturation:
-            limit = chain.saturation[name]
-            shown[i] = limit * np.tanh(shown[i] / limit)
-    shown[1] += chain.cross_axis * shown[0]
+    shown = responses.copy()
+    at = {name: i for i, name in enumerate(names)}
+    for name, limit in chain.saturation.items():
+        shown[at[name]] = limit * np.tanh(shown[at[name]] / limit)
+    for name, level in chain.asymmetry.items():
+        shown[at[name]] += shown[at[name]] ** 2 / level
+    time = np.arange(shown.shape[-1]) / FS
+    if chain.shift[0]:
+        peak, when = np.abs(shown).max(axis=1, keepdims=True), time[np.argmax(np.abs(force))]
+        shown += chain.shift[0] * peak * (time > when) * np.exp(-chain.shift[1] * np.maximum(time - when, 0.0))
     freq = frequencies()
     spectra = np.fft.rfft(shown, _PADDED)
-    for i, name in enumerate(CHANNELS):
-        spectra[i] *= linear_part(chain, name, freq) * np.exp(-2j * np.pi * freq * late)
+    true = spectra.copy()
+    leaks = [("tool_z", "tool_x", chain.cross_axis, 0.0)] if chain.cross_axis else []
+    for into, source, fraction, corner in (*leaks, *chain.tilts):
+        if into in at and source in at:
+            spectra[at[into]] += fraction * true[at[source]] * (1j * freq / corner if corner else 1.0)
+    for i, name in enumerate(names):
+        spectra[i] *= chain.gains.get(name, 1.0) * np.exp(-2j * np.pi * freq * (chain.delays.get(name, 0.0) + late))
+        spectra[i] *= filtered(chain.filters.get(name, ()), freq)
         if errors is not None:
             spectra[i] *= errors[i]
-    return np.asarray(np.fft.irfft(spectra, _PADDED)[:, :count])
+    shown = np.fft.irfft(spectra, _PADDED)[:, : time.size]
+    shown += chain.feedthrough * force[: time.size]
+    if chain.clock:
+        fine = signal.resample(
+            shown, 16 * time.size, axis=1
+        )  # band-limited: read between samples of a 16 times finer grid
+        grid = np.arange(16 * time.size) / (16 * FS)
+        shown = np.array([np.interp(time * (1 + chain.clock), grid, row) for row in fine])
+    return np.asarray(shown[:, :count])
 
 
 def frequencies() -> Array:
-    """
-    Frequencies of the transforms in `sensed`.
-
-    Returns
-    -------
-    ndarray, shape (frequency,)
-        Frequencies [Hz].
-    """
+    """Frequencies of the transforms in `sensed` [Hz]."""
     return np.asarray(np.fft.rfftfreq(_PADDED, 1 / FS))
 
 
-def hum(chain: Chain, rng: np.random.Generator) -> Array:
-    """
-    Mains hum on one blow; its phase is where the blow happened to fall.
-
-    Parameters
-    ----------
-    chain : Chain
-        The measurement chain.
-    rng : numpy.random.Generator
-        Generator.
-
-    Returns
-    -------
-    ndarray, shape (channel, sample)
-        Hum over BLOCK [m/s^2].
-    """
+def hum(chain: Chain, channels: int, rng: np.random.Generator) -> Array:
+    """Mains hum on one blow, (channel, sample) over BLOCK; its phase is where the blow happened to fall."""
     time = np.arange(round(BLOCK * FS)) / FS
     start, mains = rng.uniform(0, 1), 50.0 * (1 + 4e-4 * rng.standard_normal())
-    total = np.zeros((len(CHANNELS), time.size))
+    total = np.zeros((channels, time.size))
     for k, amplitude in enumerate(chain.hum, start=1):
         wave = np.sin(2 * np.pi * k * (mains * time + start) + 1.7 * k)
-        total += amplitude * np.array([1.0, 0.7, 1.2])[:, None] * wave
+        total += amplitude * np.resize([1.0, 0.7, 1.2], channels)[:, None] * wave
     return total
 
 
@@ -204,7 +211,9 @@ def recorded(
     chain: Chain, conditions: Conditions, force: Array, responses: Array, rng: np.random.Generator, overload: bool
 ) -> tuple[Array, Array]:
     """
-    One blow as the digitiser gives it.
+    One blow as the digitiser gives it: force (sample,) [N] and responses (channel, sample).
+
+    Noise, hum, the coupling of the inputs, range and rounding; at last the window, where one is never taken out.
 
     Parameters
     ----------
@@ -215,34 +224,32 @@ def recorded(
     force : ndarray, shape (sample,)
         Force [N].
     responses : ndarray, shape (channel, sample)
-        What `sensed` gives [m/s^2].
+        What `sensed` gives.
     rng : numpy.random.Generator
         Generator.
     overload : bool
         Whether the loudest channel exceeds its range.
-
-    Returns
-    -------
-    force : ndarray, shape (sample,)
-        Force as recorded [N].
-    responses : ndarray, shape (channel, sample)
-        Responses as recorded [m/s^2].
-
-    Notes
-    -----
-    Noise, hum, range and rounding; at last the exponential window, where one is never taken out.
     """
     count = round(BLOCK * FS)
     force = force[:count] + noise(rng, conditions.force_noise, conditions.wander, count)
-    force = digitised(force, conditions.force_range, conditions.bits)
-    responses = responses + (hum(chain, rng) if chain.hum else 0.0)
-    loudest = int(np.argmax(np.abs(responses).max(axis=1)))
-    shown = np.empty((len(CHANNELS), count))
+    force = digitised(_coupled(force, conditions.coupling[0]), conditions.force_range, conditions.bits)
+    responses = responses + (hum(chain, len(responses), rng) if chain.hum else 0.0)
+    loudest = int(np.argmax((np.abs(responses) / np.array(conditions.noise)[:, None]).max(axis=1)))
+    shown = np.empty((len(responses), count))
     for i, deviation in enumerate(conditions.noise):
-        analog = responses[i] + noise(rng, deviation, conditions.wander, count)
-        reach = max(conditions.response_range, 1.2 * float(np.abs(analog).max()))
+        analog = _coupled(responses[i] + noise(rng, deviation, conditions.wander, count), conditions.coupling[1])
+        # whoever measures sets the range so that it holds the hardest blow; inputs are not set one by one
+        reach = max(conditions.response_range * deviation / conditions.noise[0], 1.2 * float(np.abs(analog).max()))
         if overload and i == loudest:
             reach = float(rng.uniform(0.6, 0.9)) * float(np.abs(analog).max())
         shown[i] = digitised(analog, reach, conditions.bits)
-    window = np.exp(-chain.decay_rate * np.arange(count) / FS)
-    return force * window, shown * window
+    on_force, on_responses = windowed(chain.window, np.arange(count) / FS)
+    return force * on_force, shown * on_responses
+
+
+def _coupled(analog: Array, corner: float) -> Array:
+    """An input that is AC-coupled with a corner [Hz]; 0 where it is DC-coupled. The history begins at rest."""
+    if corner == 0.0:
+        return analog
+    a = np.pi * corner / FS
+    return np.asarray(signal.lfilter([1 / (1 + a), -1 / (1 + a)], [1.0, -(1 - a) / (1 + a)], analog - analog[0]))

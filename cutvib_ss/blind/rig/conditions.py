@@ -8,11 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from cutvib_ss.blind.rig.blows import FS, HAMMERS, Blow, Pulse, antialiased
+from cutvib_ss.blind.rig.frames import Frame
+from cutvib_ss.blind.rig.motion import linear_answer
 from cutvib_ss.blind.rig.repeatability import Repeatability
-from cutvib_ss.blind.rig.structure import Head, Rail
+from cutvib_ss.blind.rig.structure import TOLERANCE, Head, Rail
 
 HEADROOM = 2.0
 """Range of the digitiser over the hardest blow that is meant."""
+
+BAD = ("loose_cable", "noisy", "double", "clipped")
+"""How a record goes wrong: a channel comes and goes, its noise is twentyfold, every blow is a double hit, a channel is clipped."""
 
 FORMATS = ("tdms", "csv", "mat", "uff", "csv_frf", "mat_frf")
 """Formats of the records; the last three hold frequency responses."""
@@ -37,6 +43,18 @@ class Nominal:
     rail: Rail = field(default_factory=Rail)
     n_modes: int = 40
 
+    def toml(self, drift: float | None = None) -> str:
+        """Text of machine.toml, as the machine's builder would write it down; how far it drifts is stated where it is known."""
+        left_out = ("truncation", "damping_slope")
+        rail = {key: value for key, value in vars(self.rail).items() if key not in left_out}
+        rail["n_modes"] = self.n_modes
+        tolerance = dict(TOLERANCE) | ({} if drift is None else {"drift": drift})
+        tables = {"head": vars(self.head), "rail": rail, "tolerance": tolerance}
+        return "\n\n".join(
+            "\n".join([f"[{name}]", *(f"{key} = {value!r}" for key, value in table.items())])
+            for name, table in tables.items()
+        ) + "\n"  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Conditions:
@@ -45,8 +63,8 @@ class Conditions:
 
     Parameters
     ----------
-    positions : tuple of float
-        Positions y_b / L.
+    positions : tuple of (float or None)
+        Positions y_b / L; of a structure without positions as many None as it is measured times over.
     levels : tuple of float
         Peak forces that are meant [N].
     blows : int
@@ -75,9 +93,15 @@ class Conditions:
         How many blows exceed the range of a response channel.
     repeatability : Repeatability
         How the machine moves between records.
+    coupling : (float, float)
+        Corners of AC-coupled inputs of force and responses [Hz]; 0 where they are DC-coupled.
+    hammer : str
+        Shape of the blows, one of `blows.HAMMERS`.
+    bad : tuple of (int, str)
+        Records that went wrong, and how: one of `BAD`.
     """
 
-    positions: tuple[float, ...]
+    positions: tuple[float | None, ...]
     levels: tuple[float, ...]
     blows: int
     channels: tuple[str, ...]
@@ -93,6 +117,9 @@ class Conditions:
     hit_twice: float
     overloads: int
     repeatability: Repeatability = field(default_factory=Repeatability)
+    coupling: tuple[float, float] = (0.0, 0.0)
+    hammer: str = "half_sine"
+    bad: tuple[tuple[int, str], ...] = ()
 
     @property
     def frf(self) -> bool:
@@ -200,6 +227,55 @@ def changed(conditions: Conditions, changes: Mapping[str, Any]) -> Conditions:
     Ranges of the digitiser follow the levels, as whoever measures sets them: else it clips the hammer's force.
     """
     if "levels" in changes:
-        reach = HEADROOM * max(changes["levels"])
-        changes = {"response_range": reach, "force_range": reach, **changes}
+        louder = max(changes["levels"]) / max(conditions.levels)
+        ranges = {name: louder * getattr(conditions, name) for name in ("response_range", "force_range")}
+        changes = {**ranges, **changes}
     return replace(conditions, **changes)
+
+
+def frame_conditions(frame: Frame, rng: np.random.Generator) -> Conditions:
+    """
+    Conditions of a campaign on another structure: measured in one to four sittings, its channels' noise in proportion to their
+    signals, in a format that can hold any unit.
+    """
+    usual = draw_conditions(rng)
+    force = antialiased(Blow((Pulse(0.05, 50.0, usual.width, -0.1),)).force())
+    peak = np.abs(linear_answer(frame, frame.linearised(), force[None], FS)[0]).max(axis=1)
+    floor = float(np.exp(rng.uniform(np.log(1e-4), np.log(6e-4))))
+    noise = tuple(float(floor * p * np.exp(0.2 * rng.standard_normal())) for p in peak)
+    every = tuple(c.name for c in frame.channels)
+    return replace(
+        usual,
+        positions=(None,) * int(rng.integers(1, 5)),
+        channels=every if rng.random() < 0.8 else every[:1],
+        file_format=str(rng.choice(["tdms", "csv", "mat", "csv_frf", "mat_frf"], p=[0.45, 0.1, 0.15, 0.1, 0.2])),
+        unit="m/s^2",
+        noise=noise,
+        # of the first channel; those of the others go with their noise
+        response_range=HEADROOM * max(usual.levels) / 50.0 * float(peak[0]),
+    )
+
+
+def roughened(conditions: Conditions, rng: np.random.Generator) -> Conditions:
+    """
+    The same measured with instruments and hands as they are: AC-coupled inputs, a converter of few bits or set too coarse, a
+    hammer whose blows are no half sines, more double hits and overloads, a record or two that went wrong.
+    """
+    c = conditions
+    corners = tuple(float(np.exp(rng.uniform(np.log(0.05), np.log(0.4)))) for _ in range(2))
+    reach = float(rng.uniform(1.0, 8.0))
+    records = len(c.positions) * len(c.levels)
+    bad = int(rng.choice([0, 0, 1, 1, 2])) if records >= 6 else 0
+    wrong = rng.choice(records, bad, replace=False)
+    return replace(
+        c,
+        coupling=(corners[0], corners[1]) if rng.random() < 0.7 else (0.0, 0.0),
+        bits=int(rng.choice([24, 16, 16, 12])),
+        response_range=reach * c.response_range,
+        force_range=reach * c.force_range,
+        hammer=str(rng.choice([name for name in HAMMERS if name != "half_sine"])),
+        width=c.width * float(rng.uniform(0.7, 1.3)),
+        hit_twice=0.08,
+        overloads=int(rng.integers(0, 3)),
+        bad=tuple((int(i), str(rng.choice(BAD))) for i in wrong),
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,7 @@ from scipy.io import savemat
 from cutvib_ss.blind.rig.blows import BLOCK, FS
 from cutvib_ss.blind.rig.campaign import Campaign, Frf
 from cutvib_ss.blind.rig.conditions import Nominal
-from cutvib_ss.blind.rig.motion import CHANNELS
-from cutvib_ss.blind.rig.structure import TOLERANCE
+from cutvib_ss.blind.rig.frames import FrameNominal
 
 Array = NDArray[np.float64]
 
@@ -25,7 +23,7 @@ _SUFFIX = {"tdms": "tdms", "csv": "csv", "mat": "mat", "uff": "uff", "csv_frf": 
 _DOFS = {"tool_x": (1, 1), "tool_z": (1, 3), "base_x": (2, 1)}
 
 
-def write(campaign: Campaign, nominal: Nominal, folder: Path) -> None:
+def write(campaign: Campaign, nominal: Nominal | FrameNominal, folder: Path) -> None:
     """
     Write the whole campaign; campaign.toml comes last, so that a folder with one is complete.
 
@@ -47,43 +45,14 @@ def write(campaign: Campaign, nominal: Nominal, folder: Path) -> None:
         name = f"p{i // levels + 1}_l{i % levels + 1}.{_SUFFIX[c.file_format]}"
         averages = write_record(campaign, i, records / name)
         lines = [f'file = "records/{name}"', f'kind = "{"frf" if c.frf else "impact"}"']
-        lines += [f"position = {position!r}", f"peak_force = {level!r}"]
+        lines += [f"position = {position!r}"] if position is not None else [f'session = "{i // levels + 1}"']
+        lines += [f"peak_force = {level!r}"]
         lines += [f"averages = {averages}"] if c.frf else []
         tables.append("\n".join(["[[record]]", *lines]))
     drift = c.repeatability.stated
-    (folder / "machine.toml").write_text(machine_toml(nominal, drift), encoding="utf-8")
+    (folder / "machine.toml").write_text(nominal.toml(drift), encoding="utf-8")
     head = '[campaign]\ntitle = "measurement campaign"\nmachine = "machine.toml"\n'
     (folder / "campaign.toml").write_text("\n\n".join([head.rstrip(), *tables]) + "\n", encoding="utf-8")
-
-
-def machine_toml(nominal: Nominal, drift: float | None = None) -> str:
-    """
-    The nominal machine, as its builder would write it down.
-
-    Parameters
-    ----------
-    nominal : Nominal
-        The nominal machine.
-    drift : float, optional
-        How far it is stated to move between sessions.
-
-    Returns
-    -------
-    str
-        Text of machine.toml.
-    """
-    rail = {key: value for key, value in vars(nominal.rail).items() if key != "truncation"} | {
-        "n_modes": nominal.n_modes
-    }
-    tables = {
-        "head": vars(nominal.head),
-        "rail": rail,
-        "tolerance": dict(TOLERANCE) | ({} if drift is None else {"drift": drift}),
-    }
-    return "\n\n".join(
-        "\n".join([f"[{name}]", *(f"{key} = {value!r}" for key, value in table.items())])
-        for name, table in tables.items()
-    ) + "\n"  # fmt: skip
 
 
 def write_record(campaign: Campaign, record: int, path: Path) -> int:
@@ -107,43 +76,47 @@ def write_record(campaign: Campaign, record: int, path: Path) -> int:
     c = campaign.conditions
     if c.frf:
         frf = campaign.frf(record)
-        {"uff": _uff, "csv_frf": _csv_frf, "mat_frf": _mat_frf}[c.file_format](path, frf, c.channels, c.unit)
+        responses_of = _shown(frf, campaign, c.unit)
+        {"uff": _uff, "csv_frf": _csv_frf, "mat_frf": _mat_frf}[c.file_format](path, frf, responses_of)
         return frf.averages
     blows = []
     for b in range(c.blows):
         force, responses = campaign.recording(record, b)
-        shown = {name: responses[CHANNELS.index(name)] / (_G if c.unit == "g" else 1.0) for name in c.channels}
+        units = _units(campaign, c.unit)
+        shown = {n: responses[campaign.names.index(n)] / (_G if units[n] == "g" else 1.0) for n in c.channels}
         blows.append({"force": force} | shown)
-    {"tdms": _tdms, "csv": _csv, "mat": _mat}[c.file_format](path, blows, c.unit)
+    {"tdms": _tdms, "csv": _csv, "mat": _mat}[c.file_format](path, blows, _units(campaign, c.unit))
     return c.blows
 
 
-def _units(names: Sequence[str], unit: str) -> dict[str, str]:
-    return {name: "N" if name == "force" else unit for name in names}
+def _units(campaign: Campaign, acceleration: str) -> dict[str, str]:
+    """Units of force and responses by channel."""
+    units = ("m", "m/s", acceleration)
+    return {"force": "N"} | {c.name: units[c.order] for c in campaign.rig.channels}
 
 
-def _tdms(path: Path, blows: list[dict[str, Array]], unit: str) -> None:
+def _tdms(path: Path, blows: list[dict[str, Array]], units: dict[str, str]) -> None:
     objects: list[Any] = [RootObject()]
     for k, blow in enumerate(blows, start=1):
         objects.append(GroupObject(f"blow_{k}"))
         for name, values in blow.items():
-            properties = {"unit_string": _units([name], unit)[name], "wf_increment": 1 / FS, "wf_start_offset": 0.0}
+            properties = {"unit_string": units[name], "wf_increment": 1 / FS, "wf_start_offset": 0.0}
             objects.append(ChannelObject(f"blow_{k}", name, values.astype(np.float32), properties=properties))
     with TdmsWriter(str(path)) as writer:
         writer.write_segment(objects)
 
 
-def _csv(path: Path, blows: list[dict[str, Array]], unit: str) -> None:
+def _csv(path: Path, blows: list[dict[str, Array]], units: dict[str, str]) -> None:
     time = np.arange(round(BLOCK * FS)) / FS
-    header = ["blow", "time [s]", *(f"{name} [{u}]" for name, u in _units(list(blows[0]), unit).items())]
+    header = ["blow", "time [s]", *(f"{name} [{units[name]}]" for name in blows[0])]
     rows = [np.column_stack([np.full(time.size, k), time, *b.values()]) for k, b in enumerate(blows, start=1)]
     formats = ["%d", "%.5f", *["%.7g"] * len(blows[0])]
     np.savetxt(path, np.vstack(rows), fmt=formats, delimiter=",", header=",".join(header), comments="")
 
 
-def _mat(path: Path, blows: list[dict[str, Array]], unit: str) -> None:
+def _mat(path: Path, blows: list[dict[str, Array]], units: dict[str, str]) -> None:
     channels = {name: np.column_stack([b[name] for b in blows]).astype(np.float32) for name in blows[0]}
-    _save(path, channels | {"fs": FS, "units": _units(list(channels), unit)})
+    _save(path, channels | {"fs": FS, "units": {name: units[name] for name in channels}})
 
 
 def _save(path: Path, variables: dict[str, Any]) -> None:
@@ -153,29 +126,33 @@ def _save(path: Path, variables: dict[str, Any]) -> None:
         file.write(b"MATLAB 5.0 MAT-file".ljust(116))
 
 
-def _shown(frf: Frf, channels: Sequence[str], unit: str) -> dict[str, tuple[NDArray[np.complex128], Array]]:
-    scale = _G if unit == "g" else 1.0
-    return {n: (frf.data[CHANNELS.index(n)] / scale, frf.coherence[CHANNELS.index(n)]) for n in channels}
+def _shown(frf: Frf, campaign: Campaign, unit: str) -> dict[str, tuple[str, NDArray[np.complex128], Array]]:
+    """Unit over newton, response and coherence of each channel that is recorded."""
+    out, units = {}, _units(campaign, "m/s^2" if campaign.conditions.file_format == "uff" else unit)
+    for name in campaign.conditions.channels:
+        i = campaign.names.index(name)
+        out[name] = (f"{units[name]}/N", frf.data[i] / (_G if units[name] == "g" else 1.0), frf.coherence[i])
+    return out
 
 
-def _csv_frf(path: Path, frf: Frf, channels: Sequence[str], unit: str) -> None:
+def _csv_frf(path: Path, frf: Frf, shown: dict[str, tuple[str, NDArray[np.complex128], Array]]) -> None:
     header, columns = ["freq [Hz]"], [frf.freq]
-    for name, (data, coherence) in _shown(frf, channels, unit).items():
-        header += [f"{name} re [{unit}/N]", f"{name} im [{unit}/N]", f"{name} coherence"]
+    for name, (unit, data, coherence) in shown.items():
+        header += [f"{name} re [{unit}]", f"{name} im [{unit}]", f"{name} coherence"]
         columns += [data.real, data.imag, coherence]
     np.savetxt(path, np.column_stack(columns), fmt="%.9g", delimiter=",", header=",".join(header), comments="")
 
 
-def _mat_frf(path: Path, frf: Frf, channels: Sequence[str], unit: str) -> None:
-    variables: dict[str, Any] = {"freq": frf.freq, "units": dict.fromkeys(channels, f"{unit}/N")}
-    for name, (data, coherence) in _shown(frf, channels, unit).items():
+def _mat_frf(path: Path, frf: Frf, shown: dict[str, tuple[str, NDArray[np.complex128], Array]]) -> None:
+    variables: dict[str, Any] = {"freq": frf.freq, "units": {name: unit for name, (unit, _, _) in shown.items()}}
+    for name, (_, data, coherence) in shown.items():
         variables |= {name: data, f"{name}_coherence": coherence}
     _save(path, variables)
 
 
-def _uff(path: Path, frf: Frf, channels: Sequence[str], unit: str) -> None:
+def _uff(path: Path, frf: Frf, shown: dict[str, tuple[str, NDArray[np.complex128], Array]]) -> None:
     sets = []
-    for name, (data, coherence) in _shown(frf, channels, "m/s^2").items():
+    for name, (_, data, coherence) in shown.items():
         node, direction = _DOFS[name]
         for function, ordinate, values in ((4, 12, data), (6, 1, coherence)):
             header: dict[str, Any] = {"type": 58, "binary": 0, "func_type": function, "func_id": 0, "ver_num": 1}

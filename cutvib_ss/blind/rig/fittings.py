@@ -2,7 +2,28 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Complex = NDArray[np.complex128]
+
+_TERM = re.compile(r"([+-]?)\s*(?:([\d.]+(?:e-?\d+)?)\s*\*\s*)?([a-z]\w*(?:@[\d.]+)?)")
+
+
+def combination(port: str) -> Mapping[str, float]:
+    """
+    Ports and their coefficients in an expression.
+
+    Examples
+    --------
+    >>> combination("0.9*tool_x+0.4*tool_z-base_x")
+    {'tool_x': 0.9, 'tool_z': 0.4, 'base_x': -1.0}
+    """
+    return {name: float(f"{sign}{factor or 1.0}") for sign, factor, name in _TERM.findall(port)}
 
 
 @dataclass(frozen=True)
@@ -39,12 +60,25 @@ class Twist:
         First frequency of torsion, without the head [Hz].
     damping_ratio : float
         Damping ratio of that mode; damping goes with the rate of strain.
+    ends : float
+        Springs that hold the ends' twist, over the stiffness of the whole shaft; infinite: held.
+    stiffer : float
+        Stiffness of the shaft over what the frequency says; for a rail that rocks on its ends as one.
+    slope : float
+        Change of the eccentricity from the middle to the right end, relative; the left end changes the other way.
     """
 
     eccentricity: float
     inertia: float
     torsion_frequency: float
     damping_ratio: float
+    ends: float = np.inf
+    stiffer: float = 1.0
+    slope: float = 0.0
+
+    def at(self, position: float) -> float:
+        """Eccentricity [m] where the head is, y_b / L."""
+        return self.eccentricity * (1 + self.slope * (2 * position - 1))
 
 
 @dataclass(frozen=True)
@@ -58,10 +92,13 @@ class Shear:
         κGA L²/(π² EI).
     modulus_ratio : float
         κG/E of section and material; with the shear ratio it gives the rotary inertia.
+    soft : (float, float), optional
+        The part of the rail, y / L, that shears; the rest is fifty times as stiff.
     """
 
     shear_ratio: float
     modulus_ratio: float
+    soft: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -151,23 +188,110 @@ class Spring:
 
 
 @dataclass(frozen=True)
-class Viscoelastic:
+class Tie:
     """
-    A lossy torque in a joint.
+    Spring, damper and inertance along a port or a combination of ports.
 
     Parameters
     ----------
-    joint : str
-        ``"joint1"`` or ``"joint2"``.
-    coefficient : float
-        Of (iω)^order, or of i where the order is 0 (hysteresis) [N m/rad s^order].
-    order : float
-        0 (hysteresis) to 1 (viscous).
+    port : str
+        Along what, `combination`.
+    stiffness, damping, mass : float
+        Of its ends' difference [N/m, N s/m, kg, or N m/rad …].
     """
 
-    joint: str
+    port: str
+    stiffness: float = 0.0
+    damping: float = 0.0
+    mass: float = 0.0
+
+
+@dataclass(frozen=True)
+class Bob:
+    """
+    A mass on a spring and damper along a port or a combination of ports.
+
+    Parameters
+    ----------
+    port : str
+        Along what, `combination`.
+    mass : float
+        Mass [kg].
+    frequency : float
+        Natural frequency [Hz].
+    damping_ratio : float
+        Damping ratio.
+    """
+
+    port: str
+    mass: float
+    frequency: float
+    damping_ratio: float
+
+
+@dataclass(frozen=True)
+class Skew:
+    """
+    Two ports that a spinning rotor couples: each feels the other's rate, with opposite signs.
+
+    Parameters
+    ----------
+    one, other : str
+        The ports.
+    coefficient : float
+        Spin times moment of inertia, over what turns rates of the ports into rates of the rotor's tilt [N s/m].
+    """
+
+    one: str
+    other: str
     coefficient: float
-    order: float
+
+
+@dataclass(frozen=True)
+class Lossy:
+    """
+    A linear element that has no matrices: its force is -z(s) times the motion that it senses.
+
+    Parameters
+    ----------
+    port : str
+        Where its force acts, `combination`.
+    kind : str
+        ``"constant"`` (c): z = i c. ``"power"`` (c, order): c s^order. ``"storage"`` (k, ω0, order): what takes k's place is
+        k (s/ω0)^order over cos(π order/2). ``"log"`` (k η, ω0): k η (2/π) ln(s/ω0), causal with a loss that does not change.
+        ``"maxwell"`` (k, τ): k s τ/(1 + s τ). ``"wave"`` (impedance, travel time, decay): a string with its far end held.
+        ``"feedback"`` (kp, kd, delay): (kp + kd s) e^(-s delay).
+    values : tuple of float
+        Its values.
+    sense : str, optional
+        Whose motion it answers; its own port's by default.
+    """
+
+    port: str
+    kind: str
+    values: tuple[float, ...]
+    sense: str | None = None
+
+    def stiffness(self, s: Complex) -> Complex:
+        """Dynamic stiffness z at complex frequencies s [rad/s]."""
+        v = self.values
+        z: Complex
+        if self.kind == "constant":
+            z = np.full_like(s, 1j * v[0])
+        elif self.kind == "power":
+            z = v[0] * s ** v[1]
+        elif self.kind == "storage":
+            z = v[0] * ((s / v[1]) ** v[2] / np.cos(np.pi * v[2] / 2) - 1)
+        elif self.kind == "log":
+            z = np.asarray(v[0] * 2 / np.pi * np.log(s / v[1]), dtype=np.complex128)
+        elif self.kind == "maxwell":
+            z = v[0] * s * v[1] / (1 + s * v[1])
+        elif self.kind == "wave":
+            lost = s + v[2]
+            z = v[0] * lost / np.tanh(lost * v[1])
+        else:
+            z = (v[0] + v[1] * s) * np.exp(-s * v[2])
+        return np.asarray(z, dtype=np.complex128)
 
 
 @dataclass(frozen=True)
@@ -178,7 +302,7 @@ class Law:
     Parameters
     ----------
     port : str
-        ``"joint1"``, ``"joint2"``, ``"rail_left"``, ``"rail_right"``, or the difference of two ports, ``"tool_x-base_x"``.
+        A port or a combination of ports, `combination`.
     kind : str
         Its law (`laws.KINDS`).
     values : tuple of float
@@ -217,8 +341,14 @@ class Fittings:
         Springs between places.
     coupling : float
         Spring on the difference of the joints' angles [N m/rad].
-    viscoelastic : tuple of Viscoelastic
-        Lossy torques in joints.
+    ties : tuple of Tie
+        Springs, dampers and inertances along ports.
+    bobs : tuple of Bob
+        Sprung masses along ports.
+    skews : tuple of Skew
+        Gyroscopic couplings.
+    lossy : tuple of Lossy
+        Linear elements without matrices.
     laws : tuple of Law
         Nonlinear elements.
     """
@@ -233,5 +363,17 @@ class Fittings:
     oscillators: tuple[Oscillator, ...] = ()
     springs: tuple[Spring, ...] = ()
     coupling: float = 0.0
-    viscoelastic: tuple[Viscoelastic, ...] = ()
+    ties: tuple[Tie, ...] = ()
+    bobs: tuple[Bob, ...] = ()
+    skews: tuple[Skew, ...] = ()
+    lossy: tuple[Lossy, ...] = ()
     laws: tuple[Law, ...] = ()
+
+    @property
+    def rail_ports(self) -> tuple[str, ...]:
+        """Ports on the rail that something is fitted to: ``"rail_left"``, ``"turn_right"``, ``"rail@0.25"`` …"""
+        elements: tuple[Tie | Bob | Lossy | Law, ...] = (*self.ties, *self.bobs, *self.lossy, *self.laws)
+        used = [e.port for e in elements]
+        used += [e.sense for e in self.lossy if e.sense] + [p for e in self.skews for p in (e.one, e.other)]
+        names = {name for port in used for name in combination(port)}
+        return tuple(sorted(n for n in names if n.startswith(("rail_", "rail@", "turn_"))))

@@ -6,7 +6,7 @@ Memory is carried over a step implicitly, so that the force at the step's end is
 
 from __future__ import annotations
 
-from math import atan, copysign, cos, exp, sqrt, tanh
+from math import atan, copysign, cos, exp, expm1, log1p, sqrt, tanh
 
 import numpy as np
 from numba import njit
@@ -97,7 +97,8 @@ def force(kind: int, v: Array, y: float, rate: float, state: Array, time: float,
     elif kind == 21:
         out = -v[0] * rate * abs(rate) / (abs(rate) + v[1])
     elif kind == 22:
-        out = v[0] * y - v[0] * v[1] / 1.5 * (max(1.0 + y / v[1], 0.0) ** 1.5 - 1.0)
+        x = max(y / v[1], -1.0)
+        out = v[0] * y - v[0] * v[1] / 1.5 * expm1(1.5 * log1p(x)) if x > -1.0 else v[0] * y + v[0] * v[1] / 1.5
     elif kind == 23:
         out = -max(v[1] * (y - v[0]) + v[2] * rate, 0.0) if y > v[0] else 0.0
     elif kind == 24:

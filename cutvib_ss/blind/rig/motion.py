@@ -14,21 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutvib_ss.blind.rig.blows import FS, Blow, antialiased
+from cutvib_ss.blind.rig.fittings import combination
 from cutvib_ss.blind.rig.laws import KINDS, VALUES
 from cutvib_ss.blind.rig.multibody import Linearised
 from cutvib_ss.blind.rig.stepping import TOLERANCE, integrate
-from cutvib_ss.blind.rig.structure import Rig
+from cutvib_ss.blind.rig.structure import Machinery
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-CHANNELS = ("tool_x", "tool_z", "base_x")
-
-STEPS = (16, 32, 64, 128, 256, 512, 1024)
+STEPS = (16, 32, 64, 128, 256, 512)
 """Steps to a sample of the records that are tried in turn."""
 
 CONVERGED = 0.01
-"""What halving the steps may change, over the noise: root mean squares over a blow."""
+"""What may be wrong with a blow, over the noise: root mean squares."""
 
 _PERIOD = 8.0
 """Period of the transforms [s]."""
@@ -70,16 +69,14 @@ class Modes:
         Parameters
         ----------
         name : str
-            A port, or a difference of two, ``"tool_x-base_x"``.
+            A port, or a combination of ports.
 
         Returns
         -------
         ndarray of complex, shape (mode,)
             Displacement.
         """
-        one, _, other = name.partition("-")
-        row: Complex = self.shapes[self.names.index(one)]
-        return row - self.shapes[self.names.index(other)] if other else row
+        return np.asarray(sum(factor * self.shapes[self.names.index(n)] for n, factor in combination(name).items()))
 
     def input(self, name: str) -> Complex:
         """
@@ -88,16 +85,14 @@ class Modes:
         Parameters
         ----------
         name : str
-            A port, or a difference of two.
+            A port, or a combination of ports.
 
         Returns
         -------
         ndarray of complex, shape (mode,)
             Weights.
         """
-        one, _, other = name.partition("-")
-        row: Complex = self.weights[self.names.index(one)]
-        return row - self.weights[self.names.index(other)] if other else row
+        return np.asarray(sum(factor * self.weights[self.names.index(n)] for n, factor in combination(name).items()))
 
 
 def modes(machine: Linearised) -> Modes:
@@ -157,14 +152,14 @@ def receptance(m: Modes, s: Complex, outputs: Sequence[str], inputs: Sequence[st
     return np.asarray(response.reshape(len(outputs), len(inputs), s.size))
 
 
-def frequency_response(rig: Rig, machine: Linearised, s: Complex) -> Complex:
+def frequency_response(rig: Machinery, machine: Linearised, s: Complex) -> Complex:
     """
-    Accelerations of the channels over the force on the tool, nonlinear laws left out.
+    Motion of the channels over the force, nonlinear laws left out.
 
     Parameters
     ----------
-    rig : Rig
-        The machine, for its viscoelastic joints.
+    rig : Machinery
+        The machine, for its channels and elements without matrices.
     machine : Linearised
         The same, assembled.
     s : ndarray of complex, shape (frequency,)
@@ -173,31 +168,32 @@ def frequency_response(rig: Rig, machine: Linearised, s: Complex) -> Complex:
     Returns
     -------
     ndarray of complex, shape (channel, frequency)
-        Accelerances [m/s^2/N].
+        Frequency responses, of accelerations [m/s^2/N] as a rule.
     """
     m = modes(machine)
-    elements = rig.fittings.viscoelastic
-    ports = ["tool_x", *(e.joint for e in elements)]
-    alpha = receptance(m, s, [*CHANNELS, *(e.joint for e in elements)], ports)
-    channels, joints = alpha[: len(CHANNELS)], alpha[len(CHANNELS) :]
-    response = channels[:, 0]
+    elements, channels = rig.fittings.lossy, [c.port for c in rig.channels]
+    alpha = receptance(
+        m, s, [*channels, *(e.sense or e.port for e in elements)], [rig.drive, *(e.port for e in elements)]
+    )
+    shown, sensed = alpha[: len(channels)], alpha[len(channels) :]
+    response = shown[:, 0]
     if elements:
-        # torque = -z θ at the joints: θ = (1 + A z)^-1 α
-        z = np.array([e.coefficient * (1j if e.order == 0 else s**e.order) * np.ones_like(s) for e in elements])
-        system = np.eye(len(elements))[:, :, None] + joints[:, 1:] * z[None]
-        theta = np.linalg.solve(system.transpose(2, 0, 1), joints[:, 0].T[..., None])[..., 0].T
-        response = response - np.einsum("cjf,jf->cf", channels[:, 1:], z * theta)
-    return np.asarray(response * s**2)
+        # f = -z q where q is sensed: q = (1 + A z)^-1 α
+        z = np.array([e.stiffness(s) for e in elements])
+        system = np.eye(len(elements))[:, :, None] + sensed[:, 1:] * z[None]
+        motion = np.linalg.solve(system.transpose(2, 0, 1), sensed[:, 0].T[..., None])[..., 0].T
+        response = response - np.einsum("cjf,jf->cf", shown[:, 1:], z * motion)
+    return np.asarray(response * np.array([s**c.order for c in rig.channels]))
 
 
-def linear_answer(rig: Rig, machine: Linearised, forces: Array, fs: float) -> Array:
+def linear_answer(rig: Machinery, machine: Linearised, forces: Array, fs: float) -> Array:
     """
     Accelerations of a linear machine from rest.
 
     Parameters
     ----------
-    rig : Rig
-        The machine, for its viscoelastic joints.
+    rig : Machinery
+        The machine, for its channels and elements without matrices.
     machine : Linearised
         The same, assembled.
     forces : ndarray, shape (blow, sample)
@@ -209,6 +205,11 @@ def linear_answer(rig: Rig, machine: Linearised, forces: Array, fs: float) -> Ar
     -------
     ndarray, shape (blow, channel, sample)
         Accelerations [m/s^2].
+
+    Raises
+    ------
+    NotConvergedError
+        If a feedback makes the machine unstable.
     """
     count = round(_PERIOD * fs)
     time = np.arange(forces.shape[-1]) / fs
@@ -216,16 +217,22 @@ def linear_answer(rig: Rig, machine: Linearised, forces: Array, fs: float) -> Ar
     response = frequency_response(rig, machine, s)
     spectra = np.fft.rfft(forces * np.exp(-_DECAY * time), count)
     answer = np.fft.irfft(spectra[:, None] * response[None], count)[..., : time.size]
-    return np.asarray(answer * np.exp(_DECAY * time))
+    answer = np.asarray(answer * np.exp(_DECAY * time))
+    if any(e.kind == "feedback" for e in rig.fittings.lossy):
+        # an unstable loop has poles right of the line s: its answer would come before the blow
+        before = np.abs(answer[..., : round(0.04 * fs)]).max(axis=-1)
+        if (before > 1e-4 * np.abs(answer).max(axis=-1)).any():
+            raise NotConvergedError("feedback: the loop is unstable")
+    return answer
 
 
-def nonlinear_answer(rig: Rig, machine: Linearised, force: Array, fs: float) -> Array:
+def nonlinear_answer(rig: Machinery, machine: Linearised, force: Array, fs: float) -> Array:
     """
     Accelerations of a machine with nonlinear elements from rest.
 
     Parameters
     ----------
-    rig : Rig
+    rig : Machinery
         The machine, for its laws.
     machine : Linearised
         The same, assembled.
@@ -244,10 +251,12 @@ def nonlinear_answer(rig: Rig, machine: Linearised, force: Array, fs: float) -> 
     NotConvergedError
         If the elements' forces and the motion do not agree at the end of every step.
     """
+    if rig.fittings.lossy:
+        raise ValueError("elements without matrices have no motion in time beside nonlinear ones")
     m = modes(machine)
     step = 1 / fs
     ports = [law.port for law in rig.fittings.laws]
-    drive = np.array([m.input(name) for name in ("tool_x", *ports)]).T
+    drive = np.array([m.input(name) for name in (rig.drive, *ports)]).T
     z = m.poles * step
     decay = np.exp(z)
     # ∫ e^(λ(h-t)) of an input linear in t; the second form where the first would lose digits
@@ -256,9 +265,10 @@ def nonlinear_answer(rig: Rig, machine: Linearised, force: Array, fs: float) -> 
     end = np.where(small, 0.5 + z / 6 + z**2 / 24, (decay - 1 - z) / safe**2) * step
     begin = np.where(small, 1 + z / 2 + z**2 / 6, (decay - 1) / safe) * step - end
     deflections = np.array([m.port(name) for name in ports])
-    channels = np.array([m.port(name) for name in CHANNELS])
+    channels = np.array([m.port(c.port) for c in rig.channels])
+    order = np.array([c.order for c in rig.channels])[:, None]
     # v = Σ λ·shape·x is exact away from the instant of a force; its derivative adds what the force accelerates at once
-    direct = (channels * m.poles) @ drive
+    direct = (channels * m.poles) @ drive * (order == 2)
     values = np.zeros((len(ports), VALUES))
     for row, law in zip(values, rig.fittings.laws, strict=True):
         row[: len(law.values)] = law.values
@@ -267,7 +277,7 @@ def nonlinear_answer(rig: Rig, machine: Linearised, force: Array, fs: float) -> 
         begin[:, None] * drive,
         end[:, None] * drive,
         np.vstack([deflections, deflections * m.poles]),
-        channels * m.poles**2,
+        channels * m.poles**order,
         np.ascontiguousarray(direct.real),
         np.array([KINDS[law.kind] for law in rig.fittings.laws], dtype=np.int64),
         values,
@@ -280,29 +290,34 @@ def nonlinear_answer(rig: Rig, machine: Linearised, force: Array, fs: float) -> 
     return np.asarray(response)
 
 
-def converged_answer(rig: Rig, machine: Linearised, blow: Blow, noise: Sequence[float]) -> tuple[Array, int, float]:
+def converged_answer(
+    rig: Machinery, machine: Linearised, blow: Blow, noise: Sequence[float], first: int = STEPS[0]
+) -> tuple[Array, int, float]:
     """
     Accelerations of a machine with nonlinear elements, steps halved until that no longer matters.
 
     Parameters
     ----------
-    rig : Rig
+    rig : Machinery
         The machine, for its laws.
     machine : Linearised
         The same, assembled.
     blow : Blow
         The blow.
     noise : sequence of float
-        Standard deviation of the noise of each channel, by sample [m/s^2].
+        Standard deviation of the noise of each channel, by sample.
+    first : int
+        Steps to a sample to begin with, of `STEPS`: what an earlier blow needed at the least.
 
     Returns
     -------
     response : ndarray, shape (channel, sample)
-        Filtered accelerations at FS [m/s^2].
+        Filtered motion at FS.
     fine : int
         Steps to a sample.
     error : float
-        Root mean square of what steps twice as long change, over that of the noise, in the channel where it is largest.
+        Root mean square of what is wrong, over that of the noise, in the channel where it is largest: a third of what steps twice
+        as long change, for the error goes with the square of the step.
 
     Raises
     ------
@@ -312,13 +327,13 @@ def converged_answer(rig: Rig, machine: Linearised, blow: Blow, noise: Sequence[
     scale = np.asarray(noise)[:, None]
     before, error = None, np.inf
     for fine in STEPS:
+        if fine < first and fine != STEPS[-2]:
+            continue
         answer = antialiased(nonlinear_answer(rig, machine, blow.force(fine), FS * fine), fine)
         if before is not None:
-            error = float(np.sqrt(np.mean(((answer - before) / scale) ** 2, axis=1)).max())
+            error = float(np.sqrt(np.mean(((answer - before) / scale) ** 2, axis=1)).max()) / 3
             if error <= CONVERGED:
                 return answer, fine, error
         before = answer
     kinds = ", ".join(law.kind for law in rig.fittings.laws)
-    raise NotConvergedError(
-        f"{kinds}: halving steps of 1/{STEPS[-2] * FS:.0f} s still changes {error:.3g} of the noise"
-    )
+    raise NotConvergedError(f"{kinds}: at steps of 1/{STEPS[-1] * FS:.0f} s {error:.3g} of the noise is still wrong")

@@ -16,6 +16,7 @@ from exudyn import itemInterface as item
 from numpy.typing import NDArray
 
 from cutvib_ss.blind.rig.beam import rail_matrices
+from cutvib_ss.blind.rig.fittings import Fittings, combination
 from cutvib_ss.blind.rig.structure import Rig
 
 Array = NDArray[np.float64]
@@ -39,13 +40,18 @@ class Linearised:
     mass, damping, stiffness : ndarray, shape (coordinate, coordinate)
         Matrices [SI].
     ports : mapping of str to ndarray, shape (coordinate,)
-        Rows of ``tool_x``, ``tool_z``, ``head_x``, ``head_z``, ``base_x``, ``joint1``, ``joint2``, and of the rail's free ends.
+        Rows of ``tool_x``, ``tool_z``, ``head_x``, ``head_z``, ``base_x``, ``joint1``, ``joint2``, ``guide`` where there is one,
+        and of what on the rail is fitted with something.
     """
 
     mass: Array
     damping: Array
     stiffness: Array
     ports: Mapping[str, Array]
+
+    def row(self, port: str) -> Array:
+        """Row of a port or of a combination of ports."""
+        return np.asarray(sum(factor * self.ports[name] for name, factor in combination(port).items()))
 
 
 @dataclass(frozen=True)
@@ -84,7 +90,7 @@ def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = 
     """
     Put the machine together.
 
-    Nonlinear laws and viscoelastic joints are left to who integrates it; their ports are there.
+    What is fitted along ports (`attached`) and nonlinear laws are left to who comes after; their ports are there.
 
     Parameters
     ----------
@@ -103,8 +109,7 @@ def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = 
         The system.
     """
     head, fittings = rig.head, rig.fittings
-    free_ends = tuple(sorted({law.port for law in fittings.laws if law.port.startswith("rail_")}))
-    rail = rail_matrices(rig.rail, fittings, position, highest, free_ends)
+    rail = rail_matrices(rig.rail, fittings, position, highest, fittings.rail_ports)
     system = exu.SystemContainer().AddSystem()
 
     # The tree: base in X, then twist and guide where there are any, then the two links.
@@ -116,7 +121,7 @@ def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = 
     eccentric = [0.0, 0.0, 0.0]
     if fittings.twist:
         links.append((revolute, [0.0] * 3, 0.0, 0.0, 0.0, 0.0))
-        eccentric = [fittings.twist.eccentricity, 0.0, 0.0]
+        eccentric = [fittings.twist.at(position), 0.0, 0.0]
     if fittings.guide:
         links.append((prismatic, eccentric, 0.0, *fittings.guide, 0.0))
         eccentric = [0.0, 0.0, 0.0]
@@ -162,7 +167,7 @@ def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = 
         return int(system.AddMarker(at))
 
     first, second = np.cumsum(angles)
-    shift = np.array([fittings.twist.eccentricity if fittings.twist else 0.0, 0.0, 0.0])
+    shift = np.array([fittings.twist.at(position) if fittings.twist else 0.0, 0.0, 0.0])
     elbow = shift + head.l1 * np.array([np.cos(first), np.sin(first), 0.0])
     where = {"base": np.zeros(3), "head": elbow, "ground": np.zeros(3)}
     where["tool"] = elbow + head.l2 * np.array([np.cos(second), np.sin(second), 0.0])
@@ -192,10 +197,14 @@ def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = 
     if fittings.coupling:
         pair = [joints["joint1"], joints["joint2"]]
         system.AddObject(item.CoordinateSpringDamper(markerNumbers=pair, stiffness=fittings.coupling))
-    ends = {name: n + i for i, name in enumerate(rail.interface[shared:])}
+    coordinates = {"joint1": n - 2, "joint2": n - 1}
+    coordinates |= {"guide": n - 3} if fittings.guide else {}
+    # a point of the rail right under the head is the base
+    coordinates |= dict.fromkeys(fittings.rail_ports, 0)
+    coordinates |= {name: n + i for i, name in enumerate(rail.interface[shared:])}
     if assemble:
         system.Assemble()
-    return Machine(system, markers, joints, {"joint1": n - 2, "joint2": n - 1} | ends, int(tree), n, on_tree)
+    return Machine(system, markers, joints, coordinates, int(tree), n, on_tree)
 
 
 def linearise(machine: Machine) -> Linearised:
@@ -233,6 +242,29 @@ def linearise(machine: Machine) -> Linearised:
     system.systemData.SetODE2Coordinates(rest)
     rows |= {name: np.eye(count)[i] for name, i in machine.coordinates.items()}
     return Linearised(mass, damping, stiffness, rows)
+
+
+def attached(machine: Linearised, fittings: Fittings) -> Linearised:
+    """The machine with ties, sprung masses and gyroscopic couplings; a sprung mass adds a coordinate."""
+    extra = len(fittings.bobs)
+    m, c, k = (np.pad(matrix, (0, extra)) for matrix in (machine.mass, machine.damping, machine.stiffness))
+    grown = Linearised(m, c, k, {name: np.pad(row, (0, extra)) for name, row in machine.ports.items()})
+    for tie in fittings.ties:
+        outer = np.outer(grown.row(tie.port), grown.row(tie.port))
+        m += tie.mass * outer
+        c += tie.damping * outer
+        k += tie.stiffness * outer
+    for i, bob in enumerate(fittings.bobs, start=machine.mass.shape[0]):
+        row = grown.row(bob.port)
+        row[i] -= 1.0
+        omega = 2 * np.pi * bob.frequency
+        m[i, i] += bob.mass
+        c += 2 * bob.damping_ratio * omega * bob.mass * np.outer(row, row)
+        k += bob.mass * omega**2 * np.outer(row, row)
+    for skew in fittings.skews:
+        one, other = grown.row(skew.one), grown.row(skew.other)
+        c += skew.coefficient * (np.outer(one, other) - np.outer(other, one))
+    return grown
 
 
 def _coordinates(system: exu.MainSystem, reference: list[float]) -> int:

@@ -196,7 +196,8 @@ def integrate(
     now, new, free = np.zeros(inputs), np.zeros(inputs), np.zeros(2 * elements)
     f = np.zeros(elements)
     states = np.zeros((elements, STATES))
-    largest, worst = 1e-9, 0.0
+    # forces far below this are noise of their own rounding
+    largest, worst = 1e-5 * np.abs(drive).max() + 1e-12, 0.0
     out = np.zeros((channels, drive.size))
     for i in range(1, drive.size):
         new[0] = drive[i]
