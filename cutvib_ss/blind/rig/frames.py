@@ -21,7 +21,7 @@ from cutvib_ss.blind.rig.multibody import Linearised
 from cutvib_ss.blind.rig.structure import Chain, Channel
 
 Array = NDArray[np.float64]
-Matrices: TypeAlias = tuple[Array, Array, list[int], dict[str, tuple[Array, float]]]
+_Matrices: TypeAlias = tuple[Array, Array, list[int], dict[str, tuple[Array, float]]]
 """Mass, stiffness, coordinates that are deflections, and ports that have a spring of their own: row and stiffness."""
 
 TOLERANCES: Mapping[str, float] = {"mass": 0.01, "damping": 0.15, "stiffness": 0.02}
@@ -171,7 +171,7 @@ def _modal_damping(mass: Array, stiffness: Array, ratio: float, rng: np.random.G
     return np.asarray((c + c.T) / 2)
 
 
-def _chain(rng: np.random.Generator) -> Matrices:
+def _chain(rng: np.random.Generator) -> _Matrices:
     """3 to 10 masses in a row, each on a spring to the next; the first held, or none."""
     n = int(rng.integers(3, 11))
     m = np.exp(rng.uniform(np.log(0.5), np.log(8.0), n))
@@ -200,7 +200,7 @@ def beam_element(h: float, ei: float, mu: float) -> tuple[Array, Array]:
     return mu * h / 420 * np.array(m), ei / h**3 * np.array(k)
 
 
-def _beam(rng: np.random.Generator) -> Matrices:
+def _beam(rng: np.random.Generator) -> _Matrices:
     """A slender beam of 3 to 14 elements: clamped at one end or both, pinned, or free; a mass at a node."""
     n = int(rng.integers(3, 15))
     length, mu = float(rng.uniform(0.6, 3.0)), float(np.exp(rng.uniform(np.log(2.0), np.log(40.0))))
@@ -216,7 +216,7 @@ def _beam(rng: np.random.Generator) -> Matrices:
     return _without(mass, stiffness, held[str(rng.choice(list(held)))], range(0, 2 * n + 2, 2))
 
 
-def _frame(rng: np.random.Generator) -> Matrices:
+def _frame(rng: np.random.Generator) -> _Matrices:
     """A portal frame: two posts, clamped below, and a beam on top; 2 to 5 elements each, deflection along and across."""
     n = int(rng.integers(2, 6))
     height, width = float(rng.uniform(0.6, 1.5)), float(rng.uniform(0.6, 1.8))
@@ -243,7 +243,7 @@ def _frame(rng: np.random.Generator) -> Matrices:
     return _without(mass, stiffness, ends, [d for d in range(size) if d % 3 != 2])
 
 
-def _plate(rng: np.random.Generator) -> Matrices:
+def _plate(rng: np.random.Generator) -> _Matrices:
     """
     A thin plate of 2 by 2 to 4 by 3 rectangular elements with one edge or all corners held.
 
@@ -298,7 +298,7 @@ def plate_element(a: float, b: float, density: float, poisson: float) -> tuple[A
     return mass, stiffness
 
 
-def _without(mass: Array, stiffness: Array, held: list[int], deflections: range | list[int]) -> Matrices:
+def _without(mass: Array, stiffness: Array, held: list[int], deflections: range | list[int]) -> _Matrices:
     """The structure with some coordinates held."""
     kept = np.setdiff1d(np.arange(len(mass)), held)
     new = {int(old): i for i, old in enumerate(kept)}
@@ -306,6 +306,6 @@ def _without(mass: Array, stiffness: Array, held: list[int], deflections: range 
     return mass[part], stiffness[part], [new[d] for d in deflections if d in new], {}
 
 
-_KINDS: Mapping[str, Callable[[np.random.Generator], Matrices]] = {
+_KINDS: Mapping[str, Callable[[np.random.Generator], _Matrices]] = {
     "chain": _chain, "beam": _beam, "frame": _frame, "plate": _plate,
 }  # fmt: skip
