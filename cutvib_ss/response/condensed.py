@@ -73,7 +73,9 @@ class CondensedModel:
     def row(self, port: str) -> FloatArray:
         """A port's row over the head's degrees of freedom, shape (n,)."""
         if port not in self.rows:
-            raise ParameterError(f"no port {port!r}; there are {', '.join(self.rows)}")
+            known = dict.fromkeys([*self.model.channels, *self.rows])
+            along = "" if self.assembly.rail is None else ", eta1 ..., rail_left, rail_right, rail@0.25 ..."
+            raise ParameterError(f"no port {port!r}; there are {', '.join(known)}{along}")
         return self.rows[port]
 
     @cached_property
