@@ -19,6 +19,7 @@ from cutvib_ss.cli.demo import demo_command
 from cutvib_ss.cli.models import bode_command, figures_command, frf_command, modes_command, paper_command
 from cutvib_ss.cli.plan import plan_command
 from cutvib_ss.cli.schedule import schedule_command
+from cutvib_ss.cli.serve import serve_command
 from cutvib_ss.cli.simulate import simulate_command
 from cutvib_ss.errors import CutvibError
 
@@ -130,6 +131,8 @@ blind.command("score", epilog="Example: cutvib blind score my-trial --json score
 blind.command("calibrate", epilog="Example: cutvib blind calibrate trial-a trial-b --judge trial-c --out numbers.json")(
     blind_calibrate_command
 )
+
+app.command("serve", epilog="Example: cutvib serve my-campaign --port 8080 --no-open")(serve_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
