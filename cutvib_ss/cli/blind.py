@@ -107,37 +107,6 @@ def blind_score_command(
         _print_score(found, results())
 
 
-def blind_calibrate_command(
-    trials: Annotated[list[Path], typer.Argument(metavar="DIR…", help="Opened trials to fit on.")],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the numbers go.")],
-    judge: Annotated[
-        list[Path] | None,
-        typer.Option("--judge", metavar="DIR", help="Opened trial, of other seeds, to judge on; may be repeated."),
-    ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option("--only", metavar="NAME", help="Number that is fitted, the others stay; may be repeated."),
-    ] = None,
-) -> None:
-    """Fit the numbers behind the stated probabilities to opened trials, and judge them on others."""
-    from cutvib_ss.blind.calibration import calibrate
-    from cutvib_ss.blind.evidence import read_evidence
-
-    check_outputs(out)
-    with working("fitting"):
-        found = calibrate([read_evidence(t) for t in trials], [read_evidence(t) for t in judge or []], only=only or ())
-    give_json(found.to_dict(), str(out))
-    console = results()
-    rows = [[name, f"{before:.4g}", f"{after:.4g}"] for name, before, after in found.changes()]
-    show(console, "Numbers behind the probabilities", ["", "before", "fitted"], rows, "l")
-    say(console, "")
-    figures = [
-        [f.set, str(f.cases), f"{f.log_loss:.3f}", f"{100 * f.right:.1f} %", f"{f.calibration_error:.3f}"]
-        for f in found.figures
-    ]
-    show(console, "", ["", "cases", "log loss", "right first", "calibration error"], figures, "l")
-
-
 def _range(text: str) -> tuple[float, float]:
     try:
         low, high = (float(part) for part in text.split(":"))

@@ -1,9 +1,8 @@
-"""What a fitted hypothesis says for itself: its evidence as plain values, and whether it may be another in disguise."""
+"""A fitted hypothesis as plain values, and warnings of parameters at their prior bounds."""
 
 from __future__ import annotations
 
 from cutvib_ss.effects.base import discrete_values, parameter_fields
-from cutvib_ss.effects.catalogue import is_alias
 from cutvib_ss.gap.fit import Fit
 from cutvib_ss.gap.ranking import Ranked
 from cutvib_ss.gap.result import CandidateEvidence
@@ -39,28 +38,7 @@ def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool
         unknowns=r.fit.x.size - r.fit.first_effect,
         judged=judged,
         held_reduced_chi2=held_reduced_chi2,
-        unspecific=unspecific(r),
     )
-
-
-def unspecific(r: Ranked) -> bool:
-    """
-    Whether causes outside the catalogue appear as a fitted one.
-
-    Parameters
-    ----------
-    r : Ranked
-        The hypothesis.
-
-    Returns
-    -------
-    bool
-        True for a shifted length or damping coefficient, and where a linear cause has been driven to the end of a range: a
-        resonator with next to no damping above the band is a spring, one with much of it another damper. Ranges of laws go by
-        the motion of the records, which is known roughly; their ends say nothing.
-    """
-    hypothesis = r.fit.hypothesis
-    return is_alias(hypothesis.effect, _discrete(r.fit)) or (hypothesis.linear and bool(r.fit.at_end))
 
 
 def _discrete(fit: Fit) -> dict[str, str]:

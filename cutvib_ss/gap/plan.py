@@ -21,11 +21,11 @@ import numpy as np
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.gap.calibration import shipped
 from cutvib_ss.gap.hypotheses import candidates, nonlinear_candidates
 from cutvib_ss.gap.information import Seen, Space, left_over
 from cutvib_ss.gap.levels import motions
 from cutvib_ss.gap.records import Entry, Records, merged
+from cutvib_ss.gap.result import PRIORS
 from cutvib_ss.gap.severity import Run, runs
 from cutvib_ss.measurement.replay import assumed_blow
 from cutvib_ss.results import FloatArray, Quantity
@@ -179,15 +179,14 @@ def plan(model: Model, campaign: PlannedCampaign, *, laws: bool = True) -> Plan:
     if laws and model.input_quantity == "force":
         moved = motions(model, Records(tuple(entries)))
         shapes += runs(nonlinear_candidates(model, moved))
-    numbers = shipped()
-    # What "explained" asks for: the detection threshold, a fair share of the prior, and odds.
-    threshold = numbers.detection + numbers.temperature * float(np.log(len(shapes) * SURE))
+    # Log evidence at which a known cause, with its share of the prior, outweighs no cause by these odds.
+    threshold = float(np.log(SURE * len(shapes) * PRIORS["none"] / PRIORS["known"]))
     seen = [[s for run in own if (s := space.seen(run, threshold)) is not None] for own in shapes]
     found = [(own[0].name, own) for own in shapes]
     atoms = [s.atom for own in seen for s in own]
     owner = np.array([i for i, own in enumerate(seen) for _ in own])
     gram = space.gram(atoms) if atoms else np.zeros((0, 0))
-    told = numbers.temperature * float(np.log(SURE))
+    told = float(np.log(SURE))
     causes, pairs = [], []
     for i, (name, own) in enumerate(found):
         middle = _middle(seen[i])

@@ -193,8 +193,6 @@ class CandidateEvidence:
         Whether it was judged on held-out records.
     held_reduced_chi2 : float
         χ² a degree of freedom there.
-    unspecific : bool
-        Whether causes outside the catalogue appear as this.
     """
 
     name: str
@@ -206,7 +204,6 @@ class CandidateEvidence:
     unknowns: int
     judged: bool
     held_reduced_chi2: float
-    unspecific: bool = False
 
 
 @dataclass(frozen=True)

@@ -74,9 +74,9 @@ def test_more_blows_show_less_severe_causes(planned):
 
 
 def test_tuning_hides_a_value_up_to_its_bounds(planned):
-    # Four tolerances of 1 % and 10 %; beyond, others help a little.
+    # Tolerances of 1 % and 10 %: the prior alone brings the threshold at sqrt(2 threshold) = 3.7 of them.
     assert 1.04 < cause(planned, "parameter_shift joint2 k2").seen < 1.1
-    assert 1.4 < cause(planned, "parameter_shift joint2 c2").seen < 1.6
+    assert 1.3 < cause(planned, "parameter_shift joint2 c2").seen < 1.5
 
 
 def test_one_position_and_channel_tell_less(planned):

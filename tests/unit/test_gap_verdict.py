@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cutvib_ss.gap import shrinkage, where
-from cutvib_ss.gap.calibration import Calibration, Evidence, posterior, probability_unknown, tempered
 from cutvib_ss.gap.observations import Observations
 from cutvib_ss.gap.records import Entry, Group, merged
 from cutvib_ss.gap.result import Cause
@@ -28,49 +27,6 @@ def entry(record, position=0.5, level=50.0, scale=1.0, check=False, seed=None):
 def as_shown(data):
     """A prediction of which nothing is uncertain."""
     return shrinkage.Shown(data, np.zeros(data.shape), None)
-
-
-JUDGED = Calibration()
-"""The numbers that judgement set, whatever ships."""
-
-
-def evidence(log_evidence, reduced=1.0, held=None):
-    causes = {name: 0 if name == "none" else 1 + name.count("+") for name in log_evidence}
-    return Evidence(log_evidence, causes, reduced, held or dict.fromkeys(log_evidence, 1.0))
-
-
-def test_probabilities_sum_to_one_and_follow_the_evidence():
-    odds = posterior(evidence({"none": -1000.0, "a": -500.0, "b": -520.0}), JUDGED)
-    assert sum(odds.values()) == pytest.approx(1.0)
-    assert odds["a"] > odds["b"] > odds["none"]
-
-
-def test_a_cause_has_to_bring_more_than_a_hair():
-    assert tempered(evidence({"none": -1000.0, "a": -990.0}), JUDGED)["none"] > 0.9
-    assert tempered(evidence({"none": -1000.0, "a": -900.0}), JUDGED)["a"] > 0.9
-
-
-def test_a_second_cause_has_to_bring_as_much_again():
-    assert tempered(evidence({"none": -1000.0, "a": -500.0, "a + b": -480.0}), JUDGED)["a"] > 0.9
-    assert tempered(evidence({"none": -1000.0, "a": -500.0, "a + b": -400.0}), JUDGED)["a + b"] > 0.9
-
-
-def test_a_likelihood_that_fits_nowhere_is_less_sure():
-    found = {"none": -9e3, "a": -1000.0, "b": -1010.0}
-    assert tempered(evidence(found, 10.0), JUDGED)["a"] < tempered(evidence(found, 1.0), JUDGED)["a"]
-
-
-def test_unknown_grows_with_what_is_left():
-    shares = [probability_unknown(r, 1.0, JUDGED) for r in (1.0, 1.2, 1.5, 5.0, np.nan)]
-    assert shares == sorted(shares)
-    assert shares[0] < 0.01
-    assert shares[-2] == shares[-1] == JUDGED.most_unknown
-
-
-def test_what_is_left_of_a_large_gap_may_be_measurable():
-    assert probability_unknown(3.0, 1.5, JUDGED) > 0.89
-    assert probability_unknown(3.0, 40_000.0, JUDGED) < 0.01
-    assert probability_unknown(30.0, 40_000.0, JUDGED) > 0.89
 
 
 @pytest.mark.parametrize(
