@@ -88,7 +88,7 @@ def measured_curves(
     frfs: Sequence[MeasuredFrequencyResponse], records: Sequence[RecordSummary], chosen: Sequence[int], output: str
 ) -> list[Curve]:
     """Chosen records' responses of one channel, in their bands."""
-    curves = []
+    curves, names = [], labels_of(records)
     for colour, k in enumerate(chosen):
         frf, record = frfs[k], records[k]
         if output not in frf.outputs:
@@ -96,9 +96,7 @@ def measured_curves(
         part = frf.sel(output=output)
         at = np.flatnonzero((part.freq >= record.band_hz[0]) & (part.freq <= record.band_hz[1]) & (part.freq > 0))
         keep = thinned(np.abs(part.data[0, 0, 0]), at, MOST_LINES)
-        curves.append(
-            Curve(label_of(record), part.freq[keep], part.data[0, 0, 0, keep], "measured", part.units[0], colour)
-        )
+        curves.append(Curve(names[k], part.freq[keep], part.data[0, 0, 0, keep], "measured", part.units[0], colour))
     return curves
 
 
@@ -106,7 +104,7 @@ def coherence_curves(
     frfs: Sequence[MeasuredFrequencyResponse], records: Sequence[RecordSummary], chosen: Sequence[int], output: str
 ) -> list[Curve]:
     """Chosen records' coherence of one channel, where it is known."""
-    curves = []
+    curves, names = [], labels_of(records)
     for colour, k in enumerate(chosen):
         frf, record = frfs[k], records[k]
         if output not in frf.outputs:
@@ -117,7 +115,7 @@ def coherence_curves(
         )
         if at.size:
             keep = thinned(row, at, MOST_LINES // 2)
-            curves.append(Curve(label_of(record), frf.freq[keep], row[keep].astype(complex), "coherence", "", colour))
+            curves.append(Curve(names[k], frf.freq[keep], row[keep].astype(complex), "coherence", "", colour))
     return curves
 
 
@@ -139,12 +137,20 @@ def model_curves(
     return list(curves.values())
 
 
-def label_of(record: RecordSummary) -> str:
-    """A record as the legend names it."""
+def labels_of(records: Sequence[RecordSummary]) -> list[str]:
+    """Records as the legend names them: by position, input and level, and by file where these are alike."""
+    short = [_label(r) for r in records]
+    return [
+        text if text and short.count(text) == 1 else f"{text}{', ' if text else ''}{r.name}"
+        for text, r in zip(short, records, strict=True)
+    ]
+
+
+def _label(record: RecordSummary) -> str:
     place = "" if record.position is None else f"y/L = {record.position:g}"
     struck = f"struck at {record.input}" if record.input else ""
-    level = "" if record.level is None else f"{record.level:.3g} {'N' if record.kind else ''}".strip()
-    return ", ".join(p for p in (place, struck, level, record.name) if p)
+    level = "" if record.level is None else f"level {record.level:.3g}"
+    return ", ".join(p for p in (place, struck, level) if p)
 
 
 def thinned(values: FloatArray, at: np.ndarray, most: int) -> np.ndarray:

@@ -24,6 +24,7 @@ def response_figure(
     curves: Sequence[Curve],
     *,
     dark: bool,
+    width: int,
     title: str,
     phase: bool = False,
     coherence: Sequence[Curve] = (),
@@ -31,17 +32,24 @@ def response_figure(
     span: tuple[float, float] | None = None,
     revision: str = "",
 ) -> dict[str, Any]:
-    """Modulus over frequency, and below it the phase or the coherence where asked for."""
+    """
+    Modulus over frequency, and below it the phase or the coherence where asked for.
+
+    A model's curve in the colour of a record is not listed in the legend: dashed the nominal, dotted the corrected one.
+    """
     rows = 1 + phase + bool(coherence)
     traces: list[dict[str, Any]] = []
+    names: list[str] = []
     palette = _DARK if dark else _LIGHT
     for curve in curves:
         colour = _OWN[curve.kind][dark] if curve.colour is None else palette[curve.colour % len(palette)]
         line = {"color": colour, "width": 1.6, "dash": _DASH.get(curve.kind, "solid")}
-        common = {"type": "scatter", "mode": "lines", "legendgroup": curve.name, "line": line, "x": curve.freq.tolist()}
+        common = {"type": "scatter", "mode": "lines", "name": curve.name, "line": line, "x": curve.freq.tolist()}
         size = np.abs(curve.data)
         hover = f"%{{x:.4g}} Hz<br>%{{y:.4g}} {curve.unit}<extra>{curve.name}</extra>"
-        traces.append({**common, "name": curve.name, "y": _plain(size), "hovertemplate": hover})
+        listed = curve.kind not in _DASH or curve.colour is None
+        traces.append({**common, "showlegend": listed, "y": _plain(size), "hovertemplate": hover})
+        names += [curve.name] if listed else []
         if phase:
             angle = np.degrees(np.angle(curve.data))
             # A line across the picture where the phase passes ±180° would say nothing.
@@ -50,7 +58,6 @@ def response_figure(
             traces.append(
                 {
                     **common,
-                    "name": curve.name,
                     "y": _plain(angle),
                     "yaxis": "y2",
                     "showlegend": False,
@@ -61,14 +68,13 @@ def response_figure(
     for curve in coherence:
         traces.append(
             {
-                "type": "scatter", "mode": "lines", "name": curve.name, "showlegend": False, "legendgroup": curve.name,
+                "type": "scatter", "mode": "lines", "name": curve.name, "showlegend": False,
                 "x": curve.freq.tolist(), "y": _plain(curve.data.real), "yaxis": below,
                 "line": {"color": palette[(curve.colour or 0) % len(palette)], "width": 1.0},
                 "hovertemplate": f"%{{x:.4g}} Hz<br>coherence %{{y:.3f}}<extra>{curve.name}</extra>",
             }
         )  # fmt: skip
-    layout = _layout(dark, revision, len(curves))
-    layout["height"] = 330 + 130 * (rows - 1) + 19 * min(len(curves), 12)
+    layout = _layout(dark, revision, names, width, 300 + 130 * (rows - 1))
     domains = _domains(rows)
     layout["yaxis"] |= {
         "type": "log",
@@ -101,7 +107,13 @@ def response_figure(
 
 
 def rail_figure(
-    curves: Sequence[Curve], position: float, *, dark: bool, title: str, extra: tuple[float, str] | None = None
+    curves: Sequence[Curve],
+    position: float,
+    *,
+    dark: bool,
+    width: int,
+    title: str,
+    extra: tuple[float, str] | None = None,
 ) -> dict[str, Any]:
     """Modulus at the working frequency over the positions of the head, the present one marked."""
     traces: list[dict[str, Any]] = [
@@ -119,8 +131,7 @@ def rail_figure(
                 "marker": {"color": _OWN["controller"][dark], "size": 10},
             }
         )  # fmt: skip
-    layout = _layout(dark, "rail", len(traces))
-    layout["height"] = 250 + 19 * len(traces)
+    layout = _layout(dark, "rail", [t["name"] for t in traces], width, 230)
     layout["yaxis"] |= {"title": {"text": title}, "rangemode": "tozero"}
     layout["xaxis"] |= {"title": {"text": "position y/L of the head"}, "range": [0, 1]}
     layout["shapes"] = [_upright(position, dark)]
@@ -133,7 +144,10 @@ _CONFIG: dict[str, Any] = {
 }  # fmt: skip
 
 
-def _layout(dark: bool, revision: str, entries: int) -> dict[str, Any]:
+def _layout(dark: bool, revision: str, names: Sequence[str], width: int, height: int) -> dict[str, Any]:
+    """Colours, axes, and a legend below them that has as many rows as its entries need."""
+    each = max((7.0 * len(name) + 55.0 for name in names), default=1.0)
+    rows = int(np.ceil(len(names) / max(int((width - 90) // each), 1)))
     ink, grid = ("#dfe5ea", "#39424c") if dark else ("#1d2733", "#dfe4e9")
     axis = {
         "gridcolor": grid,
@@ -147,12 +161,13 @@ def _layout(dark: bool, revision: str, entries: int) -> dict[str, Any]:
         "paper_bgcolor": "rgba(0,0,0,0)",
         "plot_bgcolor": "rgba(0,0,0,0)",
         "font": {"color": ink, "size": 12, "family": "system-ui, Helvetica, Arial, sans-serif"},
-        "margin": {"l": 56, "r": 12, "t": 22, "b": 40},
+        "margin": {"l": 56, "r": 12, "t": 22, "b": 48 + 19 * rows},
+        "height": height + 19 * rows,
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "#8a939c", "activecolor": ink},
         "hovermode": "closest",
         "hoverlabel": {"bgcolor": "#222b34" if dark else "#ffffff", "font": {"color": ink}},
-        "showlegend": entries > 0,
-        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": -0.16, "yanchor": "top", "yref": "paper"},
+        "showlegend": bool(names),
+        "legend": {"orientation": "h", "x": 0, "xanchor": "left", "y": 0, "yanchor": "bottom", "yref": "container"},
         "xaxis": dict(axis),
         "yaxis": dict(axis),
         "uirevision": revision or "kept",

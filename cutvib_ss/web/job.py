@@ -65,10 +65,9 @@ class Job:
         status = self._process.poll()
         if status is None:
             return "running"
-        for reader in self._readers:
-            reader.join(2.0)
         if self._ended is None:
             self._ended = time.monotonic()
+            self._close()
         if self._cancelled:
             return "cancelled"
         if status == 0 and self.outcome and all((self.out / n).is_file() for n in (REPORT, RESULT, MACHINE)):
@@ -93,6 +92,7 @@ class Job:
         if self._process.poll() is None:
             self._cancelled = True
             self._kill()
+        _ = self.state  # which closes its pipes
 
     def _kill(self) -> None:
         if hasattr(os, "killpg"):
@@ -101,6 +101,13 @@ class Job:
         else:  # its own processes end with their parent's pipe
             self._process.kill()
         self._process.wait(10.0)
+
+    def _close(self) -> None:
+        for reader in self._readers:
+            reader.join(5.0)
+        for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
 
     def _read(self) -> None:
         assert self._process.stdout is not None

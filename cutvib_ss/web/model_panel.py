@@ -136,6 +136,12 @@ class ModelPanel:
         self.draw()
 
     @property
+    def width(self) -> int:
+        """Width of the pictures [px]: beside the sliders, or under them."""
+        whole = min(self.page.width, 1240)
+        return whole - 350 if self.page.width > 760 else whole
+
+    @property
     def change(self) -> Change:
         """What the sliders add to the model."""
         absorber = None
@@ -158,7 +164,7 @@ class ModelPanel:
         mark = curves.WORKING_FREQUENCY if isinstance(model, Machine) else None
         self.plot.update_figure(
             figures.response_figure(
-                [*found.curves, *self._measured_here(position, output)], dark=dark,
+                [*found.curves, *self._measured_here(position, output)], dark=dark, width=self.width,
                 title=f"{output} [{found.curves[0].unit}]", phase=bool(self.phase.value), mark=mark, span=self.band,
                 revision=f"{output}{self.phase.value}",
             )
@@ -172,7 +178,8 @@ class ModelPanel:
             extra = curves.at_frequency(last, curves.WORKING_FREQUENCY) if last.kind == "controller" else None
             self.rail.update_figure(
                 figures.rail_figure(
-                    curves.along_the_rail(model, output, self.change, curves.WORKING_FREQUENCY), position, dark=dark,
+                    curves.along_the_rail(model, output, self.change, curves.WORKING_FREQUENCY), position,
+                    dark=dark, width=self.width,
                     title=f"at {curves.WORKING_FREQUENCY:g} Hz [{found.curves[0].unit}]",
                     extra=None if extra is None else (extra, last.name),
                 )

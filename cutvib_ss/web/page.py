@@ -20,8 +20,9 @@ _SCHEMES = {"auto": "brightness_auto", "light": "light_mode", "dark": "dark_mode
 class Page:
     """One visitor's page."""
 
-    def __init__(self, session: Session, system_dark: bool) -> None:
+    def __init__(self, session: Session, system_dark: bool, width: int) -> None:
         self.session = session
+        self.width = width
         self.system_dark = system_dark
         self.scheme = "auto"
         self._redraws: list[Callable[[], None]] = []
@@ -38,6 +39,7 @@ class Page:
         self._mode = ui.dark_mode(None)
         ui.on("cutvib_uploaded", self._uploaded)
         ui.on("cutvib_scheme", self._system_scheme)
+        ui.on("cutvib_width", self._new_width)
         with ui.element("header").classes("page-head"):
             ui.html("<b>cutvib_ss</b>", sanitize=False)
             self.title = ui.label().classes("page-title")
@@ -126,6 +128,10 @@ class Page:
         self.system_dark = bool(event.args.get("dark")) if isinstance(event.args, dict) else self.system_dark
         self.redraw()
 
+    def _new_width(self, event: events.GenericEventArguments) -> None:
+        self.width = int(event.args.get("width", self.width)) if isinstance(event.args, dict) else self.width
+        self.redraw()
+
 
 class MeasuredPanel:
     """The records: what they are, and their responses beside the model's."""
@@ -137,7 +143,7 @@ class MeasuredPanel:
             ui.html("<h2>Measured responses</h2>", sanitize=False)
             for sentence in summary.sentences():
                 ui.label(sentence)
-            names = [curves.label_of(r) for r in summary.records]
+            names = curves.labels_of(summary.records)
             with ui.element("div").classes("controls"):
                 self.channel = ui.select(
                     opened.channels, value=opened.channels[0], label="channel", on_change=self.draw
@@ -152,6 +158,7 @@ class MeasuredPanel:
                     self.phase = ui.switch("phase", on_change=self.draw)
                     self.coherence = ui.switch("coherence", on_change=self.draw)
             self.plot = ui.plotly(self._figure()).classes("plot").props('data-plot="measured"')
+            ui.label("In a record's colour: dashed the nominal model, dotted the corrected one.").classes("soft")
             with ui.expansion("Records and what was noticed").classes("fold"):
                 self._table()
                 for warning in summary.warnings:
@@ -175,7 +182,7 @@ class MeasuredPanel:
             if wanted and model is not None and output in model.channels:
                 drawn += curves.model_curves(model, opened.campaign, summary.records, chosen, output, kind)
         return figures.response_figure(
-            drawn, dark=self.page.dark, title=f"{output} [{unit}]", phase=bool(self.phase.value),
+            drawn, dark=self.page.dark, width=self.page.width, title=f"{output} [{unit}]", phase=bool(self.phase.value),
             coherence=curves.coherence_curves(summary.frfs, summary.records, chosen, output) if self.coherence.value else (),
             span=curves.band_of(opened.campaign.machine, summary.records),
             revision=f"{output}{self.phase.value}{self.coherence.value}",

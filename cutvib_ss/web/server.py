@@ -68,8 +68,10 @@ class Server:
         kept = app.storage.tab
         session = self.session(kept.get("session"))
         kept["session"] = session.name
-        dark = await ui.run_javascript("matchMedia('(prefers-color-scheme: dark)').matches", timeout=10.0)
-        Page(session, bool(dark)).build()
+        dark, width = await ui.run_javascript(
+            "[matchMedia('(prefers-color-scheme: dark)').matches, innerWidth]", timeout=10.0
+        )
+        Page(session, bool(dark), int(width)).build()
 
     async def receive(self, name: str, request: Request) -> Response:
         """An upload: the campaign's title, or in one line why it cannot be used."""

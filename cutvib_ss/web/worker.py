@@ -24,7 +24,7 @@ from cutvib_ss.errors import CutvibError
 
 REPORT, RESULT, MACHINE = "report.html", "diagnosis.json", "corrected-machine.toml"
 _PERIOD = 0.4
-_SEARCH = "cutvib_ss.gap."
+_DIAGNOSIS = "cutvib_ss.gap."
 _DEPTH = 2
 
 
@@ -101,13 +101,13 @@ def _watch(thread: int, done: threading.Event) -> None:
 
 
 def step_of(frame: FrameType | None) -> str:
-    """What the outermost functions of the search that a thread is in say of themselves."""
+    """What the outermost functions of the diagnosis that a thread is in say of themselves."""
     texts = [text for code in _codes(frame) if (text := _summary(code))]
-    return texts[: _DEPTH + 1][-1] if texts else ""
+    return ": ".join(texts[:_DEPTH])
 
 
 def _codes(frame: FrameType | None) -> list[CodeType]:
-    """The functions of the search on the stack, outermost first, below the diagnosis itself."""
+    """The functions of the diagnosis on the stack, outermost first, below the diagnosis itself."""
 
     def upwards() -> Iterator[FrameType]:
         here = frame
@@ -115,7 +115,7 @@ def _codes(frame: FrameType | None) -> list[CodeType]:
             yield here
             here = here.f_back
 
-    found = [f.f_code for f in upwards() if str(f.f_globals.get("__name__", "")).startswith(_SEARCH)]
+    found = [f.f_code for f in upwards() if str(f.f_globals.get("__name__", "")).startswith(_DIAGNOSIS)]
     return [code for code in reversed(found) if not code.co_name.startswith("<")][1:]
 
 

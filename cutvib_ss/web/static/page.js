@@ -59,6 +59,16 @@
     for (const entry of entries) files.push(...(await entriesOf(entry, "")));
     send(zone, files);
   });
+  let width = innerWidth;
+  let waiting;
+  addEventListener("resize", () => {
+    clearTimeout(waiting);
+    waiting = setTimeout(() => {
+      if (Math.abs(innerWidth - width) < 40) return;
+      width = innerWidth;
+      emitEvent("cutvib_width", { width });
+    }, 300);
+  });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", (event) => {
     emitEvent("cutvib_scheme", { dark: event.matches });
   });
