@@ -76,7 +76,7 @@ def write_fresh(case: Any, folder: Path) -> None:
     conditions = replace(
         usual, positions=between(usual.positions), file_format="tdms", blows=1, hit_twice=0.0, overloads=0, bits=24,
         wander=0.0, noise=tuple(QUIET * n for n in usual.noise), force_noise=QUIET * usual.force_noise,
-        repeatability=Repeatability(), coupling=(0.0, 0.0), bad=(),
+        repeatability=Repeatability(), coupling=(0.0, 0.0), bad=(), resolved=usual.noise,
     )  # fmt: skip
     files.write(TrueCampaign(case.rig, conditions, case.seed + 1), case.nominal, folder)
 

@@ -24,7 +24,7 @@ from cutvib_ss.errors import ParameterError
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Told the stage, the cases that are done, and how many there are."""
 
-REDRAWS = 3
+REDRAWS = 20
 """Times that a case is drawn anew, with other seeds, where the rig's solver fails."""
 
 

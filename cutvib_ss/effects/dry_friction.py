@@ -45,15 +45,17 @@ class DryFriction(LawElement):
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
         ideal = [{"torque": float(r) * s.force} for r in np.geomspace(0.003, 1.5, 8)]
-        elastic = ((r, k) for k in (1.0, 10.0) for r in (0.01, 0.05, 0.25, 1.0))
-        return ideal + [{"torque": r * s.force, "sticking_stiffness": k * s.stiffness} for r, k in elastic]
+        elastic = ((r, k) for k in (0.01, 1.0, 10.0) for r in (0.01, 0.05, 0.25, 1.0))
+        return ideal + [
+            {"torque": r * min(k, 1.0) * s.force, "sticking_stiffness": k * s.stiffness} for r, k in elastic
+        ]
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         full = scale.stiffness * scale.motion
         return {
-            "torque": (2e-4 * full, 3.0 * full),
-            "sticking_stiffness": (1e-2 * scale.stiffness, 1e4 * scale.stiffness),
+            "torque": (1e-6 * full, 3.0 * full),
+            "sticking_stiffness": (1e-4 * scale.stiffness, 1e4 * scale.stiffness),
         }
 
     @classmethod

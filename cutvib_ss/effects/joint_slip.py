@@ -51,13 +51,14 @@ class JointSlip(LawElement):
 
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
-        sizes = ((r, q) for r in (0.05, 0.25, 1.0) for q in (0.03, 0.15, 0.6, 1.5))
+        # A slip that a lightly damped resonance shows may be as weak as its loss factor beside the spring.
+        sizes = ((r, q) for r in (0.003, 0.012, 0.05, 0.25, 1.0) for q in (0.03, 0.15, 0.6, 1.5))
         return ({"stiffness": r * s.stiffness, "slip_torque": q * r * s.force, "spread": 0.5} for r, q in sizes)
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         k, full = scale.stiffness, scale.stiffness * scale.motion
-        return {"stiffness": (3e-3 * k, 3.0 * k), "slip_torque": (2e-4 * full, 3.0 * full), "spread": (0.0, 1.0)}
+        return {"stiffness": (1e-4 * k, 3.0 * k), "slip_torque": (1e-6 * full, 3.0 * full), "spread": (0.0, 1.0)}
 
     @classmethod
     def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:

@@ -10,6 +10,7 @@ where no single cause is.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 from cutvib_ss.effects.base import Model
@@ -25,8 +26,10 @@ from cutvib_ss.gap.ranking import (
     ENOUGH,
     LATER_STEPS,
     LAW_STEPS,
+    MOST_STEPS,
     ROUGH,
     Ranked,
+    cost,
     first_steps,
     on_all_lines,
     ranked_by_gain,
@@ -34,8 +37,9 @@ from cutvib_ss.gap.ranking import (
 )
 from cutvib_ss.gap.records import Records
 from cutvib_ss.gap.scan import Scan
-from cutvib_ss.gap.verdict import sufficient
+from cutvib_ss.gap.unknown_element import UnknownElement, unknown_candidates
 from cutvib_ss.gap.workers import Workers
+from cutvib_ss.results import FloatArray
 
 REFINED = 3
 """Linear causes that are fitted again on all lines, at least."""
@@ -49,6 +53,10 @@ MOST_REFINED, MOST_STARTED = 6, 3
 """Of the causes that are simulated so many are looked at more closely, and so many fitted: those that promise most."""
 CAUGHT = 5.0
 """Log evidence by which a cause has to lead before the model without one is tuned again from there."""
+LEFT, LEFT_OF_GAP = 1.05, 2e-4
+"""χ² a datum, and part of the gap's own, below which nothing more is tried beside the best cause: it saves time, no more."""
+UNKNOWN_REFINED = 3
+"""Unknown elements, alone and beside a cause, that are fitted on all lines."""
 LEADS = 0.1
 """Part of the excess that a single cause has to take away before a second one is tried on top: else neither is known."""
 
@@ -93,7 +101,7 @@ def search(
     linear = candidates(nominal, observed.band, observed.channels)
     rough = _rough(nominal, few, linear, workers)
     alone = {c.name: f.hypothesis.effects[0] for c, f in rough}
-    ranked = on_all_lines(nominal, records, rough, REFINED, (scout.objective, none.fit.log_evidence), workers)
+    ranked = on_all_lines(nominal, records, rough, REFINED, (cost(scout), none.fit.log_evidence), workers)
     none = _not_caught(nominal, records, none, ranked)
     by_level = level_stands_out(records)
     dependent: Sequence[Candidate] = ()
@@ -116,6 +124,8 @@ def search(
     if pairs and none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
         seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
         ranked += fit_pairs(nominal, records, ranked, seconds, motion, workers)
+    if none.reduced > ENOUGH and not _enough(ranked, none, leaves):
+        ranked += _unknown(nominal, records, few, observed, ranked, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
         best.setdefault(r.name, r)
@@ -132,13 +142,44 @@ def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence
 
 
 def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], float]) -> bool:
-    """Whether the best cause leaves no more than a right one would."""
+    """Whether the best cause leaves so little that nothing more need be tried."""
     best = max(ranked, key=lambda r: r.fit.log_evidence)
-    if best.fit.log_evidence <= none.fit.log_evidence:
+    if best.fit.log_evidence <= none.fit.log_evidence or not best.refined:
         return False
     # What a law leaves tells only beside what is not known of the force; a linear one leaves as much elsewhere.
-    linear = best.fit.hypothesis.linear
-    return sufficient(best.reduced if linear else leaves(best), none.reduced, linear)
+    left = best.reduced if best.fit.hypothesis.linear else leaves(best)
+    return left < LEFT + LEFT_OF_GAP * max(none.reduced - 1.0, 0.0)
+
+
+def _unknown(
+    nominal: Model,
+    records: Records,
+    few: Records,
+    observed: Observations,
+    ranked: Sequence[Ranked],
+    workers: Workers,
+) -> list[Ranked]:
+    """An unknown element at each port, alone and beside the best linear cause."""
+    alone = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band)]
+    linear = [r for r in ranked if r.refined and r.fit.hypothesis.linear and len(r.fit.hypothesis.effects) == 1]
+    beside: list[tuple[Hypothesis, FloatArray | None]] = [(h, None) for h in alone]
+    if linear:
+        best = max(linear, key=lambda r: r.fit.log_evidence)
+        own = best.fit.hypothesis
+        if own.effect != UnknownElement.effect:
+            beside += [(replace(own, effects=(*own.effects, *h.effects)), best.fit.x) for h in alone]
+    hypotheses, warm = [h for h, _ in beside], [x for _, x in beside]
+    warm = [None if x is None else x[: linear[0].fit.first_effect] for x in warm]
+    tried = workers.map(partial(first_steps, nominal, few, steps=LATER_STEPS), hypotheses, warm)
+    out: list[Ranked] = []
+    for count in (1, 2):
+        found = [f for f in tried if f is not None and len(f.hypothesis.effects) == count]
+        for f in sorted(found, key=cost)[:UNKNOWN_REFINED]:
+            ports = [getattr(e, "port", e.place) + f" {getattr(e, 'scale', 0.0):.3g}" for e in f.hypothesis.effects]
+            name = " + ".join(f"{e.effect} {p}" for e, p in zip(f.hypothesis.effects, ports, strict=True))
+            again = fit(nominal, records, f.hypothesis, f.x, MOST_STEPS)
+            out.append(Ranked(name, again, True))
+    return out
 
 
 def _gained(ranked: Sequence[Ranked], none: Ranked) -> float:
@@ -151,7 +192,7 @@ def _rival(nominal: Model, outlook: Records, ranked: Sequence[Ranked]) -> tuple[
     """The best linear cause on the records on which laws start: its objective there, its evidence on all."""
     best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
     there = fit(nominal, outlook, best.fit.hypothesis, best.fit.x, LATER_STEPS, ROUGH)
-    return there.objective, best.fit.log_evidence
+    return cost(there), best.fit.log_evidence
 
 
 def _rough(nominal: Model, few: Records, found: Sequence[Candidate], workers: Workers) -> list[tuple[Candidate, Fit]]:
@@ -159,7 +200,7 @@ def _rough(nominal: Model, few: Records, found: Sequence[Candidate], workers: Wo
     scan = Scan(nominal, few, Hypothesis(), None, {}, apart=False)
     fits = workers.map(partial(_scouted, nominal, few, scan), found)
     pairs = [(c, f) for c, f in zip(found, fits, strict=True) if f is not None]
-    return sorted(pairs, key=lambda pair: pair[1].objective)
+    return sorted(pairs, key=lambda pair: cost(pair[1]))
 
 
 def _scouted(nominal: Model, few: Records, scan: Scan, candidate: Candidate) -> Fit | None:
@@ -171,7 +212,7 @@ def _scouted(nominal: Model, few: Records, scan: Scan, candidate: Candidate) -> 
     tries = [f for h in starts[:CLIMBED] if (f := first_steps(nominal, few, h, None, FIRST_STEPS)) is not None]
     if not tries:
         return None
-    best = min(tries, key=lambda f: f.objective)
+    best = min(tries, key=cost)
     return fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)
 
 
@@ -187,4 +228,4 @@ def _rough_laws(
         partial(first_steps, nominal, outlook, warm=None, steps=LAW_STEPS), [s.hypothesis for _, s in promising]
     )
     out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]
-    return sorted(out, key=lambda pair: pair[1].objective)
+    return sorted(out, key=lambda pair: cost(pair[1]))

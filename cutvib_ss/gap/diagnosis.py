@@ -11,8 +11,7 @@ from threadpoolctl import threadpool_limits
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.gap import shrinkage, where
-from cutvib_ss.gap.calibration import Evidence, posterior, shipped, tempered
-from cutvib_ss.gap.candidate_evidence import at_their_ends, evidence_of, unspecific
+from cutvib_ss.gap.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.gap.cause import search
 from cutvib_ss.gap.detail import found
 from cutvib_ss.gap.fit import Fit
@@ -23,17 +22,22 @@ from cutvib_ss.gap.metrics import Sides
 from cutvib_ss.gap.next_test import next_test
 from cutvib_ss.gap.observations import Observations, observe
 from cutvib_ss.gap.place import Located, locate
+from cutvib_ss.gap.posterior import Counts, kind_of, probabilities
 from cutvib_ss.gap.problem import Problem
 from cutvib_ss.gap.ranking import ENOUGH, Ranked
 from cutvib_ss.gap.records import Entry, Records, merged
+from cutvib_ss.gap.repeats import repeatability
 from cutvib_ss.gap.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
-from cutvib_ss.gap.verdict import ambiguity_set, verdict
+from cutvib_ss.gap.unknown_element import AMPLITUDES, ports_of
+from cutvib_ss.gap.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.gap.workers import Workers
 from cutvib_ss.measurement.records import Campaign
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 
 JUDGED = 3
 """Causes that are judged on held-out records, at least while they carry any probability."""
+STANDS_OUT = 1.1
+"""χ² a datum of the re-tuned model from which its gap stands out of noise, tuning and repeatability."""
 BAND_WIDTH = 5.0
 """Width over which the error is averaged to find the bands that stand out [Hz]."""
 
@@ -120,13 +124,15 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     ranked = search(nominal, records, observed, lambda r: judged(r).reduced, workers)
     none, causes = ranked[0], ranked[1:]
     problem = Problem(nominal, records.merged, Hypothesis())
-    evidence = Evidence(
-        log_evidence={r.name: r.fit.log_evidence for r in ranked},
-        causes={r.name: len(r.fit.hypothesis.effects) for r in ranked},
-        reduced=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
-        unspecific=frozenset(r.name for r in ranked if unspecific(r)),
-    )
-    odds = tempered(evidence, shipped())
+    known = {
+        (r.fit.hypothesis.effect, r.fit.hypothesis.place): 0 for r in ranked if kind_of(r.fit.hypothesis) == "known"
+    }
+    for r in ranked:
+        if kind_of(r.fit.hypothesis) == "known":
+            known[r.fit.hypothesis.effect, r.fit.hypothesis.place] += 1
+    ports = list(ports_of(nominal).values())
+    variants = {**known, **{("unknown", p): len(AMPLITUDES) * ports.count(p) for p in ports}}
+    odds = probabilities(ranked, Counts(len(known), len(set(ports))), variants)
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = shrinkage.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)
@@ -143,17 +149,16 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
     after = held[first.name]
     levels = where.level_dependence(fitted)
-    evidence = replace(evidence, held={name: h.reduced for name, h in held.items()})
-    odds = posterior(evidence, shipped())
-    unknown = odds["unknown"]
     by_level = bool(levels > where.LEVEL_EXCESS) or level_stands_out(records)
     located, hum = Located(), None
     if by_level or none.reduced > ENOUGH:
         located = locate(nominal, none.fit, fitted, problem.blow_at(none.fit.x), by_level)
         hum = mains(nominal, none.fit, records)
         located = located if hum is None else hums(located, hum)
-    rows = _causes(none, shown, odds, unknown, located.best, held, before, observed)
-    result = verdict(rows)
+    rows = _causes(none, shown, odds, located.best, held, before, observed)
+    interval = shrinkage.shrinkage_interval(before, after.records, seed)
+    stands_out = none.reduced > STANDS_OUT or first is not none
+    result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end))
     chosen = none.fit if result == "no_gap" else after.ranked.fit
     figures = _figures(observed, before, tuned, held[none.name] if result == "no_gap" else after, seed)
     remaining = [r for r in ranked if odds[r.name] > 0.02][:4]
@@ -162,7 +167,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         test = next_test(
             [r.fit.model for r in remaining], [r.name for r in remaining], fitted, [odds[r.name] for r in remaining]
         )
-    places = _places(rows, unknown, located.odds)
+    places = _places(ranked, odds)
     bands_hz = _bands(problem, none.fit)
     second = other if first is shown[0] else shown[0]
     sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
@@ -176,6 +181,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             by_position=where.by_position(tuned.records, observed.per_unit),
             by_channel=where.by_channel(tuned.records, observed.channels, observed.per_unit),
             level_dependent=by_level,
+            place_set=place_set(places),
         ),
         causes=rows,
         ambiguity_set=ambiguity_set(rows),
@@ -188,8 +194,10 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         evidence=tuple(
             evidence_of(r, held[r.name].reduced if r.name in held else float("nan"), r.name in held) for r in ranked
         ),
-        reduced_chi2=evidence.reduced,
+        reduced_chi2=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
         data_count=problem.count,
+        sizes=dict(vars(chosen.spread.sizes)),
+        repeatability=repeatability(fitted),
         findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
     )
 
@@ -204,7 +212,6 @@ def _causes(
     none: Ranked,
     shown: Sequence[Ranked],
     odds: dict[str, float],
-    unknown: float,
     unknown_place: str,
     held: dict[str, _Held],
     before: Sequence[shrinkage.Judged],
@@ -228,9 +235,23 @@ def _causes(
             after=after / observed.per_unit,
             shrinkage=1.0 - after / start,
             reduced_chi2=held[r.name].reduced if r.name in held else float("nan"),
+            share=float("nan") if key[0] in ("none", "unknown") else _share(held.get("none"), held.get(r.name)),
         )
-    out = [*rows.values(), Cause("unknown", unknown_place, unknown)]
+    unknown = [c for c in rows.values() if c.effect == "unknown"]
+    # One row for an unknown element, at the place where it is likeliest.
+    best = max(unknown, key=lambda c: c.probability, default=Cause("unknown", unknown_place, 0.0))
+    out = [c for c in rows.values() if c.effect != "unknown"]
+    out.append(replace(best, probability=sum(c.probability for c in unknown), parameters={}))
     return tuple(sorted(out, key=lambda c: -c.probability))
+
+
+def _share(tuned: _Held | None, after: _Held | None) -> float:
+    """Part of the excess over noise and repeatability that a cause closes on held-out records."""
+    if tuned is None or after is None:
+        return float("nan")
+    start, end = (float(np.mean([j.squares for j in h.records])) for h in (tuned, after))
+    floor = min(float(np.mean([j.floor for j in after.records])), start)
+    return float(np.clip((start - end) / max(start - floor, 1e-300), 0.0, 1.0)) if start > end else 0.0
 
 
 def _parameters(fit: Fit) -> dict[str, FittedParameter]:
@@ -271,13 +292,12 @@ def _figures(
     )
 
 
-def _places(rows: Sequence[Cause], unknown: float, place_odds: dict[str, float]) -> tuple[tuple[str, float], ...]:
-    total: dict[str, float] = {}
-    for row in rows:
-        if row.effect != "unknown":
-            total[row.place] = total.get(row.place, 0.0) + row.probability
-    for place, share in place_odds.items():
-        total[place] = total.get(place, 0.0) + unknown * share
+def _places(ranked: Sequence[Ranked], odds: dict[str, float]) -> tuple[tuple[str, float], ...]:
+    """Probability of each place, or places of a sum: that of the hypotheses there."""
+    total: dict[str, float] = {"none": odds["none"]}
+    for r in ranked[1:]:
+        place = r.fit.hypothesis.place
+        total[place] = total.get(place, 0.0) + odds[r.name]
     return tuple(sorted(total.items(), key=lambda item: -item[1]))
 
 

@@ -69,6 +69,8 @@ class Fit:
         Standard deviation of each effect's parameter, in order ``<index>.<name>``.
     at_end : tuple of str
         Parameters of the effects that lie at an end of their range, ``<index>.<name>``, where other values lie beyond.
+    correlation : float
+        Number of neighbouring lines whose residuals go together; 1 where they are white.
     spread : Spread
         Drift and discrepancy: their sizes, and what the records say of them.
     """
@@ -85,6 +87,7 @@ class Fit:
     log_evidence: float
     stds: Mapping[str, float]
     at_end: tuple[str, ...]
+    correlation: float
     spread: Spread
 
 
@@ -358,6 +361,14 @@ def _finished(problem: Problem, search: _Search, quadratic: Quadratic) -> Fit:
         inner = slice(problem.size, None)
         offsets[inner] = quadratic.offsets[inner] / quadratic.layout.scale(search.sizes)[inner]
         offsets[inner] += linalg.solve(own[inner, inner], pull[inner], assume_a="pos")
+    correlation = 1.0
+    if search.spread:
+        step = np.zeros(own.shape[0])
+        step[problem.size :] = offsets[problem.size :]
+        scale = quadratic.layout.scale(search.sizes)
+        step[problem.size :] -= quadratic.offsets[problem.size :] / scale[problem.size :]
+        directions = Directions(problem, search.at.each, search.at.predictions, like=quadratic.layout)
+        correlation = directions.correlation(search.at.residuals, step * scale)
     stds = {}
     for i, (k, name, r) in enumerate(problem.parameters):
         j = problem.first_effect + i
@@ -381,5 +392,6 @@ def _finished(problem: Problem, search: _Search, quadratic: Quadratic) -> Fit:
         log_evidence=quadratic.summed(search.sizes, search.known),
         stds=stds,
         at_end=at_end,
+        correlation=correlation,
         spread=Spread(quadratic.layout, search.sizes, offsets, own),
     )

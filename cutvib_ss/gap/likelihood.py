@@ -52,6 +52,8 @@ SAMPLED, LEFT, MOST_PIVOTS = 25, 0.02, 40
 """Points of a record, variance left and number of pivots for the process behind a cause's discrepancy."""
 SMALL, TURNS = 1e-4, 6
 """Drift that moves a response in proportion, and turns in which a larger one of a held-out session is found."""
+MOST_LAGS, CORRELATED = 60, 0.1
+"""Lags over which residuals are correlated at most, and the correlation that stands out."""
 MARGIN = 1e-9
 """Precision that keeps a normal matrix regular."""
 
@@ -207,6 +209,27 @@ class Directions:
             gradient[index] += flat @ _real(residuals[i][None, rows, c])[0]
         return matrix, gradient
 
+    def correlation(self, residuals: Sequence[ComplexArray], coefficients: FloatArray) -> float:
+        """
+        Integrated correlation of the residuals along frequency, 1 + 2 Σ ρ, the directions taken out with their coefficients.
+
+        The sum ends at the first lag whose correlation does not stand out (Sokal 1997, on autocorrelation times).
+        """
+        sums: dict[int, float] = {}
+        for i, rows, c, index, part in self.chunks():
+            r = residuals[i][rows, c] - np.tensordot(coefficients[index], part, 1)
+            for lag in range(min(MOST_LAGS, r.shape[-1] // 3)):
+                power = float(np.sum((r[:, lag:] * r[:, : r.shape[-1] - lag].conj()).real))
+                sums[lag] = sums.get(lag, 0.0) + power * r.shape[-1] / (r.shape[-1] - lag)
+        count = sum(g.data.size for g in self.groups)
+        total = 1.0
+        for lag in range(1, len(sums)):
+            rho = sums[lag] / max(sums[0], 1e-300)
+            if rho < max(CORRELATED, 2.0 / np.sqrt(count)):
+                break
+            total += 2.0 * rho
+        return total
+
     def flat(self) -> FloatArray:
         """All columns over all data, shape (column, datum): of each group the real parts, then the imaginary ones."""
         size = sum(g.data.size for g in self.groups)
@@ -265,9 +288,9 @@ class Spread:
         x: FloatArray,
         name: tuple[float | str, ...],
         show: Callable[[FloatArray], tuple[Predicted, ComplexArray]],
-    ) -> FloatArray:
+    ) -> tuple[FloatArray, float]:
         """
-        χ² a datum of one record under the posterior predictive, by channel.
+        χ² a datum of one record under the posterior predictive, by channel, and the mean square that drift alone leaves.
 
         The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. The drift of
         a session that was not fitted is taken where the record has it, and pays its prior.
@@ -299,8 +322,14 @@ class Spread:
                 z[at] += linalg.solve(matrix, pulled, assume_a="pos", check_finite=False)[at]
         out = np.empty(residual.shape[0])
         known = 0.0 if not new else float(z[at] @ z[at])
+        drifts = []
         for _, _, c, index, part in chunks:
             flat = _real(part) * scale[index, None]
+            moving = (index >= lay.unknowns) & (index < lay.first_nominal)
+            variance = shown.group.variance[0, c] / 2
+            drifts.append(
+                float(np.mean(np.sum(np.abs(part[moving, 0] * scale[index[moving], None]) ** 2, axis=0) * variance))
+            )
             r = _real(residual[None, c])[0] - mean[index] @ flat
             inner, pulled = own.precision.copy(), np.zeros(lay.size)
             inner[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
@@ -309,7 +338,7 @@ class Spread:
                 pulled[at] -= z[at]
             gain = pulled @ linalg.solve(inner, pulled, assume_a="pos", check_finite=False)
             out[c] = (r @ r / own.sizes.noise + known - gain) / r.size
-        return out
+        return out, float(np.mean(drifts))
 
 
 @dataclass(frozen=True)

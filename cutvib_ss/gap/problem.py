@@ -28,8 +28,8 @@ BLOW_AT_PRIOR = (0.05, 0.05)
 """Mean and standard deviation of the instant of a blow that no record states [s]."""
 FARTHEST = 50.0
 """Standard deviations beyond which no coefficient of an unknown element is followed."""
-WITHIN = 4.0
-"""Standard deviations that tuning may move a value and calibration may err: beyond that it is a cause."""
+WITHIN = 8.0
+"""Standard deviations beyond which no tuned value or calibration error is followed: its prior holds it long before."""
 
 
 class Problem:

@@ -65,8 +65,8 @@ class Ranked:
 
     @property
     def reduced(self) -> float:
-        """χ² a degree of freedom of what it was fitted to."""
-        return self.fit.chi2 / self.fit.count
+        """χ² a datum against the noise as stated."""
+        return self.fit.chi2 * self.fit.spread.sizes.noise / self.fit.count
 
 
 def on_all_lines(
@@ -107,14 +107,14 @@ def on_all_lines(
     list of Ranked
         Those fitted on all lines first, then the others with a bound for their evidence.
     """
-    ahead = rough[0][1].objective if rough else 0.0
+    ahead = cost(rough[0][1]) if rough else 0.0
     chosen: list[tuple[Candidate, Fit]] = []
     left_out: list[tuple[Candidate, Fit]] = []
     for i, (candidate, start) in enumerate(rough):
-        behind = start.objective - ahead
+        behind = cost(start) - ahead
         wanted = (behind < close and i < most) or (behind < FAR and i < least)
-        hopeless = not start.hypothesis.linear and start.chi2 > HOPELESS * start.count
-        near = start.objective - rival[0] < CLOSE and wanted and not hopeless
+        hopeless = not start.hypothesis.linear and start.chi2 > HOPELESS * start.count and cost(start) > rival[0]
+        near = cost(start) - rival[0] < CLOSE and wanted and not hopeless
         (chosen if near else left_out).append((candidate, start))
     steps = [MOST_STEPS if f.hypothesis.linear else MOST_LAW_STEPS for _, f in chosen]
     starts = [f for _, f in chosen]
@@ -126,9 +126,14 @@ def on_all_lines(
     each = max(0.5, (best - rival[1]) / lead) if ranked and lead > 1.0 else 0.5
     front = ahead if ranked else rival[0]
     for candidate, start in left_out:
-        bound = best - each * (start.objective - front)
+        bound = best - each * (cost(start) - front)
         ranked.append(Ranked(candidate.name, replace(start, log_evidence=bound), False))
     return ranked
+
+
+def cost(fitted: Fit) -> float:
+    """Twice the negative log evidence: what a χ² is worth once the freedom that it took is paid for."""
+    return -2.0 * fitted.log_evidence
 
 
 def some(outlook: Records) -> Records:

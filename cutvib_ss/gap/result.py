@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
@@ -13,7 +14,9 @@ from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 from cutvib_ss.results.display import Drawn, Table
 
 SCHEMA = "cutvib-diagnosis/1"
-Verdict: TypeAlias = Literal["no_gap", "explained", "ambiguous", "unknown"]
+PRIORS = {"none": 0.5, "known": 0.3, "unknown": 0.1, "sums": 0.1}
+"""Prior of each kind of hypothesis. A machine is measured because somebody doubts its model, but most parts of it are right."""
+Verdict: TypeAlias = Literal["no_gap", "explained", "partly_explained", "ambiguous", "unknown"]
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,8 @@ class Where:
         The error over positions and channels.
     level_dependent : bool
         Whether the response changes with the excitation level.
+    place_set : tuple of str
+        The smallest set of places that carries 0.95.
     """
 
     place: str
@@ -88,6 +93,30 @@ class Where:
     by_position: tuple[ErrorFigure, ...]
     by_channel: tuple[ErrorFigure, ...]
     level_dependent: bool
+    place_set: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Limit:
+    """
+    How much of a cause that was not named the data still allow.
+
+    Parameters
+    ----------
+    effect, place, parameter, unit : str
+        The cause, the parameter that states its size, and its SI unit.
+    allowed : float
+        95 % bound of its size beside the accepted answer; of a compliance the lowest stiffness.
+    visible : float
+        Size at which it would be named with 0.9 in half of repetitions.
+    """
+
+    effect: str
+    place: str
+    parameter: str
+    unit: str
+    allowed: float
+    visible: float
 
 
 @dataclass(frozen=True)
@@ -127,6 +156,8 @@ class Cause:
         Error left on held-out records, and 1 - after/before.
     reduced_chi2 : float
         χ² a degree of freedom on held-out records.
+    share : float
+        Part of the excess over noise and repeatability that it closes on held-out records; NaN for none and unknown.
     """
 
     effect: str
@@ -136,6 +167,7 @@ class Cause:
     after: float = math.nan
     shrinkage: float = math.nan
     reduced_chi2: float = math.nan
+    share: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -257,6 +289,13 @@ class Diagnosis(Drawn):
         Real data that the candidates were fitted to.
     findings : Findings
         What was found beside: distances, bands, the free dynamic stiffness at the place, and what it means.
+    limits : tuple of Limit
+        Of causes not named, each added to the accepted answer.
+    repeatability : float
+        rms(H_a - H_b) beyond noise over √2 rms(H), of records of the same thing; NaN where none repeat.
+    sizes : mapping of str to float
+        Of the accepted answer: ``drift`` between sessions, discrepancy of the ``nominal`` elements and of the ``cause`` (relative
+        standard deviations), and the factor on the variance of the ``noise``.
     """
 
     verdict: Verdict
@@ -274,6 +313,9 @@ class Diagnosis(Drawn):
     reduced_chi2: float = math.nan
     data_count: int = 0
     findings: Findings = field(default_factory=Findings)
+    limits: tuple[Limit, ...] = ()
+    repeatability: float = math.nan
+    sizes: Mapping[str, float] = field(default_factory=dict)
 
     def _table(self) -> Table:
         g, rows = self.gap, []
@@ -314,6 +356,7 @@ class Diagnosis(Drawn):
             },
             "where": {
                 "place": w.place,
+                "place_set": list(w.place_set),
                 "places": [{"place": p, "probability": q} for p, q in w.places],
                 "bands_hz": [list(b) for b in w.bands_hz],
                 "by_position": [{"position": f.label, "error": f.error, "noise": f.noise} for f in w.by_position],
@@ -332,9 +375,14 @@ class Diagnosis(Drawn):
                     "after": c.after,
                     "shrinkage": c.shrinkage,
                     "reduced_chi2": c.reduced_chi2,
+                    "share": c.share,
                 }
                 for c in self.causes
             ],
+            "limits": [dict(vars(x)) for x in self.limits],
+            "repeatability": self.repeatability,
+            "priors": dict(PRIORS),
+            "likelihood": dict(self.sizes),
             "ambiguity_set": list(self.ambiguity_set),
             "next_test": None if self.next_test is None else dict(vars(self.next_test)),
             "meaning": self.findings.means(),

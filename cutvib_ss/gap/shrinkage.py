@@ -69,6 +69,8 @@ class Judged:
         χ² a degree of freedom.
     predicted : ndarray, shape (channel, frequency)
         What was predicted of it.
+    squares, floor : float
+        Mean square of the error, and of what noise and drift leave of a right model; over channels and lines.
     """
 
     entry: Entry
@@ -76,6 +78,8 @@ class Judged:
     noise: FloatArray
     chi2: FloatArray
     predicted: ComplexArray
+    squares: float = 0.0
+    floor: float = 0.0
 
 
 def folds(observations: Observations, fraction: float | None, seed: int) -> tuple[Fold, ...]:
@@ -313,7 +317,7 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
     noise = np.sqrt(np.pi * e.variance) / 2
     total = e.variance + shown.variance
     if problem is None or fitted is None or isinstance(shown.seen, Simulated) != isinstance(problem, SimulatedProblem):
-        chi2 = np.mean(error**2 / total, axis=1)
+        chi2, drifts = np.mean(error**2 / total, axis=1), 0.0
     else:
         blow_at = problem.blow_at(fitted.x)
 
@@ -321,8 +325,10 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
             there = shown if np.array_equal(x, fitted.x) else predicted(e, problem.applied(x), blow_at, problem, x)
             return there.seen, (e.data - there.data) * np.sqrt(2.0 / total)
 
-        chi2 = fitted.spread.left(problem, fitted.x, session_of(e), show)
-    return Judged(e, error.mean(axis=1), noise.mean(axis=1), chi2, shown.data)
+        chi2, drifts = fitted.spread.left(problem, fitted.x, session_of(e), show)
+        total = fitted.spread.sizes.noise * total
+    floor = float(total.mean() + drifts)
+    return Judged(e, error.mean(axis=1), noise.mean(axis=1), chi2, shown.data, float(np.mean(error**2)), floor)
 
 
 def mean_error(records: Sequence[Judged]) -> float:

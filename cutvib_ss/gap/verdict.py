@@ -3,41 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
-from cutvib_ss.gap.calibration import probability_unknown, shipped
 from cutvib_ss.gap.result import Cause, Verdict
 
 SURE = 0.9
 SET = 0.95
-
-
-LINEAR_LEAVES = 2e-4
-"""Part of the re-tuned model's excess that a right linear cause may leave: it is not simulated, and nothing in it is guessed."""
-
-
-def sufficient(reduced: float, tuned: float, linear: bool) -> bool:
-    """
-    Whether what a cause leaves is no more than a right one would.
-
-    Parameters
-    ----------
-    reduced : float
-        Reduced χ² with the cause.
-    tuned : float
-        Reduced χ² of the re-tuned model.
-    linear : bool
-        Whether the cause is linear.
-
-    Returns
-    -------
-    bool
-        True up to the point at which "unknown" is as probable.
-    """
-    numbers = shipped()
-    if linear:
-        numbers = replace(numbers, of_the_gap=min(numbers.of_the_gap, LINEAR_LEAVES))
-    return probability_unknown(reduced, tuned, numbers) < 0.5 * numbers.most_unknown
+HALF = 0.5
 
 
 def ambiguity_set(causes: Sequence[Cause]) -> tuple[int, ...]:
@@ -63,26 +34,52 @@ def ambiguity_set(causes: Sequence[Cause]) -> tuple[int, ...]:
     return tuple(out)
 
 
-def verdict(causes: Sequence[Cause]) -> Verdict:
+def verdict(causes: Sequence[Cause], stands_out: bool = True, shrinks: bool = True, at_end: bool = False) -> Verdict:
     """
-    What may be concluded.
+    What may be concluded; the first that holds.
 
     Parameters
     ----------
     causes : sequence of Cause
         Most probable first.
+    stands_out : bool
+        Whether the gap stands out of noise, tuning and repeatability.
+    shrinks : bool
+        Whether the interval of the shrinkage lies above zero.
+    at_end : bool
+        Whether a parameter of the best cause lies at the end of its range.
 
     Returns
     -------
-    {"no_gap", "explained", "ambiguous", "unknown"}
+    {"no_gap", "unknown", "explained", "partly_explained", "ambiguous"}
         The verdict.
     """
     best = causes[0]
-    if best.effect == "none":
-        return "no_gap" if best.probability >= 0.5 else "ambiguous"
-    if best.effect == "unknown":
+    none = next((c.probability for c in causes if c.effect == "none"), 0.0)
+    if none >= HALF or not stands_out:
+        return "no_gap"
+    if sum(c.probability for c in causes if c.effect == "unknown") > HALF:
         return "unknown"
-    unknown = next((c.probability for c in causes if c.effect == "unknown"), 0.0)
-    if unknown >= 0.5:
-        return "unknown"
-    return "explained" if best.probability >= SURE else "ambiguous"
+    partly: dict[tuple[str, str], float] = {}
+    for c in causes:
+        known, _, last = c.effect.rpartition("+")
+        if last == "unknown" and known:
+            key = (known, c.place.rpartition("+")[0])
+            partly[key] = partly.get(key, 0.0) + c.probability
+    if shrinks and not at_end:
+        if best.probability >= SURE and best.effect not in ("none", "unknown") and not best.effect.endswith("+unknown"):
+            return "explained"
+        if max(partly.values(), default=0.0) >= SURE:
+            return "partly_explained"
+    return "ambiguous"
+
+
+def place_set(places: Sequence[tuple[str, float]]) -> tuple[str, ...]:
+    """The smallest set of places that carries 0.95."""
+    total, out = 0.0, []
+    for place, p in places:
+        out.append(place)
+        total += p
+        if total >= SET - 1e-9:
+            break
+    return tuple(out)

@@ -73,7 +73,8 @@ def test_the_head_has_the_papers_mass_matrix() -> None:
 )
 def test_the_quick_way_is_what_exudyn_steps(law: Law | None) -> None:
     # 15 N: the large rotations that only exudyn knows are then a few parts in ten thousand
-    fs, peak = 64000.0, 15.0
+    # exudyn's own steps must be shorter where a slider sticks: its difference to the quick way falls from 1.1e-3 at 64 kHz to 2e-4
+    fs, peak = 128000.0 if law and law.kind == "jenkins" else 64000.0, 15.0
     force = pulse(peak, fs, 0.03)
     rig = Rig().fitted(laws=(law,) if law else ())
     quick = rig.fitted(laws=(law or Law("joint2", "cubic", (0.0,)),))
@@ -121,7 +122,7 @@ def test_both_quick_ways_agree_on_a_linear_machine() -> None:
     in_frequency = linear_answer(Rig(), machine, antialiased(force)[None], FS)[0]
     scale = np.abs(in_frequency).max(axis=1, keepdims=True)
     early = slice(0, round(2.0 * FS))
-    assert np.abs((in_time - in_frequency)[:, early] / scale).max() < 1e-4
+    assert np.abs((in_time - in_frequency)[:, early] / scale).max() < 5e-6
 
 
 @pytest.mark.parametrize(
@@ -169,7 +170,7 @@ def test_a_blow_that_has_not_converged_is_refused(monkeypatch: pytest.MonkeyPatc
     machine = linearise(build(rig, POSITION))
     monkeypatch.setattr(motion, "STEPS", (16, 32))
     with pytest.raises(NotConvergedError, match=r"freeplay: at steps of 1/128000 s \d.* of the noise is still wrong"):
-        converged_answer(rig, machine, HARD, (1e-4,) * 3)
+        converged_answer(rig, machine, HARD, (1e-7,) * 3)
 
 
 def test_modes_give_what_the_matrices_give() -> None:

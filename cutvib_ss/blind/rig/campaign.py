@@ -147,7 +147,9 @@ class Campaign:
                 response = linear_answer(rig, machine, force[None], FS)[0]
             else:
                 begin = self._steps.get("needed", STEPS[0])
-                response, fine, _ = converged_answer(rig, machine, struck, self.conditions.noise, begin)
+                response, fine, _ = converged_answer(
+                    rig, machine, struck, self.conditions.resolved or self.conditions.noise, begin
+                )
                 # the next blow begins where this one could have, and is checked by halving all the same
                 self._steps["needed"] = max(fine // 2, STEPS[0])
             self._answers[key] = (force, response)

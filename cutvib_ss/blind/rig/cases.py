@@ -249,7 +249,7 @@ def draw_case(
         if len(set(places)) == len(places) and not (rig.fittings.laws and rig.fittings.lossy):
             break
         if cause is None:
-            names = _names(kind, cause, rng, not isinstance(plain, Rig))
+            names = _names(kind, cause, rng, not isinstance(plain, Rig), _has_springs(plain))
     every = tuple(c.name for c in rig.channels)
     if any(_channel_of(fault) not in (*drawn.channels, "all") for fault in faults):
         drawn = replace(drawn, channels=every)
@@ -282,14 +282,21 @@ def write_campaign(case: Case, folder: Path) -> None:
         files.write(case.campaign, case.nominal, folder)
 
 
-def _names(kind: Kind, cause: str | None, rng: np.random.Generator, structure: bool) -> tuple[str, ...]:
+def _has_springs(machine: AnyMachine) -> bool:
+    """Whether causes that sit at a spring have a place on it."""
+    return not isinstance(machine, Frame) or bool(machine.springs)
+
+
+def _names(
+    kind: Kind, cause: str | None, rng: np.random.Generator, structure: bool, springs: bool = True
+) -> tuple[str, ...]:
     if kind == "none":
         return ()
     if cause is not None:
         return tuple(cause.split("+"))
     if kind == "outside":
         return (str(rng.choice([name for name in OUTSIDE_KINDS if not structure or OUTSIDE[name].frames])),)
-    causes = FRAME_CAUSES if structure else CAUSES
+    causes = [name for name in (FRAME_CAUSES if structure else CAUSES) if springs or name not in SPRUNG]
     if kind == "single":
         return (str(rng.choice(causes)),)
     # hysteresis has no exact motion in time beside a nonlinear element; a truncated model is no fault of the machine

@@ -99,6 +99,8 @@ class Conditions:
         Shape of the blows, one of `blows.HAMMERS`.
     bad : tuple of (int, str)
         Records that went wrong, and how: one of `BAD`.
+    resolved : tuple of float
+        Noise of each channel against which steps in time must be short enough; that of the records where empty.
     """
 
     positions: tuple[float | None, ...]
@@ -120,6 +122,7 @@ class Conditions:
     coupling: tuple[float, float] = (0.0, 0.0)
     hammer: str = "half_sine"
     bad: tuple[tuple[int, str], ...] = ()
+    resolved: tuple[float, ...] = ()
 
     @property
     def frf(self) -> bool:

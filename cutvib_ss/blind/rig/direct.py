@@ -12,6 +12,7 @@ import exudyn as exu
 import numpy as np
 from exudyn import itemInterface as item
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from cutvib_ss.blind.rig.fittings import Law
 from cutvib_ss.blind.rig.multibody import Machine, build
@@ -31,7 +32,7 @@ def stepped(rig: Rig, position: float, force: Array, fs: float, highest: float =
     position : float
         y_b / L of the head.
     force : ndarray, shape (sample,)
-        Force on the tool [N], linear between its samples.
+        Force on the tool [N], smooth between its samples.
     fs : float
         Steps per second [Hz].
     highest : float
@@ -48,9 +49,9 @@ def stepped(rig: Rig, position: float, force: Array, fs: float, highest: float =
         _add(machine, law)
 
     def drive(_: object, t: float, __: object) -> list[float]:
-        return [0.0, float(np.interp(t * fs, samples, force)), 0.0]
+        return [0.0, float(smooth(t * fs)), 0.0]
 
-    samples = np.arange(force.size)
+    smooth = CubicSpline(np.arange(force.size), force)
     system.AddLoad(item.Force(markerNumber=machine.markers["tool"], loadVector=[0.0] * 3, loadVectorUserFunction=drive))
     sensors = [
         system.AddSensor(

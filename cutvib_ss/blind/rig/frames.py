@@ -21,8 +21,8 @@ from cutvib_ss.blind.rig.multibody import Linearised
 from cutvib_ss.blind.rig.structure import Chain, Channel
 
 Array = NDArray[np.float64]
+# mass, stiffness, coordinates that are deflections, and ports that have a spring of their own: row and stiffness
 _Matrices: TypeAlias = tuple[Array, Array, list[int], dict[str, tuple[Array, float]]]
-"""Mass, stiffness, coordinates that are deflections, and ports that have a spring of their own: row and stiffness."""
 
 TOLERANCES: Mapping[str, float] = {"mass": 0.01, "damping": 0.15, "stiffness": 0.02}
 _QUANTITIES = ("displacement", "velocity", "acceleration")

@@ -23,7 +23,7 @@ from cutvib_ss.blind.rig.structure import Machinery
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-STEPS = (16, 32, 64, 128, 256, 512)
+STEPS = (8, 16, 32, 64, 128, 256, 512)
 """Steps to a sample of the records that are tried in turn."""
 
 CONVERGED = 0.01
@@ -237,7 +237,7 @@ def nonlinear_answer(rig: Machinery, machine: Linearised, force: Array, fs: floa
     machine : Linearised
         The same, assembled.
     force : ndarray, shape (sample,)
-        Force on the tool [N], linear between samples.
+        Force [N], smooth between its samples.
     fs : float
         Steps per second [Hz].
 

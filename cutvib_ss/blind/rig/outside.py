@@ -214,7 +214,8 @@ def _parametric(machine: AnyMachine, severity: float, rng: np.random.Generator) 
     """A stiffness that pulses as a shaft turns, whatever the force."""
     at = site(machine, rng)
     k = about(rng, {"joint1": 0.25, "joint2": 0.08}.get(at.place, 0.1)) * severity * at.stiffness
-    turns = float(rng.uniform(8.0, 45.0))
+    # of a lightly damped structure the pulse must stay below twice its frequencies, where it would shake itself to pieces
+    turns = float(rng.uniform(8.0, 45.0) if isinstance(machine, Rig) else rng.uniform(4.0, 14.0))
     law = Law(at.place, "parametric", (k, 2 * np.pi * turns, float(rng.uniform(0.0, 2 * np.pi))))
     return with_law(machine, law), at.place, {"stiffness": k, "frequency": turns}
 
