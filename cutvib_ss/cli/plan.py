@@ -31,9 +31,9 @@ def plan_command(
     ] = None,
     blows: Annotated[int, typer.Option("--blows", min=1, help="Blows at each position and level.")] = 3,
     band: Annotated[str, typer.Option("--band", metavar="LO:HI", help="Band that the hammer excites [Hz].")] = "15:450",
-    block: Annotated[float, typer.Option("--block", metavar="S", help="Length of a record [s].")] = 2.0,
+    block: Annotated[float, typer.Option("--block", metavar="S", help="Length of a record \\[s].")] = 2.0,
     noise: Annotated[
-        float, typer.Option("--noise", metavar="DENSITY", help="Noise of a response channel [its unit/√Hz].")
+        float, typer.Option("--noise", metavar="DENSITY", help="Noise of a response channel \\[its unit/√Hz].")
     ] = 7e-4,
     error: Annotated[
         float,
