@@ -15,7 +15,7 @@ from cutvib_ss.errors import ParameterError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from cutvib_ss.blind.score import Score
+    from cutvib_ss.validation.score import Score
 
 _SuffixError = "give a name that ends in .html (a page) or .md (a table)"
 
@@ -50,8 +50,8 @@ def blind_run_command(
     ] = 1800.0,
 ) -> None:
     """Make campaigns on a virtual machine, seal what is wrong with it, diagnose them. The same command again resumes."""
-    from cutvib_ss.blind.plan import settings
-    from cutvib_ss.blind.trial import package_tools, run_trial
+    from cutvib_ss.validation.plan import settings
+    from cutvib_ss.validation.trial import package_tools, run_trial
 
     asked = settings(cases, seed, mix, _range(severity), small)
     trial = run_trial(asked, out, package_tools(), jobs, scheduler, timeout, _progress)
@@ -83,7 +83,7 @@ def blind_score_command(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time.")] = 1,
 ) -> None:
     """Open the seal, once, and score the diagnoses."""
-    from cutvib_ss.blind.trial_score import score_trials
+    from cutvib_ss.validation.trial_score import score_trials
 
     pages = report or []
     for page in pages:
@@ -93,7 +93,7 @@ def blind_score_command(
     with working("scoring"):
         found = score_trials(trials, jobs)
     if train:
-        from cutvib_ss.blind.baselines import with_baselines
+        from cutvib_ss.validation.baselines import with_baselines
 
         with working("training and running the baselines"):
             found = with_baselines(found, trials, train, jobs)

@@ -24,7 +24,7 @@ from cutvib_ss.errors import CutvibError
 
 REPORT, RESULT, MACHINE = "report.html", "diagnosis.json", "corrected-machine.toml"
 _PERIOD = 0.4
-_DIAGNOSIS = "cutvib_ss.gap."
+_DIAGNOSIS = "cutvib_ss.diagnosis."
 _DEPTH = 2
 
 
@@ -52,7 +52,7 @@ def main(arguments: list[str]) -> int:
 
 def _diagnose(campaign: Path, out: Path, seed: int, jobs: int) -> None:
     tell(stage="Reading the campaign")
-    from cutvib_ss.gap.diagnosis import diagnose
+    from cutvib_ss.diagnosis.diagnose import diagnose
     from cutvib_ss.measurement.campaign import read_campaign
     from cutvib_ss.model_files import write_machine
     from cutvib_ss.report import wording

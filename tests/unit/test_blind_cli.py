@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from cutvib_ss.blind import trial as trials
-from cutvib_ss.blind.workers import spread
 from cutvib_ss.cli import main
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.validation import trial as trials
+from cutvib_ss.validation.workers import spread
 from tests.unit.blind_example import TOOLS
 
 RUN = ["blind", "run", "--cases", "6", "--seed", "5", "--mix", "none=4,outside=1"]
@@ -18,7 +18,7 @@ RUN = ["blind", "run", "--cases", "6", "--seed", "5", "--mix", "none=4,outside=1
 def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tiny rig and the fake diagnosis in place of the package's own."""
     monkeypatch.setattr(trials, "package_tools", lambda: TOOLS)
-    for module in ("cutvib_ss.blind.seal", "tests.unit.blind_example"):
+    for module in ("cutvib_ss.validation.seal", "tests.unit.blind_example"):
         monkeypatch.setattr(f"{module}.code_hash", lambda: "c" * 64)
 
 
@@ -107,7 +107,7 @@ def test_code_that_changed_is_exit_2(
 ) -> None:
     out = tmp_path / "trial"
     assert main([*RUN, "--out", str(out)]) == 0
-    monkeypatch.setattr("cutvib_ss.blind.seal.code_hash", lambda: "d" * 64)
+    monkeypatch.setattr("cutvib_ss.validation.seal.code_hash", lambda: "d" * 64)
     capsys.readouterr()
     assert main(["blind", "score", str(out)]) == 2
     assert "code has changed since the labels were sealed" in capsys.readouterr().err
