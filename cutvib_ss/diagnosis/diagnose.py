@@ -169,7 +169,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         )
     places = _places(ranked, odds)
     bands_hz = _bands(problem, none.fit)
-    second = other if first is shown[0] else shown[0]
+    second = other if first is shown[0] or no_gap else shown[0]
     sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
     return Diagnosis(
         verdict=result,
