@@ -101,7 +101,15 @@ def search(
     linear = candidates(nominal, observed.band, observed.channels)
     rough = _rough(nominal, few, linear, workers)
     alone = {c.name: f.hypothesis.effects[0] for c, f in rough}
-    ranked = on_all_lines(nominal, records, rough, REFINED, (cost(scout), none.fit.log_evidence), workers)
+    ranked = on_all_lines(
+        nominal,
+        records,
+        rough,
+        REFINED,
+        (cost(scout), none.fit.log_evidence),
+        workers,
+        near=none.fit if none.reduced < ENOUGH else None,
+    )
     none = _not_caught(nominal, records, none, ranked)
     by_level = level_stands_out(records)
     dependent: Sequence[Candidate] = ()

@@ -98,7 +98,7 @@ def fit(
     warm: FloatArray | None = None,
     max_iterations: int = 40,
     tolerance: float = 1e-5,
-    sizes: Sizes | None = None,
+    near: Fit | None = None,
 ) -> Fit:
     """
     Maximum of the posterior of a hypothesis, and its evidence.
@@ -117,8 +117,8 @@ def fit(
         Most steps taken.
     tolerance : float
         Relative gain of the objective at which steps end.
-    sizes : Sizes, optional
-        Sizes of drift and discrepancy to start from.
+    near : Fit, optional
+        A fit whose drifts of sessions, and sizes, are close.
 
     Returns
     -------
@@ -134,12 +134,12 @@ def fit(
     """
     problem = problem_for(nominal, records, hypothesis, by_session=not records.widened)
     # Beside a widened noise drift and discrepancy are nothing.
-    search = _Search(problem, problem.start(warm), not records.widened, sizes, _beside(problem, records))
-    if hypothesis.linear and not records.rough:
+    search = _Search(problem, problem.start(warm), not records.widened, _beside(problem, records), near)
+    if hypothesis.linear and not records.rough and near is None:
         search.start_from(_from_afar(nominal, records, hypothesis, search))
     if not hypothesis.linear and search.spread and max_iterations > FEW_STEPS:
         # What a law far from its optimum leaves would pass for a large discrepancy, in whose side minima the steps end.
-        plain = _Search(problem, search.at.x, False, sizes, search.beside)
+        plain = _Search(problem, search.at.x, False, search.beside)
         plain.climb(max_iterations, tolerance)
         search.start_from(plain)
     redrawn = not isinstance(problem, SimulatedProblem)
@@ -182,7 +182,7 @@ def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: 
     """
     few = records.coarse(FEW_LINES, WIDENED)
     problem = problem_for(nominal, few, hypothesis, by_session=True)
-    search = _Search(problem, start.at.x, True, start.sizes, _beside(problem, few))
+    search = _Search(problem, start.at.x, True, _beside(problem, few))
     search.climb(FEW_STEPS, ROUGH)
     return search
 
@@ -206,9 +206,9 @@ class _At:
 class _Search:
     """Levenberg-Marquardt within bounds, from one point; drift and discrepancy are integrated out."""
 
-    def __init__(self, problem: Problem, x: FloatArray, spread: bool, sizes: Sizes | None, beside: _Beside) -> None:
+    def __init__(self, problem: Problem, x: FloatArray, spread: bool, beside: _Beside, near: Fit | None = None) -> None:
         self.problem, self.spread, self.beside = problem, spread, beside
-        self.sizes = Sizes() if sizes is None else sizes
+        self.sizes = Sizes() if near is None else near.spread.sizes
         self.known = Known(problem.nominal.tolerance.drift, beside.known)
         self.count = problem.count + beside.data
         self.precision = problem.prior_precision()
@@ -217,7 +217,10 @@ class _Search:
         self.drifting = np.flatnonzero(weight)
         self.weight = weight[self.drifting]
         self.session = [problem.sessions.index(session_of(g.entries[0][0])) for g in problem.groups]
-        self.at = self.evaluated(x, np.zeros((len(problem.sessions), self.drifting.size)))
+        drift = np.zeros((len(problem.sessions), self.drifting.size))
+        if near is not None and spread:
+            drift = near.spread.drifts(problem.sessions, self.drifting.size)
+        self.at = self.evaluated(x, drift)
 
     def start_from(self, other: _Search) -> None:
         """Go on from where another search of the same sessions stands."""

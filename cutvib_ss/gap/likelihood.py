@@ -156,6 +156,7 @@ class Directions:
             _pivots(problem) if spread and np.any(self.cause) else (),
             self.smooth[0].shape[0],
         )
+        self._shapes: dict[tuple[int, int], FloatArray] = {}
         self.rows = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
         self.plain = [p.data * np.sqrt(2.0 / g.variance) for p, g in zip(predictions, self.groups, strict=True)]
 
@@ -189,11 +190,20 @@ class Directions:
                         index.append(own_nominal)
                         parts.append(self._smoothed(self.nominal[moved, None, None] * shared[moved][:, rows, c], i))
                     if cause is not None:
-                        own_shapes = np.array([_over(lay.pivots, *_features(g, k, problem)) for k in rows])
+                        own_shapes = self._of_cause(i, rows)
                         real = own_shapes.swapaxes(0, 1) * cause[rows, c]
                         index.append(lay.first_cause + np.arange(2 * len(lay.pivots)))
                         parts.append(np.concatenate([real, 1j * real]))
                     yield i, rows, c, np.concatenate(index), np.concatenate(parts)
+
+    def _of_cause(self, group: int, rows: np.ndarray) -> FloatArray:
+        """Shapes of the cause's discrepancy at some rows of a group, shape (row, shape, frequency)."""
+        found = []
+        for k in rows.tolist():
+            if (group, k) not in self._shapes:
+                self._shapes[group, k] = _over(self.layout.pivots, *_features(self.groups[group], k, self.problem))
+            found.append(self._shapes[group, k])
+        return np.array(found)
 
     def _smoothed(self, rows: ComplexArray, group: int) -> ComplexArray:
         """Rows times each smooth shape, real and imaginary, shape (row · 2 shape, position, frequency)."""
@@ -269,6 +279,17 @@ class Spread:
     sizes: Sizes
     offsets: FloatArray
     precision: FloatArray
+
+    def drifts(self, sessions: Sequence[tuple[float | str, ...]], count: int) -> FloatArray:
+        """Drift of the tuned values of some sessions, zero of those that were not fitted; shape (session, value)."""
+        lay = self.layout
+        out = np.zeros((len(sessions), count))
+        if len(lay.drifting) == count:
+            for k, name in enumerate(sessions):
+                if name in lay.sessions:
+                    first = lay.unknowns + lay.per_session * lay.sessions.index(name)
+                    out[k] = self.sizes.drift * self.offsets[first : first + count]
+        return out
 
     def with_session(self, name: tuple[float | str, ...]) -> Spread:
         """The same with one more session, of which nothing is known but the size of its drift."""

@@ -78,6 +78,7 @@ def on_all_lines(
     workers: Workers,
     most: int = MOST,
     close: float = CLOSE,
+    near: Fit | None = None,
 ) -> list[Ranked]:
     """
     The best on few lines fitted on all; the others keep an estimate.
@@ -101,6 +102,8 @@ def on_all_lines(
         So many are fitted at most.
     close : float
         What lies within this of the best on few lines is fitted.
+    near : Fit, optional
+        A fit on all lines whose drifts of sessions are close.
 
     Returns
     -------
@@ -114,11 +117,13 @@ def on_all_lines(
         behind = cost(start) - ahead
         wanted = (behind < close and i < most) or (behind < FAR and i < least)
         hopeless = not start.hypothesis.linear and start.chi2 > HOPELESS * start.count and cost(start) > rival[0]
-        near = cost(start) - rival[0] < CLOSE and wanted and not hopeless
-        (chosen if near else left_out).append((candidate, start))
+        promising = cost(start) - rival[0] < CLOSE and wanted and not hopeless
+        (chosen if promising else left_out).append((candidate, start))
     steps = [MOST_STEPS if f.hypothesis.linear else MOST_LAW_STEPS for _, f in chosen]
     starts = [f for _, f in chosen]
-    fits = workers.map(partial(fit, nominal, records), [f.hypothesis for f in starts], [f.x for f in starts], steps)
+    fits = workers.map(
+        partial(fit, nominal, records, near=near), [f.hypothesis for f in starts], [f.x for f in starts], steps
+    )
     ranked = [Ranked(c.name, f, True) for (c, _), f in zip(chosen, fits, strict=True)]
     best = max((r.fit.log_evidence for r in ranked), default=rival[1])
     # Few lines and a widened noise understate how far behind a cause is, by as much as for the rival.

@@ -155,7 +155,9 @@ def judge(nominal: Model, turns: Sequence[Fold], start: Fit, workers: Workers) -
 
 def _one_turn(nominal: Model, start: Fit, turn: Fold) -> list[Judged]:
     records = Records(turn.fitted)
-    again = fit(nominal, records, start.hypothesis, start.x, AGAIN if start.hypothesis.linear else AGAIN_LAWS)
+    again = fit(
+        nominal, records, start.hypothesis, start.x, AGAIN if start.hypothesis.linear else AGAIN_LAWS, near=start
+    )
     problem = problem_for(nominal, records, again.hypothesis)
     blow_at = problem.blow_at(again.x)
     shown = [predicted(e, again.model, blow_at, problem, again.x) for e in turn.judged]
