@@ -34,7 +34,6 @@ class Page:
 
     def build(self) -> None:
         """Fill the page."""
-        ui.add_head_html('<link rel="stylesheet" href="/assets/page.css"><script src="/assets/page.js" defer></script>')
         ui.colors(primary="#1f6f8f", negative="#b4552d", positive="#2f8560")
         self._mode = ui.dark_mode(None)
         ui.on("cutvib_uploaded", self._uploaded)

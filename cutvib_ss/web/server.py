@@ -28,6 +28,7 @@ _ICON = (
     "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'><rect width='32' height='32' rx='6' fill='#1f6f8f'/>"
     "<path d='M4 18 L10 18 L14 6 L18 26 L22 14 L24 18 L28 18' fill='none' stroke='#fff' stroke-width='2.4'/></svg>"
 )
+_HEAD = '<link rel="stylesheet" href="/assets/page.css"><script src="/assets/page.js" defer></script>'
 _TYPES = {REPORT: "text/html", RESULT: "application/json", MACHINE: "application/toml"}
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 # Scripts and data from this server alone, whatever a library would like to fetch; the page's own library needs eval.
@@ -111,6 +112,7 @@ def serve(host: str, port: int, show: bool, campaign: Path | None = None) -> Non
     app.post("/upload/{name}", response_model=None)(server.receive)
     app.get("/result/{name}/{file}", response_model=None)(server.result)
     app.add_static_files("/assets", _STATIC)
+    ui.add_head_html(_HEAD, shared=True)
     app.on_shutdown(server.close)
     app.middleware("http")(_only_from_here)
     if host in _LOOPBACK:
