@@ -6,6 +6,7 @@ import asyncio
 import secrets
 import socket
 import sys
+import traceback
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -91,6 +92,10 @@ class Server:
             return _refused(str(error), 422)
         except HTTPException as error:
             return _refused(str(error.detail), error.status_code)
+        except Exception as error:
+            traceback.print_exc()
+            told = " ".join(str(error).split())
+            return _refused(f"a fault of the program, not of the input: {type(error).__name__}: {told}", 500)
         return JSONResponse({"error": ""})
 
     async def result(self, name: str, file: str, download: bool = False) -> Response:
