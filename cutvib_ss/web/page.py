@@ -148,7 +148,7 @@ class MeasuredPanel:
                     opened.channels, value=opened.channels[0], label="channel", on_change=self.draw
                 )
                 self.records = ui.select(
-                    dict(enumerate(names)), value=list(range(min(len(names), _MANY))), label="records (by position)",
+                    dict(enumerate(names)), value=list(range(min(len(names), _MANY))), label="records",
                     multiple=True, on_change=self.draw,
                 ).props("use-chips" if len(names) <= _MANY else "")  # fmt: skip
                 with ui.element("div").classes("switches"):

@@ -16,9 +16,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from cutvib_ss.interchange import write_frf
 from cutvib_ss.model_files import read_machine
+from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.web.session import DEMO
 
 pytest.importorskip("nicegui", reason="the page needs NiceGUI (extra web)")
@@ -31,6 +34,26 @@ FLAGS = (
 )  # fmt: skip
 WAIT = 60.0
 DIAGNOSIS = 900.0
+
+TWO_MASSES = """
+[model]
+kind = "second_order"
+dofs = ["x1", "x2"]
+mass = [[2.0, 0.0], [0.0, 1.0]]
+damping = [[3.0, -1.0], [-1.0, 1.0]]
+stiffness = [[30000.0, -10000.0], [-10000.0, 10000.0]]
+
+[ports]
+drive = [1.0, 0.0]
+end = [0.0, 1.0]
+
+[channels]
+v = { port = "drive", quantity = "velocity" }
+a = { port = "end", quantity = "acceleration" }
+
+[input]
+force = "drive"
+"""
 
 pytestmark = pytest.mark.slow
 
@@ -219,6 +242,34 @@ def test_load_slide_diagnose_read_and_download(browser: Any, server: str) -> Non
     faults = [line["message"] for line in browser.get_log("browser") if line["level"] == "SEVERE"]
     assert all("422" in message for message in faults), faults  # the bad upload's answer
     assert not _asked_elsewhere(browser, server)
+
+
+def test_a_dropped_folder_is_read_and_a_structure_has_no_position(browser: Any, server: str, tmp_path: Path) -> None:
+    folder = tmp_path / "two-masses"
+    folder.mkdir()
+    (folder / "machine.toml").write_text(TWO_MASSES, encoding="utf-8")
+    (folder / "campaign.toml").write_text(
+        '[campaign]\ntitle = "Two masses"\nmachine = "machine.toml"\n\n[[record]]\nfile = "records/frf.csv"\n'
+        'kind = "frf"\naverages = 3\n',
+        encoding="utf-8",
+    )
+    (folder / "records").mkdir()
+    machine = read_machine(folder / "machine.toml")
+    write_frf(frequency_response(machine, None, np.arange(1.0, 60.0, 0.25)), folder / "records" / "frf.csv")
+    _open(browser, server)
+    at = _one(browser, ".drop-zone").rect
+    dropped = {"items": [], "files": [str(folder)], "dragOperationsMask": 1}
+    for event in ("dragEnter", "dragOver", "drop"):
+        browser.execute_cdp_cmd(
+            "Input.dispatchDragEvent", {"type": event, "x": at["x"] + 40, "y": at["y"] + 20, "data": dropped}
+        )
+    _until("title", lambda: _one(browser, ".page-title").text == "Two masses")
+    _until("curve", lambda: len(_curves(browser, "measured")) == 2)
+    assert not _all(browser, "[data-slider=position]")
+    assert not _all(browser, "[data-act=controller]")
+    _click(browser, "[data-act=absorber]")
+    _until("absorber", lambda: "with the absorber" in _curves(browser, "model"))
+    assert not [line for line in browser.get_log("browser") if line["level"] == "SEVERE"]
 
 
 def test_a_folder_is_uploaded_with_its_paths_and_a_zip_unpacked(browser: Any, server: str, tmp_path: Path) -> None:
