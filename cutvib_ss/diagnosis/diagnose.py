@@ -27,7 +27,7 @@ from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.diagnosis.search import search
 from cutvib_ss.diagnosis.unknown_element import AMPLITUDES, ports_of
-from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
+from cutvib_ss.diagnosis.verdict import SURE, ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
@@ -137,13 +137,16 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)
     held = {"none": tuned}
+    no_gap = odds["none"] > SURE
     for r in shown[:JUDGED]:
-        if odds[r.name] > 1e-3 or r is shown[0]:
+        if odds[r.name] > 1e-3 or (r is shown[0] and not no_gap):
             held[r.name] = judged(r)
     other = next(
         (r for r in shown if not _same_cause(r, shown[0]) and (r.name in held or r.fit.hypothesis.linear)), None
     )
-    if other is not None and other.name not in held:
+    if no_gap:
+        other = next((r for r in shown if r.name in held), None)
+    elif other is not None and other.name not in held:
         # However improbable, so that the reader sees what the choice is worth.
         held[other.name] = judged(other)
     first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
@@ -169,7 +172,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         )
     places = _places(ranked, odds)
     bands_hz = _bands(problem, none.fit)
-    second = other if first is shown[0] or result == "no_gap" else shown[0]
+    second = other if first is shown[0] or no_gap else shown[0]
     sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
     return Diagnosis(
         verdict=result,

@@ -102,7 +102,13 @@ def search(
     rough = _rough(nominal, few, linear, workers)
     alone = {c.name: f.hypothesis.effects[0] for c, f in rough}
     ranked = on_all_lines(
-        nominal, records, rough, REFINED, (cost(scout), none.fit.log_evidence), workers, near=none.fit
+        nominal,
+        records,
+        rough,
+        REFINED,
+        (cost(scout), none.fit.log_evidence),
+        workers,
+        near=none.fit if none.reduced < ENOUGH else None,
     )
     none = _not_caught(nominal, records, none, ranked)
     by_level = level_stands_out(records)
@@ -179,7 +185,7 @@ def _unknown(
         for f in sorted(found, key=cost)[:UNKNOWN_REFINED]:
             ports = [getattr(e, "port", e.place) + f" {getattr(e, 'scale', 0.0):.3g}" for e in f.hypothesis.effects]
             name = " + ".join(f"{e.effect} {p}" for e, p in zip(f.hypothesis.effects, ports, strict=True))
-            again = fit(nominal, records, f.hypothesis, f.x, MOST_STEPS, near=ranked[0].fit)
+            again = fit(nominal, records, f.hypothesis, f.x, MOST_STEPS)
             out.append(Ranked(name, again, True))
     return out
 

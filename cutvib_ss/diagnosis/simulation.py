@@ -278,7 +278,7 @@ class SimulatedProblem(Problem):
             else:
                 by_law[i] = self._by_law(x, i, p)
         out: dict[int, ComplexArray] = dict(by_law)
-        out.update(self._by_loudness(x, index, p))
+        out.update(self._by_force_scale(x, index, p))
         if self.n_blow:
             # The assumed blow has its instant.
             out[self._blow] = np.zeros(p.data.shape, dtype=np.complex128)
@@ -305,7 +305,7 @@ class SimulatedProblem(Problem):
         """Which of the groups a prediction is of; None if it is of records that are not fitted."""
         return next((i for i, g in enumerate(self.groups) if g is p.group), None)
 
-    def _by_loudness(self, x: FloatArray, index: int | None, p: Simulated) -> dict[int, ComplexArray]:
+    def _by_force_scale(self, x: FloatArray, index: int | None, p: Simulated) -> dict[int, ComplexArray]:
         """All records' forces moved at once: each moves its own record alone."""
         if index is None:
             nothing = np.zeros(p.data.shape, dtype=np.complex128)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from nicegui import run, ui
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 _NONE = "none"
 _START = 0.5
+_NEAR = 3
+"""Records at the head's position that are drawn, at most."""
 
 
 class ModelPanel:
@@ -30,7 +33,8 @@ class ModelPanel:
         model = self.model
         self.band = curves.band_of(model, opened.summary.records)
         with ui.element("section").classes("card"):
-            ui.html("<h2>Model: position, absorber, controller</h2>", sanitize=False)
+            parts = "position, absorber, controller" if isinstance(model, Machine) else "absorber"
+            ui.html(f"<h2>Model: {parts}</h2>", sanitize=False)
             with ui.element("div").classes("beside"):
                 with ui.element("div").classes("sliders"):
                     self._build_choices(model)
@@ -40,8 +44,8 @@ class ModelPanel:
                 with ui.element("div").classes("pictures"):
                     self.plot = ui.plotly({"data": [], "layout": {}}).classes("plot").props('data-plot="model"')
                     self.figures = ui.label().classes("facts-line").props('data-facts="model"')
-                    self.rail = ui.plotly({"data": [], "layout": {}}).classes("plot").props('data-plot="rail"')
-                    self.rail.visible = isinstance(model, Machine)
+                    if isinstance(model, Machine):
+                        self.rail = ui.plotly({"data": [], "layout": {}}).classes("plot").props('data-plot="rail"')
         self.draw()
 
     @property
@@ -193,7 +197,9 @@ class ModelPanel:
             for k, r in enumerate(summary.records)
             if r.input is None and (r.position is None or (position is not None and abs(r.position - position) < 0.006))
         ]
-        return curves.measured_curves(summary.frfs, summary.records, near[:3], output)
+        found = curves.measured_curves(summary.frfs, summary.records, near[:_NEAR], output)
+        # Colours that the model's own curves do not have.
+        return [replace(c, colour=k + 3) for k, c in enumerate(found)]
 
 
 def _facts(found: curves.Modified, mark: float | None, took: float) -> str:

@@ -34,7 +34,6 @@ class Page:
 
     def build(self) -> None:
         """Fill the page."""
-        ui.add_head_html('<link rel="stylesheet" href="/assets/page.css"><script src="/assets/page.js" defer></script>')
         ui.colors(primary="#1f6f8f", negative="#b4552d", positive="#2f8560")
         self._mode = ui.dark_mode(None)
         ui.on("cutvib_uploaded", self._uploaded)
@@ -149,7 +148,7 @@ class MeasuredPanel:
                     opened.channels, value=opened.channels[0], label="channel", on_change=self.draw
                 )
                 self.records = ui.select(
-                    dict(enumerate(names)), value=list(range(min(len(names), _MANY))), label="records (by position)",
+                    dict(enumerate(names)), value=list(range(min(len(names), _MANY))), label="records",
                     multiple=True, on_change=self.draw,
                 ).props("use-chips" if len(names) <= _MANY else "")  # fmt: skip
                 with ui.element("div").classes("switches"):

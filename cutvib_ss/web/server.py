@@ -6,6 +6,7 @@ import asyncio
 import secrets
 import socket
 import sys
+import traceback
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -28,6 +29,7 @@ _ICON = (
     "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'><rect width='32' height='32' rx='6' fill='#1f6f8f'/>"
     "<path d='M4 18 L10 18 L14 6 L18 26 L22 14 L24 18 L28 18' fill='none' stroke='#fff' stroke-width='2.4'/></svg>"
 )
+_HEAD = '<link rel="stylesheet" href="/assets/page.css"><script src="/assets/page.js" defer></script>'
 _TYPES = {REPORT: "text/html", RESULT: "application/json", MACHINE: "application/toml"}
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 # Scripts and data from this server alone, whatever a library would like to fetch; the page's own library needs eval.
@@ -90,6 +92,10 @@ class Server:
             return _refused(str(error), 422)
         except HTTPException as error:
             return _refused(str(error.detail), error.status_code)
+        except Exception as error:
+            traceback.print_exc()
+            told = " ".join(str(error).split())
+            return _refused(f"a fault of the program, not of the input: {type(error).__name__}: {told}", 500)
         return JSONResponse({"error": ""})
 
     async def result(self, name: str, file: str, download: bool = False) -> Response:
@@ -111,6 +117,7 @@ def serve(host: str, port: int, show: bool, campaign: Path | None = None) -> Non
     app.post("/upload/{name}", response_model=None)(server.receive)
     app.get("/result/{name}/{file}", response_model=None)(server.result)
     app.add_static_files("/assets", _STATIC)
+    ui.add_head_html(_HEAD, shared=True)
     app.on_shutdown(server.close)
     app.middleware("http")(_only_from_here)
     if host in _LOOPBACK:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import cutvib_ss
-from cutvib_ss.errors import CutvibError
+from cutvib_ss.errors import CutvibError, DataFormatError
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.measurement.records import Campaign
 from cutvib_ss.measurement.summary import Summary, summarise
@@ -126,4 +126,6 @@ class Session:
 
 def _opened(folder: Path, demo: bool = False) -> Opened:
     campaign = read_campaign(folder)
+    if not campaign.records:
+        raise DataFormatError(f"{folder / 'campaign.toml'}: holds no records; add a [[record]] table for each")
     return Opened(folder, campaign, summarise(campaign), demo)

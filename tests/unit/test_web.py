@@ -4,6 +4,7 @@ import io
 import json
 import os
 import shutil
+import socket
 import time
 import zipfile
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from cutvib_ss.absorber.coupling import absorbed_response, attach_absorber
+from cutvib_ss.cli import main
 from cutvib_ss.control_design.check import check_controller
 from cutvib_ss.control_design.hardware import Sampling
 from cutvib_ss.control_design.prototypes import prototype
@@ -91,6 +93,7 @@ def _bad_uploads() -> dict[str, tuple[list[tuple[str, io.BytesIO]], str]]:
         "a machine out of the upload": (with_text(text.replace('"machine.toml"', '"../../m.toml"')), "../../m.toml"),
         "two campaigns": (_files(DEMO, "a/") + _files(DEMO, "b/"), "2 campaigns were uploaded"),
         "a wrong position": (with_text(text.replace("0.46", "4.6")), "position"),
+        "no records": (with_text(text[: text.index("[[record]]")]), "campaign.toml"),
         "not a campaign": (with_text("this is = not [toml"), "campaign.toml"),
         "a record that is none": (
             [*_without(_files(DEMO), "p2.tdms"), ("records/p2.tdms", io.BytesIO(b"no"))],
@@ -131,6 +134,29 @@ def test_another_campaign_replaces_the_files_of_the_one_before(session: Session)
     session.open_demo()
     assert not list(session.folder.glob("upload-*"))
     assert (DEMO / "campaign.toml").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["my-campaign"], "my-campaign"),
+        (["--port", "{taken}"], "choose another with --port"),
+        (["--host", "no-such-host.invalid"], "--host no-such-host.invalid"),
+        (["--port", "70000"], "--port"),
+    ],
+)
+def test_what_cannot_be_served_is_said_in_one_line(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("nicegui", reason="the page needs NiceGUI (extra web)")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        given = [a.format(taken=taken.getsockname()[1]) for a in arguments]
+        assert main(["serve", "--no-open", *given]) == 2
+    captured = capsys.readouterr()
+    assert told in captured.err
+    assert captured.err.count("\n") == 1
 
 
 # --- curves ----------------------------------------------------------------------------------------------------------
