@@ -66,7 +66,7 @@ def write_report(diagnosis: Diagnosis, path: str | os.PathLike[str]) -> None:
         draft.write_text(page, encoding="utf-8")
 
 
-def report_html(diagnosis: Diagnosis) -> str:
+def report_html(diagnosis: Diagnosis, command: str = "") -> str:
     """
     The report of a diagnosis as HTML.
 
