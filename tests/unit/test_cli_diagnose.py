@@ -128,7 +128,11 @@ def test_a_corrected_machine_is_saved_without_the_element_of_unknown_form(
 
 @pytest.mark.slow
 def test_ctrl_c_leaves_one_line_and_no_tracebacks_of_workers(tmp_path: Path) -> None:
-    code = "import sys; from cutvib_ss.cli import main\nif __name__ == '__main__': sys.exit(main())"
+    code = (
+        "import signal, sys\nfrom cutvib_ss.cli import main\n"
+        # A process in the background may have been started with SIGINT ignored.
+        "if __name__ == '__main__':\n    signal.signal(signal.SIGINT, signal.default_int_handler)\n    sys.exit(main())"
+    )
     said = tmp_path / "said.txt"
     with said.open("w") as stream:
         started = subprocess.Popen(
