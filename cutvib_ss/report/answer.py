@@ -23,7 +23,9 @@ def why_sentences(d: Diagnosis) -> list[str]:
     """How sure the answer is, and what that rests on."""
     best = d.causes[0]
     rivals = [c for c in d.causes[1:] if c.probability >= 1e-3]
-    said = [f"Probability {probability_text(best.probability)} among the causes of the catalogue and elements of unknown form"]
+    said = [
+        f"Probability {probability_text(best.probability)} among the causes of the catalogue and elements of unknown form"
+    ]
     if rivals:
         c = rivals[0]
         said[0] += f"; next comes {probability_text(c.probability)}: {cause_name(c.effect, c.place, c.parameters)}"
@@ -33,12 +35,15 @@ def why_sentences(d: Diagnosis) -> list[str]:
         line = f"Of the error of the model as given {share} is closed on records that were not fitted"
         line += f" ({interval})." if interval else "."
         if math.isfinite(best.share):
-            line += f" Of what stands above noise and repeatability once the model is tuned, the cause takes {100 * best.share:.0f} %."
+            taken = f"{100 * best.share:.0f} %"
+            line += f" Of what stands above noise and repeatability once the model is tuned, the cause takes {taken}."
         said.append(line)
         said.append(place_set_sentence(d))
         said += independent_sentences(d)
     if math.isfinite(best.reduced_chi2):
-        left = "no more than noise and repeatability" if best.reduced_chi2 < 1.2 else "more than noise and repeatability"
+        left = (
+            "no more than noise and repeatability" if best.reduced_chi2 < 1.2 else "more than noise and repeatability"
+        )
         said.append(f"It leaves {left} (χ² a datum {figure(best.reduced_chi2)} on held-out records).")
     return [s for s in said if s]
 
@@ -70,7 +75,9 @@ def to_do(d: Diagnosis) -> list[str]:
     steps = []
     if d.verdict == "no_gap":
         low, high = d.gap.band_hz
-        return [f"Nothing is to be inspected: the model holds from {figure(low)} to {figure(high)} Hz as far as was measured."]
+        return [
+            f"Nothing is to be inspected: the model holds from {figure(low)} to {figure(high)} Hz as far as was measured."
+        ]
     for i in d.ambiguity_set:
         c = d.causes[i]
         words = inspection_text(c.effect, c.place, c.parameters)
@@ -78,7 +85,9 @@ def to_do(d: Diagnosis) -> list[str]:
             steps.append(f"Inspect: {words}.")
     if d.verdict in ("unknown", "partly_explained"):
         place = d.where.place if d.verdict == "unknown" else d.causes[0].place.rpartition("+")[2]
-        steps.append(f"Look at {place_name(place)} for what the model lacks; the dynamic stiffness below says what it has to do.")
+        steps.append(
+            f"Look at {place_name(place)} for what the model lacks; the dynamic stiffness below says what it has to do."
+        )
     if d.next_test is not None:
         steps.append(f"Next test: {next_test_sentence(d.next_test)}")
     elif (check := confirming_test(d)) != "":
@@ -114,7 +123,9 @@ def size_rows(d: Diagnosis) -> list[Row]:
             )
         )
     else:
-        rows.append(("repeatability", "not measured", "no two records are of the same thing; measure one position twice"))
+        rows.append(
+            ("repeatability", "not measured", "no two records are of the same thing; measure one position twice")
+        )
     for key, name, words in (
         ("drift", "drift", "by how much stiffnesses and gains move between sessions (standard deviation)"),
         ("nominal", "discrepancy, nominal", "how far the nominal elements err in dynamic stiffness once tuned"),
@@ -134,7 +145,11 @@ def sizes_sentence(d: Diagnosis) -> str:
         parts.append(f"repeatability for about {figure(repeats)}")
     known = math.hypot(gap.noise_floor, repeats if math.isfinite(repeats) else 0.0)
     rest = math.sqrt(max(gap.after**2 - known**2, 0.0))
-    parts.append(f"what remains, about {figure(rest)}, is discrepancy of the model" if rest > 0.1 * gap.after else "nothing that stands out remains")
+    parts.append(
+        f"what remains, about {figure(rest)}, is discrepancy of the model"
+        if rest > 0.3 * gap.after
+        else "nothing that stands out remains"
+    )
     return f"Of the {figure(gap.after)} {gap.unit} that are left, {', '.join(parts[:-1])}; {parts[-1]} (squares add)."
 
 

@@ -5,8 +5,7 @@
   const $ = (id) => document.getElementById(id);
   const LABEL = { measured: "measured", nominal: "nominal model", tuned: "re-tuned within tolerance", corrected: "corrected model" };
   const DASH = { nominal: "dash", tuned: "dot", corrected: "solid" };
-  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
-  let printing = false;
+  const config = { responsive: true, displaylogo: false, modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]] };
 
   const modulus = (z) => z.re.map((x, k) => (x === null ? null : Math.hypot(x, z.im[k])));
   const phase = (z) => z.re.map((x, k) => (x === null ? null : (180 / Math.PI) * Math.atan2(z.im[k], x)));
@@ -28,7 +27,7 @@
   });
   const layout = (height, more) => ({
     height, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: css("--ink"), size: 12, family: "Helvetica, Arial, sans-serif" },
-    margin: { l: 58, r: 12, t: 10, b: 44 }, hovermode: "x", hoverlabel: { bgcolor: css("--paper"), bordercolor: css("--soft"), font: { color: css("--ink") } },
+    margin: { l: 58, r: 12, t: 34, b: 44 }, hovermode: "x", hoverlabel: { bgcolor: css("--paper"), bordercolor: css("--soft"), font: { color: css("--ink") } },
     legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, modebar: { color: css("--soft"), activecolor: css("--mark"), bgcolor: "rgba(0,0,0,0)", orientation: "h" },
     dragmode: matchMedia("(pointer: coarse)").matches ? false : "zoom", ...more,
   });
@@ -89,7 +88,7 @@
       colorscale: [[0, css("--paper")], [0.15, css("--heat1")], [0.5, css("--heat2")], [1, css("--heat3")]],
       colorbar: { tickvals: [0, 0.5, 1, 1.5, 2], ticktext: ["1", "3", "10", "30", "100"], title: { text: "error / noise", side: "right" }, thickness: 12, outlinewidth: 0 },
       hovertemplate: "%{x:.4g} Hz, %{y}: %{customdata:.3g} times the noise<extra></extra>",
-    }], layout(110 + 34 * m.rows.length, { hovermode: "closest", xaxis: axis("frequency [Hz]"), yaxis: axis("", { autorange: "reversed", type: "category" }) }));
+    }], layout(130 + 34 * m.rows.length, { margin: { l: 58, r: 12, t: 34, b: 44 }, hovermode: "closest", xaxis: axis("frequency [Hz]"), yaxis: axis("", { autorange: "reversed", type: "category" }) }));
   }
 
   function stiffness(k) {
