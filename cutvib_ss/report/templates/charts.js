@@ -5,10 +5,14 @@
   const $ = (id) => document.getElementById(id);
   const LABEL = { measured: "measured", nominal: "nominal model", tuned: "re-tuned within tolerance", corrected: "corrected model" };
   const DASH = { nominal: "dash", tuned: "dot", corrected: "solid" };
-  const config = { responsive: true, displaylogo: false, modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]] };
+  const config = { displaylogo: false, modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]] };
 
   const modulus = (z) => z.re.map((x, k) => (x === null ? null : Math.hypot(x, z.im[k])));
-  const phase = (z) => z.re.map((x, k) => (x === null ? null : (180 / Math.PI) * Math.atan2(z.im[k], x)));
+  // From -100° on, so that neither 0° nor 180° lies at the end; broken where it jumps.
+  const phase = (z) => {
+    const turned = z.re.map((x, k) => (x === null ? null : ((((180 / Math.PI) * Math.atan2(z.im[k], x) + 100) % 360) + 360) % 360 - 100));
+    return turned.map((v, k) => (k && v !== null && Math.abs(v - turned[k - 1]) > 200 ? null : v));
+  };
   const apart = (a, b) => a.re.map((x, k) => (x === null ? null : Math.hypot(x - b.re[k], a.im[k] - b.im[k])));
   const clear = (colour, alpha) => {
     const n = parseInt(colour.slice(1), 16);
@@ -31,7 +35,20 @@
     legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, modebar: { color: css("--soft"), activecolor: css("--mark"), bgcolor: "rgba(0,0,0,0)", orientation: "h" },
     dragmode: matchMedia("(pointer: coarse)").matches ? false : "zoom", ...more,
   });
-  const draw = (id, traces, shape) => Plotly.react(id, traces, shape, config);
+  const narrow = () => document.querySelector("main").clientWidth < 600;
+  const widths = new Map();
+  const draw = (id, traces, shape) => {
+    const width = $(id).clientWidth;
+    widths.set(id, width);
+    if (narrow()) {
+      // Names below: beside the buttons there is no room for them.
+      const rows = new Set(traces.filter((t) => t.showlegend !== false && t.name).map((t) => t.name)).size;
+      shape.margin = { l: 52, r: 8, t: 30, b: 50 + 20 * rows };
+      shape.legend = { orientation: "h", y: 0, yref: "container", yanchor: "bottom", x: 0, entrywidth: 1, entrywidthmode: "fraction" };
+      shape.height += 20 * rows;
+    }
+    Plotly.react(id, traces, { ...shape, width }, config);
+  };
 
   function responses() {
     const record = data.records[$("frf-record").value];
@@ -70,7 +87,7 @@
     const unit = `[${channel.unit}]`;
     const named = Object.fromEntries([
       ["yaxis", axis(`modulus ${unit}`, { type: "log", exponentformat: "power", dtick: 1, domain: ends[0], range: decades(measured.concat(corrected, modulus(channel.nominal))) })],
-      ["yaxis2", axis("phase [°]", { domain: ends[1], range: [-190, 190], tickvals: [-180, 0, 180] })],
+      ["yaxis2", axis("phase [°]", { domain: ends[1], range: [-110, 270], tickvals: [-90, 0, 90, 180] })],
       ["yaxis3", axis(`difference ${unit}`, { type: "log", exponentformat: "power", dtick: 1, domain: ends[2], range: decades(differences) })],
       ...(coherent ? [["yaxis4", axis("coh.", { domain: ends[3], range: [0, 1.05], tickvals: [0, 1] })]] : []),
     ]);
@@ -86,9 +103,9 @@
     draw("map", [{
       type: "heatmap", x: m.freq, y: m.rows, z: log, customdata: z, zmin: 0, zmax: 2,
       colorscale: [[0, css("--paper")], [0.15, css("--heat1")], [0.5, css("--heat2")], [1, css("--heat3")]],
-      colorbar: { tickvals: [0, 0.5, 1, 1.5, 2], ticktext: ["1", "3", "10", "30", "100"], title: { text: "error / noise", side: "right" }, thickness: 12, outlinewidth: 0 },
+      colorbar: { ...(narrow() ? { orientation: "h", y: -0.32, yanchor: "top" } : {}), tickvals: [0, 0.5, 1, 1.5, 2], ticktext: ["1", "3", "10", "30", "100"], title: { text: "error / noise", side: narrow() ? "bottom" : "right" }, thickness: 12, outlinewidth: 0 },
       hovertemplate: "%{x:.4g} Hz, %{y}: %{customdata:.3g} times the noise<extra></extra>",
-    }], layout(130 + 34 * m.rows.length, { margin: { l: 58, r: 12, t: 34, b: 44 }, hovermode: "closest", xaxis: axis("frequency [Hz]"), yaxis: axis("", { autorange: "reversed", type: "category" }) }));
+    }], layout((narrow() ? 190 : 130) + 34 * m.rows.length, { margin: { l: 58, r: 12, t: 34, b: 44 }, hovermode: "closest", xaxis: axis("frequency [Hz]"), yaxis: axis("", { autorange: "reversed", type: "category" }) }));
   }
 
   function stiffness(k) {
@@ -120,4 +137,9 @@
   addEventListener("beforeprint", () => { document.documentElement.classList.add("print"); all(); });
   addEventListener("afterprint", () => { document.documentElement.classList.remove("print"); all(); });
   all();
+  // The page may get narrower or wider: by a turned phone, a scroll bar, the paper.
+  const watch = new ResizeObserver((entries) => {
+    if (entries.some((e) => Math.abs(e.contentRect.width - (widths.get(e.target.id) || 0)) > 1)) all();
+  });
+  document.querySelectorAll(".chart").forEach((chart) => watch.observe(chart));
 })();
