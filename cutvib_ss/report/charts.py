@@ -127,7 +127,7 @@ def _named_law(z: DynamicStiffness, d: Diagnosis) -> ComplexArray | None:
     """Dynamic stiffness of what the corrected machine carries at the function's port; None where nothing, or no such element."""
     if z.quantity != "dynamic stiffness":
         return None
-    s = 2j * np.pi * z.freq
+    s: ComplexArray = np.asarray(2j * np.pi * z.freq, dtype=np.complex128)
     values = [
         np.asarray(a.element.dynamic_stiffness(s), dtype=np.complex128)
         for a in d.corrected_machine.attachments
