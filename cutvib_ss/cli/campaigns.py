@@ -21,8 +21,8 @@ from cutvib_ss.errors import DataFormatError, ParameterError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from cutvib_ss.diagnosis.result import Diagnosis
     from cutvib_ss.effects.base import Model
-    from cutvib_ss.gap.result import Diagnosis
     from cutvib_ss.identification.identify import IdentificationResult
     from cutvib_ss.measurement.records import Campaign
 
@@ -231,7 +231,7 @@ def diagnosis_of(
         measured = read_campaign(campaign, None if machine is None else _read(machine))
         measured = chosen(measured, band, records)
         told("loading the diagnosis")
-        from cutvib_ss.gap.diagnosis import diagnose
+        from cutvib_ss.diagnosis.diagnose import diagnose
 
         return diagnose(measured, hold_out=hold_out, seed=seed, jobs=jobs, progress=told)
 

@@ -25,12 +25,12 @@ JsonOption = Annotated[
 ]
 
 
-def position_value(text: str) -> float:
-    """A position as the command line takes it: a number, or FC, CC, BC, FR, CR, BR."""
+def position_value(given: str | float) -> float:
+    """A position as the command line takes it: a number, which a default is already, or FC, CC, BC, FR, CR, BR."""
     from cutvib_ss.parameters import position_of
 
     try:
-        return position_of(text)
+        return position_of(str(given))
     except ParameterError as error:
         raise typer.BadParameter(str(error)) from None
 

@@ -14,7 +14,7 @@ from cutvib_ss.errors import ParameterError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from cutvib_ss.gap.plan import Plan, PlannedCause
+    from cutvib_ss.diagnosis.plan import Plan, PlannedCause
 
 _LISTED = 12
 
@@ -31,9 +31,9 @@ def plan_command(
     ] = None,
     blows: Annotated[int, typer.Option("--blows", min=1, help="Blows at each position and level.")] = 3,
     band: Annotated[str, typer.Option("--band", metavar="LO:HI", help="Band that the hammer excites [Hz].")] = "15:450",
-    block: Annotated[float, typer.Option("--block", metavar="S", help="Length of a record [s].")] = 2.0,
+    block: Annotated[float, typer.Option("--block", metavar="S", help="Length of a record \\[s].")] = 2.0,
     noise: Annotated[
-        float, typer.Option("--noise", metavar="DENSITY", help="Noise of a response channel [its unit/√Hz].")
+        float, typer.Option("--noise", metavar="DENSITY", help="Noise of a response channel \\[its unit/√Hz].")
     ] = 7e-4,
     error: Annotated[
         float,
@@ -47,7 +47,7 @@ def plan_command(
     check_outputs(json)
     model = load_model(machine)
     places = check_places(model, positions)
-    from cutvib_ss.gap.plan import PlannedCampaign, plan
+    from cutvib_ss.diagnosis.plan import PlannedCampaign, plan
 
     with working("asking about every cause"):
         found = plan(

@@ -41,7 +41,7 @@ class _Force:
 
 def simulate_command(
     position: PositionOption = None,
-    duration: Annotated[float, typer.Option("--duration", help="Length of the simulation [s].")] = 1.0,
+    duration: Annotated[float, typer.Option("--duration", help="Length of the simulation \\[s].")] = 1.0,
     fs: Annotated[float, typer.Option("--fs", help="Sampling frequency [Hz].")] = 20_000.0,
     steady: Annotated[
         bool,
@@ -61,8 +61,8 @@ def simulate_command(
     duty: Annotated[
         float, typer.Option("--duty", help="Part of the period above half the peak.", rich_help_panel=_PULSES)
     ] = 0.3,
-    rise: Annotated[float, typer.Option("--rise", help="Rise, foot to top [s].", rich_help_panel=_PULSES)] = 5e-4,
-    fall: Annotated[float, typer.Option("--fall", help="Fall, top to foot [s].", rich_help_panel=_PULSES)] = 5e-4,
+    rise: Annotated[float, typer.Option("--rise", help="Rise, foot to top \\[s].", rich_help_panel=_PULSES)] = 5e-4,
+    fall: Annotated[float, typer.Option("--fall", help="Fall, top to foot \\[s].", rich_help_panel=_PULSES)] = 5e-4,
     amplitude: Annotated[float, typer.Option("--amplitude", help="Peak [N].", rich_help_panel=_PULSES)] = 50.0,
     jitter: Annotated[
         float,
@@ -80,26 +80,26 @@ def simulate_command(
         Path | None,
         typer.Option(
             "--force", metavar="FILE", rich_help_panel=_RECORD,
-            help="A record with a channel `force`, in any format of a campaign; for instance CSV with `time [s],force [N]`.",
+            help="A record with a channel `force`, in any format of a campaign; for instance CSV with `time \\[s],force [N]`.",
         ),
     ] = None,
     to: Annotated[
         float | None,
         typer.Option("--to", metavar="Y", rich_help_panel=_TRAVEL, help="Travel from --position to here."),
     ] = None,
-    speed: Annotated[float, typer.Option("--speed", help="Largest speed [m/s].", rich_help_panel=_TRAVEL)] = 0.5,
+    speed: Annotated[float, typer.Option("--speed", help="Largest speed \\[m/s].", rich_help_panel=_TRAVEL)] = 0.5,
     acceleration: Annotated[
-        float, typer.Option("--acceleration", help="Acceleration [m/s^2].", rich_help_panel=_TRAVEL)
+        float, typer.Option("--acceleration", help="Acceleration \\[m/s^2].", rich_help_panel=_TRAVEL)
     ] = 2.0,
     jerk: Annotated[
         float | None,
-        typer.Option("--jerk", help="Jerk of an S-curve [m/s^3]; by default the speed is a trapezoid.", rich_help_panel=_TRAVEL),
+        typer.Option("--jerk", help="Jerk of an S-curve \\[m/s^3]; by default the speed is a trapezoid.", rich_help_panel=_TRAVEL),
     ] = None,
     travel: Annotated[
         Path | None,
         typer.Option(
             "--travel", metavar="FILE", rich_help_panel=_TRAVEL,
-            help="A recorded travel in place of --position and --to: CSV with `time [s],position [y/L]`.",
+            help="A recorded travel in place of --position and --to: CSV with `time \\[s],position \\[y/L]`.",
         ),
     ] = None,
     out: Annotated[

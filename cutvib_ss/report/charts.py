@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from cutvib_ss.gap.family import family_value
-from cutvib_ss.gap.findings import DynamicStiffness
-from cutvib_ss.gap.result import Comparison, Diagnosis
+from cutvib_ss.diagnosis.element_type import element_type_value
+from cutvib_ss.diagnosis.findings import DynamicStiffness
+from cutvib_ss.diagnosis.result import Comparison, Diagnosis
 from cutvib_ss.plot.diagnosis import error_over_noise
 from cutvib_ss.plot.style import unit_text
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -100,8 +100,13 @@ def _maps(comparisons: Sequence[Comparison]) -> dict[str, Any] | None:
 
 def _stiffness(z: DynamicStiffness, d: Diagnosis) -> dict[str, Any]:
     laws = []
-    if z.family is not None and len(z.levels) == 1:
-        laws.append((f"law of its shape: {z.family.name}", family_value(z.family, z.quantity, z.freq)))
+    if z.element_type is not None and len(z.levels) == 1:
+        laws.append(
+            (
+                f"element type of its shape: {z.element_type.name}",
+                element_type_value(z.element_type, z.quantity, z.freq),
+            )
+        )
     named = _named_law(z, d)
     if named is not None:
         laws.append(("law of the named cause", named))

@@ -7,7 +7,7 @@ from html import escape
 
 from markupsafe import Markup
 
-from cutvib_ss.gap.result import Diagnosis
+from cutvib_ss.diagnosis.result import Diagnosis
 from cutvib_ss.plot.diagnosis import probability_text
 
 # Shape of each place, and where its label stands (x, y, anchor).

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cutvib_ss.diagnosis.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
 from cutvib_ss.effects.base import identifying_names
 from cutvib_ss.effects.catalogue import EFFECTS, is_alias
-from cutvib_ss.gap.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
 from cutvib_ss.units import STANDARD_GRAVITY
 
 PLACES = {
@@ -134,7 +134,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     name = cause_name(best.effect, best.place, best.parameters)
     if diagnosis.verdict == "no_gap":
         return (
-            "Model and machine agree: once the model's values are tuned within their tolerances, what is left on "
+            "Model and machine agree: once the model's values are tuned within their tolerances, the residual on "
             f"held-out records is noise ({figure(gap.tuned)} against {figure(gap.noise_floor)} {gap.unit})."
         )
     if diagnosis.verdict in ("explained", "partly_explained"):

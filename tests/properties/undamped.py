@@ -32,7 +32,7 @@ def undamped(machine: Machine) -> Machine:
         head=replace(machine.head, c1=0.0, c2=0.0),
         rail=replace(
             rail,
-            parameters=replace(rail.parameters, damping_ratio=0.0),
+            parameters=replace(rail.parameters, damping_ratio=0.0, strain_damping=0.0),
             supports=rail.supports and replace(rail.supports, c_left=0.0, c_right=0.0),
             torsion=rail.torsion and replace(rail.torsion, damping_ratio=0.0),
             attachments=tuple(replace(a, element=_still(a.element)) for a in rail.attachments),

@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.text import Text
+from typer.main import get_command
 
 from cutvib_ss.absorber import check_absorber
 from cutvib_ss.cli import campaigns, main
+from cutvib_ss.cli.app import app
 from cutvib_ss.interchange import read_frf
 from cutvib_ss.model.head import HEAD_PARAMETERS
 from cutvib_ss.model.machine import published_machine
@@ -23,8 +26,8 @@ from tests.unit.diagnosis_example import example_diagnosis, example_structure
 DEMO = Path(campaigns.__file__).parents[1] / "data" / "demo"
 COMMANDS = [
     "demo", "diagnose", "plan", "identify", "paper", "figures", "modes", "frf", "bode", "schedule", "simulate", "absorber check",
-    "absorber design", "control design", "control check", "blind run", "blind score", "blind calibrate",
-    "campaign init", "campaign show",
+    "absorber design", "control design", "control check", "blind run", "blind score",
+    "campaign init", "campaign show", "serve",
 ]  # fmt: skip
 
 
@@ -41,6 +44,20 @@ def test_help_of_each_command_has_an_example(command: str, capsys: pytest.Captur
     said = capsys.readouterr()
     assert f"Example: cutvib {command}" in " ".join(said.out.split())
     assert said.err == ""
+
+
+def test_help_shows_its_units() -> None:
+    """`[s]` alone is markup, which strikes out what follows and is not shown."""
+    tree = get_command(app)
+    shown = 0
+    for name in COMMANDS:
+        command: Any = tree
+        for part in name.split():
+            command = command.commands[part]
+        for text in (getattr(p, "help", None) or "" for p in command.params):
+            assert Text.from_markup(text).plain == text.replace("\\[", "["), (name, text)
+            shown += "[" in text
+    assert shown > 20
 
 
 def test_help_lists_these_commands_and_no_others(capsys: pytest.CaptureFixture[str]) -> None:

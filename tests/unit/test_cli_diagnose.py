@@ -14,10 +14,10 @@ import pytest
 from cutvib_ss.cli import campaigns, main
 from cutvib_ss.cli.campaigns import chosen, without_unknown
 from cutvib_ss.cli.progress import Progress
+from cutvib_ss.diagnosis.unknown_element import unknown_candidates
+from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.gap.unknown_element import unknown_candidates
-from cutvib_ss.gap.workers import Workers
 from cutvib_ss.measurement import Campaign, read_campaign
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import read_machine, write_machine
@@ -55,7 +55,7 @@ def test_an_impossible_band_is_refused(band: str, capsys: pytest.CaptureFixture[
 def test_simple_errors_load_neither_control_nor_the_diagnosis(wrong: list[str]) -> None:
     code = (
         "import sys; from cutvib_ss.cli import main; status = main(); "
-        "print({'control', 'cutvib_ss.gap.diagnosis'} & set(sys.modules)); sys.exit(status)"
+        "print({'control', 'cutvib_ss.diagnosis.diagnose'} & set(sys.modules)); sys.exit(status)"
     )
     ended = subprocess.run(
         [sys.executable, "-c", code, "diagnose", *wrong], capture_output=True, text=True, check=False, timeout=60

@@ -107,6 +107,8 @@ def test_wrong_names_list_the_choices() -> None:
     for asked in ({"inputs": "t"}, {"outputs": "t"}):
         with pytest.raises(ParameterError, match=r"no port 't'.*tool_x"):
             machine.plant(0.5, **asked)
+        with pytest.raises(ParameterError, match=r"no port 't'.*tool_x.*base_x.*joint1.*rail_left"):
+            frequency_response(machine, 0.5, [217.0], **asked)
     with pytest.raises(ParameterError, match="'accel' is not one of displacement"):
         machine.plant(0.5, quantity="accel")  # type: ignore[arg-type]
     assert machine.plant(0.5, outputs="tool_x").output_labels == ["tool_x"]

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import cutvib_ss as cv
+from cutvib_ss.diagnosis.diagnose import diagnose
+from cutvib_ss.diagnosis.hypotheses import candidates
+from cutvib_ss.diagnosis.plan import PlannedCampaign, plan
+from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, applied, parameter
 from cutvib_ss.effects.catalogue import EFFECTS, GROUP
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.gap.diagnosis import diagnose
-from cutvib_ss.gap.hypotheses import candidates
-from cutvib_ss.gap.plan import PlannedCampaign, plan
-from cutvib_ss.gap.workers import Workers
 from cutvib_ss.report import report_html
 from cutvib_ss.report.wording import cause_name, inspection_text, verdict_sentence
 from tests.plugin_package.effects import Belt, HydraulicDamper
@@ -160,6 +160,7 @@ def campaign(folder: Path, effect: HydraulicDamper) -> Any:
     return cv.read_campaign(folder)
 
 
+@pytest.mark.slow
 def test_the_diagnosis_finds_and_the_report_names_it(by_entry_point: None, by_call: None, tmp_path: Path) -> None:
     truth = HydraulicDamper("top", 1.5e4, 40.0)
     found = diagnose(campaign(tmp_path, truth))

@@ -146,7 +146,7 @@ def test_a_lightly_damped_mode_is_swept_through_stick_and_slip(
 ) -> None:
     model, freq = mass(1.0, W0**2, 2e-3 * W0, law, **parameters), np.arange(45.0, 62.0, 0.25)
     up, down, more = (
-        sine_response(model, None, freq, amplitude, d, harmonics=h).data[0, 0, 0]  # type: ignore[arg-type]
+        sine_response(model, None, freq, amplitude, direction=d, harmonics=h).data[0, 0, 0]  # type: ignore[arg-type]
         for d, h in (("up", 7), ("down", 7), ("up", 11))
     )
     size = np.abs(up).max()

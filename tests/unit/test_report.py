@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutvib_ss.gap.result import Cause, Comparison, Diagnosis, FittedParameter, NextTest
+from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, NextTest
 from cutvib_ss.report import report_html, write_report
 from cutvib_ss.report.charts import plotly_script
 from cutvib_ss.report.wording import (

@@ -8,10 +8,10 @@ import pytest
 
 from cutvib_ss.cli.campaigns import print_diagnosis
 from cutvib_ss.cli.output import results
+from cutvib_ss.diagnosis.element_type import element_type_value
+from cutvib_ss.diagnosis.findings import DynamicStiffness, ElementType, Findings, PlaceScore
+from cutvib_ss.diagnosis.result import Limit
 from cutvib_ss.effects.local_resonator import LocalResonator
-from cutvib_ss.gap.family import family_value
-from cutvib_ss.gap.findings import DynamicStiffness, Family, Findings, PlaceScore
-from cutvib_ss.gap.result import Limit
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.report import answer, charts, report_html
 from cutvib_ss.report.drawing import machine_drawing
@@ -123,18 +123,18 @@ def test_a_structure_is_drawn_as_its_ports() -> None:
 
 def test_axes_of_the_dynamic_stiffness_hold_the_law_s_peak() -> None:
     freq = np.linspace(20.0, 400.0, 500)
-    family = Family("sprung mass", "", {"mass": 1.5, "frequency": 170.0, "damping_ratio": 0.02}, 0.97)
-    law = family_value(family, "dynamic stiffness", freq)
+    kind = ElementType("sprung mass", "", {"mass": 1.5, "frequency": 170.0, "damping_ratio": 0.02}, 0.97)
+    law = element_type_value(kind, "dynamic stiffness", freq)
     std = 0.01 * np.abs(law).max() * (1 + 100 * (freq > 300))
     rng = np.random.default_rng(2)
     z = DynamicStiffness(
         "head", "head_x", "head_x", "dynamic stiffness", "N/m", None, freq, (None,),
-        (law + std * rng.standard_normal(freq.size))[None], std[None], family,
+        (law + std * rng.standard_normal(freq.size))[None], std[None], kind,
     )  # fmt: skip
     carried = LocalResonator("head", 1.5, 170.0, 0.02).apply(published_machine())
     data = charts._stiffness(z, replace(EXAMPLE, corrected_machine=carried))
     low, high = data["limits"]["imag"]
     assert low < law.imag.min() < law.imag.max() < high < 1.5 * law.imag.max()
-    assert [w["name"] for w in data["laws"]] == ["law of its shape: sprung mass", "law of the named cause"]
+    assert [w["name"] for w in data["laws"]] == ["element type of its shape: sprung mass", "law of the named cause"]
     # The element that the corrected machine carries, and the formula of the shape: the same law by two routes.
     assert np.allclose(data["laws"][0]["im"], data["laws"][1]["im"], rtol=1e-3, atol=10.0)

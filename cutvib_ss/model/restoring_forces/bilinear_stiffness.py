@@ -39,6 +39,7 @@ class BilinearStiffness(Memoryless):
 
     @staticmethod
     def implicit(p: Values, q: float, a: float, v: float, b: float) -> float:
+        """f = k s (q - a f), s the sign of q, which is that of q - a f too where a abs(k) < 1."""
         return p[0] * abs(q) / (1.0 + a * p[0] * math.copysign(1.0, q))
 
     @staticmethod

@@ -71,6 +71,7 @@ class Freeplay(Memoryless):
 
     @staticmethod
     def steepest(p: Values, q: float, v: float) -> float:
+        """The greater of the two branches: within the gap and in contact."""
         return max(abs(p[2] - p[1]), abs(p[2]))
 
     def describing_function(self, amplitude: ArrayLike, omega: ArrayLike) -> ComplexArray:
