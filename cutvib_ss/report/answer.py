@@ -66,7 +66,9 @@ def independent_sentences(d: Diagnosis) -> list[str]:
     first, second = scores[0], scores[1]
     figures = f"{figure(first.left)} of noise is left there, {figure(second.left)} at the next place"
     if first.place in d.where.place.split("+"):
-        return [f"A search without any law, one free function at each place, points to the same place ({figures})."]
+        return [
+            f"A search without any law, one unknown dynamic stiffness at each place, points to the same place ({figures})."
+        ]
     return [f"A search without any law points elsewhere, to {place_name(first.place)} ({figures}): look there too."]
 
 
@@ -96,13 +98,13 @@ def to_do(d: Diagnosis) -> list[str]:
 
 
 def confirming_test(d: Diagnosis) -> str:
-    """The record that would confirm a mended cause: where the re-tuned model's error was largest over the noise."""
+    """The record that would confirm a fixed cause: where the re-tuned model's error was largest over the noise."""
     rows = [r for r in d.where.by_position if r.label is not None]
     if not d.where.by_channel:
         return ""
     channel = max(d.where.by_channel, key=lambda r: r.error / max(r.noise, 1e-300)).label
     at = f" with the head at y/L = {figure(float(max(rows, key=lambda r: r.error).label))}" if rows else ""  # type: ignore[arg-type]
-    return f"Next test: once it is mended, measure again{at} and look at {channel}: there the error was largest."
+    return f"Next test: once it is fixed, measure again{at} and look at {channel}: there the error was largest."
 
 
 def size_rows(d: Diagnosis) -> list[Row]:

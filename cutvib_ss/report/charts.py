@@ -102,7 +102,10 @@ def _stiffness(z: DynamicStiffness, d: Diagnosis) -> dict[str, Any]:
     laws = []
     if z.element_type is not None and len(z.levels) == 1:
         laws.append(
-            (f"law of its shape: {z.element_type.name}", element_type_value(z.element_type, z.quantity, z.freq))
+            (
+                f"element type of its shape: {z.element_type.name}",
+                element_type_value(z.element_type, z.quantity, z.freq),
+            )
         )
     named = _named_law(z, d)
     if named is not None:
@@ -129,7 +132,7 @@ def _named_law(z: DynamicStiffness, d: Diagnosis) -> ComplexArray | None:
     """Dynamic stiffness of what the corrected machine carries at the function's port; None where nothing, or no such element."""
     if z.quantity != "dynamic stiffness":
         return None
-    s = np.asarray(2j * np.pi * z.freq, dtype=np.complex128)
+    s: ComplexArray = np.asarray(2j * np.pi * z.freq, dtype=np.complex128)
     values = [
         np.asarray(a.element.dynamic_stiffness(s), dtype=np.complex128)
         for a in d.corrected_machine.attachments
