@@ -226,8 +226,8 @@ class StructureTolerances:
     """Tolerances of a second-order structure: one common scale factor on each matrix."""
 
     mass: float = 0.02  # One standard deviation of the factor on each matrix
-    damping: float = 0.2  # One standard deviation of the factor on each matrix
-    stiffness: float = 0.02  # One standard deviation of the factor on each matrix
+    damping: float = 0.2
+    stiffness: float = 0.02
     calibration: float = 0.01  # Of each response channel's sensitivity, smooth over frequency
     # How far stiffnesses and gains move between sessions, as a fraction. Left out: by the evidence of the records
     drift: float | None = None

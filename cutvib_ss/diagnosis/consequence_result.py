@@ -25,9 +25,9 @@ class Loop:
     position: float | None  # y_b / L
     stable: bool  # Whether the corrected loop is stable
     nominal_margin: float  # Disk margin: gain and phase may change at once by as much; 0 where unstable
-    corrected_margin: float  # Disk margin: gain and phase may change at once by as much; 0 where unstable
+    corrected_margin: float
     nominal_attenuation_db: float  # By how much the loop lowers the vibration at the working frequency [dB]
-    corrected_attenuation_db: float  # By how much the loop lowers the vibration at the working frequency [dB]
+    corrected_attenuation_db: float
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Consequences:
 
     frequency: float  # Working frequency [Hz]
     channel: str  # What is looked at, and its unit
-    unit: str  # What is looked at, and its unit
+    unit: str
     vibration: tuple[Consequence, ...]  # At each position
     controller: str = ""  # Which controller was checked; empty where none was
     loops: tuple[Loop, ...] = ()  # That controller at each position

@@ -49,7 +49,7 @@ class Fold:
     """One fold of the cross-validation."""
 
     fitted: tuple[Entry, ...]  # Records to fit on, and records to judge on
-    judged: tuple[Entry, ...]  # Records to fit on, and records to judge on
+    judged: tuple[Entry, ...]
 
 
 @dataclass(frozen=True)

@@ -30,12 +30,12 @@ class Metric:
     position: float | None  # y_b / L
     level: float | None  # Peak force [N]
     channel: str  # Channel; ``"all"`` takes the channels as one response with several outputs
-    before: Distances  # Model as given; re-tuned; with the cause, fitted on other records
-    tuned: Distances  # Model as given; re-tuned; with the cause, fitted on other records
-    after: Distances  # Model as given; re-tuned; with the cause, fitted on other records
+    before: Distances  # Model as given
+    tuned: Distances  # Re-tuned
+    after: Distances  # With the cause, fitted on other records
     second: Distances | None  # The same with the second-best cause
     noise_modulus: float  # Of noise alone: its mean modulus, and the distance that it exceeds in one of twenty records
-    noise_nu_gap: float  # Of noise alone: its mean modulus, and the distance that it exceeds in one of twenty records
+    noise_nu_gap: float
 
 
 @dataclass(frozen=True)
@@ -71,18 +71,18 @@ class Band:
     """The error in one band of frequency."""
 
     low: float  # The band [Hz]
-    high: float  # The band [Hz]
+    high: float
     before: float  # Mean modulus of the error over records and channels, in the gap's unit
-    tuned: float  # Mean modulus of the error over records and channels, in the gap's unit
-    after: float  # Mean modulus of the error over records and channels, in the gap's unit
-    noise: float  # Mean modulus of the error over records and channels, in the gap's unit
+    tuned: float
+    after: float
+    noise: float
     second: float  # The same with the second-best cause; NaN where there is none
     # Whether the re-tuned model's error stands out of the noise here; else the band is one of those between
     stands_out: bool
     # Position y_b / L and the centre of the error's excess over the noise there [Hz]
     centres: tuple[tuple[float, float], ...]
     moves_with_position: bool  # Whether that centre moves by more than it is uncertain
-    moves_with_level: bool  # Whether that centre moves by more than it is uncertain
+    moves_with_level: bool
     # Part of the error's power that records of one position share, noise taken out: 1 for an error that repeats
     # whatever the level; NaN with one record a position
     coherence: float
@@ -103,10 +103,10 @@ class DynamicStiffness:
     """One unknown dynamic stiffness z(ω) at a place: what the records ask for there, whatever its law."""
 
     place: str  # Where, in which way, and which function of that
-    variant: str  # Where, in which way, and which function of that
-    label: str  # Where, in which way, and which function of that
+    variant: str
+    label: str
     quantity: str  # What it is (a dynamic stiffness, a compliance, a gain), and its unit
-    unit: str  # What it is (a dynamic stiffness, a compliance, a gain), and its unit
+    unit: str
     shape: float | None  # The one value fitted beside it (where on the rail, how eccentric), where there is one
     freq: FloatArray  # Frequency [Hz]
     levels: tuple[float | None, ...]  # Level of each row: peak force [N]; one None where all levels share the function
@@ -140,7 +140,7 @@ class PlaceScore:
     """Residual with unknown dynamic stiffnesses at a place."""
 
     place: str  # Where, and the way of being at fault that leaves least
-    variant: str  # Where, and the way of being at fault that leaves least
+    variant: str
     # Square of the error over noise and model error, at the median line: of positions that the functions were not
     # fitted to; of all records where each has functions of its own
     left: float

@@ -355,7 +355,7 @@ class Quadratic:
 
     layout: Layout  # Columns
     matrix: FloatArray  # Of the data at unit sizes
-    gradient: FloatArray  # Of the data at unit sizes
+    gradient: FloatArray
     squares: float  # Sum of the squared weighted residuals
     x: FloatArray  # Unknowns of the problem at the point
     precision: FloatArray  # Of their priors

@@ -42,8 +42,8 @@ class Sides:
     """The same held-out records against several models."""
 
     before: tuple[Judged, ...]  # Against the model as given, re-tuned, and with the cause
-    tuned: tuple[Judged, ...]  # Against the model as given, re-tuned, and with the cause
-    after: tuple[Judged, ...]  # Against the model as given, re-tuned, and with the cause
+    tuned: tuple[Judged, ...]
+    after: tuple[Judged, ...]
     second: tuple[Judged, ...] | None = None  # With the second-best cause; None where there is none
 
 

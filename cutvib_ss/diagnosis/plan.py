@@ -80,10 +80,10 @@ class PlannedCause:
     """What the campaign would make of one cause."""
 
     name: str  # Which
-    effect: str  # Which
-    place: str  # Which
+    effect: str
+    place: str
     parameter: str  # The parameter that tells its severity
-    unit: str  # The parameter that tells its severity
+    unit: str
     # Value at which it is nothing: ``"zero"``, ``"one"`` or ``"infinity"``; ``"whole"`` for a cause that is there or
     # not
     weak_end: str
@@ -91,7 +91,7 @@ class PlannedCause:
     # None where none that is believable is
     seen: float | None
     seen_best: float | None  # The same for the shape that shows most and least; None likewise
-    seen_worst: float | None  # The same for the shape that shows most and least; None likewise
+    seen_worst: float | None
     named: float | None  # Its value at the smallest severity at which it is told from every other cause
     rival: str  # The cause with which it is confused longest
     told_apart: float  # Severity at which it is told from that one over the severity at which it is seen

@@ -28,7 +28,7 @@ class Entry:
     position: float  # y_b / L; NaN for a structure
     level: float  # Peak force [N]; NaN where not stated
     data: ComplexArray  # Responses and E|ΔH|²
-    variance: FloatArray  # Responses and E|ΔH|²
+    variance: FloatArray
     freq: FloatArray  # Frequency [Hz]
     channels: tuple[str, ...]  # Response channels
     quantities: tuple[Quantity, ...]  # Their quantities
@@ -54,10 +54,10 @@ class Group:
     channels: tuple[str, ...]  # Response channels
     quantities: tuple[Quantity, ...]  # Their quantities
     data: ComplexArray  # Responses and E|ΔH|²
-    variance: FloatArray  # Responses and E|ΔH|²
+    variance: FloatArray
     block: FloatArray  # The estimator's block, as in `Entry`
-    blow_at: FloatArray  # The estimator's block, as in `Entry`
-    decay_rate: FloatArray  # The estimator's block, as in `Entry`
+    blow_at: FloatArray
+    decay_rate: FloatArray
     entries: tuple[tuple[Entry, ...], ...] = ()  # The records behind each row
 
 

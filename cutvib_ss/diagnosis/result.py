@@ -24,10 +24,10 @@ class GapFigures:
     """How far: mean modulus of the error on held-out records, over channels and bins of a band."""
 
     unit: str  # ``"g/N"``, or the channel's own
-    before: float  # Nominal model as given; re-tuned within tolerance; with the cause added; estimator noise alone
-    tuned: float  # Nominal model as given; re-tuned within tolerance; with the cause added; estimator noise alone
-    after: float  # Nominal model as given; re-tuned within tolerance; with the cause added; estimator noise alone
-    noise_floor: float  # Nominal model as given; re-tuned within tolerance; with the cause added; estimator noise alone
+    before: float  # Nominal model as given
+    tuned: float  # Re-tuned within tolerance
+    after: float  # With the cause added
+    noise_floor: float  # Estimator noise alone
     band_hz: tuple[float, float]  # The band [Hz]
     shrinkage: float  # 1 - after/before
     shrinkage_interval: tuple[float, float]  # 95 % interval, by bootstrap over records
@@ -39,7 +39,7 @@ class ErrorFigure:
 
     label: float | str | None  # Position y_b / L, or name of the channel
     error: float  # Mean modulus of the re-tuned nominal model's error, and that of noise alone, in the gap's unit
-    noise: float  # Mean modulus of the re-tuned nominal model's error, and that of noise alone, in the gap's unit
+    noise: float
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Where:
     places: tuple[tuple[str, float], ...]  # Places with their probabilities, most probable first
     bands_hz: tuple[tuple[float, float], ...]  # Bands in which the error stands out of the noise [Hz]
     by_position: tuple[ErrorFigure, ...]  # The error over positions and channels
-    by_channel: tuple[ErrorFigure, ...]  # The error over positions and channels
+    by_channel: tuple[ErrorFigure, ...]
     level_dependent: bool  # Whether the response changes with the excitation level
     place_set: tuple[str, ...] = ()  # The smallest set of places that carries 0.95
 
@@ -60,9 +60,9 @@ class Limit:
     """How much of a cause that was not named the data still allow."""
 
     effect: str  # The cause, the parameter that states its size, and its SI unit
-    place: str  # The cause, the parameter that states its size, and its SI unit
-    parameter: str  # The cause, the parameter that states its size, and its SI unit
-    unit: str  # The cause, the parameter that states its size, and its SI unit
+    place: str
+    parameter: str
+    unit: str
     allowed: float  # 95 % bound of its size beside the accepted answer; of a compliance the lowest stiffness
     visible: float  # Size at which it would be named with 0.9 in half of repetitions
 
@@ -81,11 +81,11 @@ class Cause:
     """One hypothesis, fitted and judged."""
 
     effect: str  # Ids of the catalogue; ``"none"`` and ``"unknown"`` are hypotheses too
-    place: str  # Ids of the catalogue; ``"none"`` and ``"unknown"`` are hypotheses too
+    place: str
     probability: float  # Probability, all causes together 1
     parameters: dict[str, FittedParameter] = field(default_factory=dict)  # What was fitted
     after: float = math.nan  # Error left on held-out records, and 1 - after/before
-    shrinkage: float = math.nan  # Error left on held-out records, and 1 - after/before
+    shrinkage: float = math.nan
     reduced_chi2: float = math.nan  # χ² a degree of freedom on held-out records
     # Part of the excess over noise and repeatability that it closes on held-out records; NaN for none and unknown
     share: float = math.nan
@@ -97,7 +97,7 @@ class CandidateEvidence:
 
     name: str  # The candidate; a cause may have several, which differ in what is discrete about it
     effect: str  # Ids of the catalogue; ``"none"`` for the re-tuned model
-    place: str  # Ids of the catalogue; ``"none"`` for the re-tuned model
+    place: str
     parameters: dict[str, str]  # What is discrete about it
     log_evidence: float  # Up to a constant that all share
     # χ² that it leaves of all data, the scatter of levels about their mean put aside; NaN where it was only tried on

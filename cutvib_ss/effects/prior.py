@@ -13,8 +13,8 @@ class Range:
     """Unit and prior of an effect's parameter."""
 
     unit: str  # SI unit
-    low: float  # Range that an engineer would believe; the prior of the diagnosis, not a limit of `Effect.apply`
-    high: float  # Range that an engineer would believe; the prior of the diagnosis, not a limit of `Effect.apply`
+    low: float  # Range that an engineer would believe: the prior of the diagnosis, not a limit of `Effect.apply`
+    high: float
     # Whether the prior is even in the logarithm or in the value, or normal: mean ``low``, standard deviation ``high``
     scale: Literal["log", "linear", "normal"] = "log"
     minimum: float | None = 0.0  # Smallest value that makes sense at all
@@ -43,7 +43,7 @@ class Motion:
     """Motion of a place in the records."""
 
     low: float  # Peak in the quietest and in the loudest record [m or rad]
-    high: float  # Peak in the quietest and in the loudest record [m or rad]
+    high: float
     rate: float  # Peak rate at a level between [m/s or rad/s]
     force: float = 0.0  # Peak force that would hold the place still, zero where it is not known [N or N m]
 

@@ -33,7 +33,7 @@ class Replay:
     fs: float  # Sampling frequency [Hz]
     lines: np.ndarray  # Lines of the estimator's transform that are kept
     block: int = 0  # Samples of a Welch block and of its overlap; a block of 0 takes each blow as one
-    overlap: int = 0  # Samples of a Welch block and of its overlap; a block of 0 takes each blow as one
+    overlap: int = 0
     # The measured responses to each force; empty where only estimates were recorded
     measured: tuple[FloatArray, ...] = ()
     assumed: bool = False  # Whether the force is made up (a half sine), since only estimated responses were recorded

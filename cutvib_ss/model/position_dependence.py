@@ -17,8 +17,8 @@ class PositionDependence:
     exact: Coupling  # The machine
     names: tuple[str, ...]  # The functions ρ_k: ``1``, ``phi[eta1]``, ``phi[eta1]*phi[eta2]`` ..
     mass: FloatArray  # The constant matrices
-    damping: FloatArray  # The constant matrices
-    stiffness: FloatArray  # The constant matrices
+    damping: FloatArray
+    stiffness: FloatArray
 
     def __post_init__(self) -> None:
         for name in ("mass", "damping", "stiffness"):

@@ -36,9 +36,9 @@ class EndSupports:
     """Springs and dampers under the rail's ends, in place of rigid pins."""
 
     k_left: float  # Stiffness at y = 0 and y = L [N/m]
-    k_right: float  # Stiffness at y = 0 and y = L [N/m]
+    k_right: float
     c_left: float = 0.0  # Damping [N s/m]
-    c_right: float = 0.0  # Damping [N s/m]
+    c_right: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("k_left", "k_right"):

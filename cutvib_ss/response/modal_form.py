@@ -28,7 +28,7 @@ class ModalForm:
     shapes: ComplexArray
     quantities: tuple[Quantity, ...]  # Motion quantity of each channel
     outputs: tuple[str, ...]  # Names of the channels, and of the ports of nonlinear elements
-    ports: tuple[str, ...]  # Names of the channels, and of the ports of nonlinear elements
+    ports: tuple[str, ...]
     from_state: ComplexArray  # Modes of an initial displacement and velocity of the degrees of freedom
     dofs: tuple[str, ...]  # Names of the degrees of freedom
     # How the channels move with a shaker's base, where they read absolute motion; the sum over the modes is relative

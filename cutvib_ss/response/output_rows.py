@@ -29,7 +29,7 @@ class OutputRow:
     """An output as a sum over displacement, velocity and acceleration of the degrees of freedom, and over forces."""
 
     name: str  # Name and SI unit
-    unit: str  # Name and SI unit
+    unit: str
     motion: FloatArray  # Rows over displacement, velocity and acceleration
     forces: FloatArray  # What each force adds directly
 

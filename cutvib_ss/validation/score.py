@@ -44,7 +44,7 @@ class Confusion:
     """How often each truth got each name."""
 
     truths: tuple[str, ...]  # Rows and columns
-    named: tuple[str, ...]  # Rows and columns
+    named: tuple[str, ...]
     counts: np.ndarray[tuple[int, ...], np.dtype[np.int64]]  # Cases
 
 
@@ -63,8 +63,8 @@ class Shrinkage:
 
     name: str  # The case
     stated: float  # Part of the error over noise that is said to be closed on held-out records, and its 95 % interval
-    low: float  # Part of the error over noise that is said to be closed on held-out records, and its 95 % interval
-    high: float  # Part of the error over noise that is said to be closed on held-out records, and its 95 % interval
+    low: float
+    high: float
     # Part of the nominal model's error that is closed on fresh records, without noise and at other positions
     achieved: float
     right: bool  # Whether the first answer is the truth
@@ -77,12 +77,12 @@ class Score:
     about: Mapping[str, Any]  # When, by which code, how many cases of which kind
     rows: tuple[Row, ...]  # The figures
     causes: Confusion  # Truths against names
-    places: Confusion  # Truths against names
+    places: Confusion
     bins: tuple[Bin, ...]  # Reliability
     coverage: FloatArray  # Part of wrong answers among the surest
-    risk: FloatArray  # Part of wrong answers among the surest
-    by_severity: tuple[Group, ...]  # Cases with one cause by size of the gap; all cases by cause
-    by_cause: tuple[Group, ...]  # Cases with one cause by size of the gap; all cases by cause
+    risk: FloatArray
+    by_severity: tuple[Group, ...]  # Cases with one cause by size of the gap
+    by_cause: tuple[Group, ...]  # All cases by cause
     # All cases by kind, by how far the machine moves, by kind of the machine; those with one cause by how far its
     # form is from the catalogue's
     groups: Mapping[str, tuple[Group, ...]]

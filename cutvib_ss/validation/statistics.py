@@ -21,7 +21,7 @@ class Estimate:
 
     value: float  # The figure; NaN without cases
     low: float  # 95 % interval
-    high: float  # 95 % interval
+    high: float
     cases: int  # Cases behind it
 
 
@@ -71,7 +71,7 @@ class Bin:
     """Answers of about one confidence."""
 
     low: float  # Limits of the confidence
-    high: float  # Limits of the confidence
+    high: float
     confidence: float  # Mean confidence; NaN in an empty bin
     right: Estimate  # Part of them that is right
 

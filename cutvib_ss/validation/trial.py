@@ -36,7 +36,7 @@ class Tools:
     # Diagnoses the archive of a campaign; None stands for ``cutvib diagnose`` in a process of its own
     diagnose: Diagnoser | None
     causes: Sequence[str]  # What the rig can make
-    outside: Sequence[str]  # What the rig can make
+    outside: Sequence[str]
 
 
 def package_tools() -> Tools:

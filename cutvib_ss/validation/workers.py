@@ -55,9 +55,9 @@ class Outcome:
     status: Literal["done", "failed", "timeout"]  # Whether there is a diagnosis
     exit_status: int | None  # Of the process; None where it was stopped
     started: str  # ISO 8601, UTC
-    finished: str  # ISO 8601, UTC
+    finished: str
     seconds: float  # Wall clock, and time on one core, start-up included
-    cpu_seconds: float | None  # Wall clock, and time on one core, start-up included
+    cpu_seconds: float | None
     code_sha256: str | None  # Hash of the code that diagnosed
     host: str  # Machine that diagnosed
     message: str  # Last words on standard error

@@ -30,8 +30,8 @@ class RailMatrices:
     """The rail over its kept coordinates."""
 
     mass: Array  # Matrices [SI]; fixed-interface modes are mass-normalised
-    damping: Array  # Matrices [SI]; fixed-interface modes are mass-normalised
-    stiffness: Array  # Matrices [SI]; fixed-interface modes are mass-normalised
+    damping: Array
+    stiffness: Array
     # Names of the physical coordinates at the front: ``"base"``, the deflection under the head; ``"twist"``, the
     # twist there, where the rail twists; ports that were asked for. The others are fixed-interface modes
     interface: tuple[str, ...]

@@ -62,7 +62,7 @@ class Conditions:
     wander: float  # Offset and slow drift, over ten standard deviations of the noise
     bits: int  # Of the digitiser
     response_range: float  # Its full scale [m/s^2] and [N]
-    force_range: float  # Its full scale [m/s^2] and [N]
+    force_range: float
     hit_twice: float  # Probability that the hammer bounces
     overloads: int  # How many blows exceed the range of a response channel
     repeatability: Repeatability = field(default_factory=Repeatability)  # How the machine moves between records

@@ -29,9 +29,9 @@ class Supports:
     """Springs and dampers under the rail's ends."""
 
     k_left: float  # Stiffness [N/m]
-    k_right: float  # Stiffness [N/m]
+    k_right: float
     c_left: float = 0.0  # Damping [N s/m]
-    c_right: float = 0.0  # Damping [N s/m]
+    c_right: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -107,8 +107,8 @@ class Tie:
 
     port: str  # Along what, `combination`
     stiffness: float = 0.0  # Of its ends' difference [N/m, N s/m, kg, or N m/rad …]
-    damping: float = 0.0  # Of its ends' difference [N/m, N s/m, kg, or N m/rad …]
-    mass: float = 0.0  # Of its ends' difference [N/m, N s/m, kg, or N m/rad …]
+    damping: float = 0.0
+    mass: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Skew:
     """Two ports that a spinning rotor couples: each feels the other's rate, with opposite signs."""
 
     one: str  # The ports
-    other: str  # The ports
+    other: str
     # Spin times moment of inertia, over what turns rates of the ports into rates of the rotor's tilt [N s/m]
     coefficient: float
 

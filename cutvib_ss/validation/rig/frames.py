@@ -36,8 +36,8 @@ class Frame:
 
     kind: str  # ``"chain"``, ``"beam"``, ``"frame"`` or ``"plate"``
     mass: Array  # Its matrices [SI]
-    damping: Array  # Its matrices [SI]
-    stiffness: Array  # Its matrices [SI]
+    damping: Array
+    stiffness: Array
     ports: Mapping[str, Array]  # Rows of the ports
     springs: Mapping[str, float]  # Stiffness of the spring that lies along a port, where one does [N/m]
     channels: tuple[Channel, ...]  # What its response channels read

@@ -35,8 +35,8 @@ class Linearised:
     """The machine about its rest."""
 
     mass: Array  # Matrices [SI]
-    damping: Array  # Matrices [SI]
-    stiffness: Array  # Matrices [SI]
+    damping: Array
+    stiffness: Array
     # Rows of ``tool_x``, ``tool_z``, ``head_x``, ``head_z``, ``base_x``, ``joint1``, ``joint2``, ``guide`` where
     # there is one, and of what on the rail is fitted with something
     ports: Mapping[str, Array]

@@ -47,7 +47,7 @@ class Site:
 
     place: str  # Its name
     stiffness: float  # Of the spring and damper there [N m/rad and N m s/rad, or N/m and N s/m]
-    damping: float  # Of the spring and damper there [N m/rad and N m s/rad, or N/m and N s/m]
+    damping: float
     swing: float  # Peak deflection under a blow of 100 N [rad or m]
     omega: float  # Angular frequency of most of its motion [rad/s]
 

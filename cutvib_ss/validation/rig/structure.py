@@ -26,15 +26,15 @@ class Head:
     """The two-link head (Table 3 of the paper)."""
 
     m1: float = 24.88  # Masses at the links' tips [kg]
-    m2: float = 0.60  # Masses at the links' tips [kg]
+    m2: float = 0.60
     l1: float = 0.097  # Lengths of the links [m]
-    l2: float = 0.096  # Lengths of the links [m]
+    l2: float = 0.096
     theta01_deg: float = 0.65  # Angles at rest [degrees]
-    theta02_deg: float = 110.0  # Angles at rest [degrees]
+    theta02_deg: float = 110.0
     k1: float = 522100.0  # Stiffness of the joints [N m/rad]
-    k2: float = 10442.0  # Stiffness of the joints [N m/rad]
+    k2: float = 10442.0
     c1: float = 44.20  # Damping of the joints [N m s/rad]
-    c2: float = 0.58  # Damping of the joints [N m s/rad]
+    c2: float = 0.58
 
 
 @dataclass(frozen=True)
