@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import traceback
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import typer
 
@@ -150,7 +152,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Notes of third-party code between the lines help no one who did not ask for them with -W.
         warnings.simplefilter("ignore")
     try:
-        command = typer.main.get_command(app)
+        command = _with_units(typer.main.get_command(app))
         status = command.main(None if arguments is None else list(arguments), prog_name="cutvib", standalone_mode=False)
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
@@ -171,6 +173,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         traceback.print_exc()
         sys.stderr.write("cutvib: a fault of the program, not of the input; please report it with the lines above\n")
         return 1
+
+
+def _with_units(command: Any) -> Any:
+    """The command with units in its help: rich takes [s] and [m/s] for markup unless they are escaped."""
+    for p in command.params:
+        if getattr(p, "help", None):
+            p.help = re.sub(r"(?<!\\)\[(?=[a-z#/@])", r"\[", p.help)
+    for inner in getattr(command, "commands", {}).values():
+        _with_units(inner)
+    return command
 
 
 def _refuse(message: str) -> int:

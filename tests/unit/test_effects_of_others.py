@@ -160,6 +160,7 @@ def campaign(folder: Path, effect: HydraulicDamper) -> Any:
     return cv.read_campaign(folder)
 
 
+@pytest.mark.slow
 def test_the_diagnosis_finds_and_the_report_names_it(by_entry_point: None, by_call: None, tmp_path: Path) -> None:
     truth = HydraulicDamper("top", 1.5e4, 40.0)
     found = diagnose(campaign(tmp_path, truth))
