@@ -7,7 +7,6 @@
 #   make bench      the benchmarks, one process
 #   make docs       the documentation as HTML, in docs/_build/html
 #   make blind      the sealed trial, 400 cases: two hours; goes on where it was; writes docs/blind_results_table.md (SEED=2: another one)
-#   make calibration  two more trials, and from them the numbers behind the stated probabilities
 #   make format     put the code in the house style
 #
 # Choose the interpreter with PYTHON=/path/to/python3.12, the number of test processes with JOBS=4.
@@ -24,7 +23,7 @@ test test-all: export OPENBLAS_NUM_THREADS := 1
 SPHINX := $(BIN)/sphinx-build -q -W --keep-going -j $(JOBS) -d docs/_build/doctrees
 PYTEST := $(BIN)/pytest -n $(JOBS) --benchmark-disable --doctest-modules cutvib_ss tests
 
-.PHONY: help setup demo test test-all bench docs blind calibration format checks style types layers docs-check
+.PHONY: help setup demo test test-all bench docs blind format checks style types layers docs-check
 .DEFAULT_GOAL := help
 
 help:
@@ -59,13 +58,13 @@ docs: $(STAMP)
 	$(SPHINX) -b html docs docs/_build/html
 	@echo "Open docs/_build/html/index.html"
 
-# Trials lie in build/trials, whose names end in their seeds. Those to judge on have other severities too.
+# Trials lie in build/trials; their names end in their seeds. Baselines learn from the trial fit-1001, where it is there.
 TRIALS := build/trials
 TRIAL_CASES ?= 400
 MIX ?= none=150,outside=60,pair=40
 SEED ?= 1
-blind calibration: export OMP_NUM_THREADS := 1
-blind calibration: export OPENBLAS_NUM_THREADS := 1
+blind: export OMP_NUM_THREADS := 1
+blind: export OPENBLAS_NUM_THREADS := 1
 
 blind: $(STAMP)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[trial]'
@@ -74,15 +73,6 @@ blind: $(STAMP)
 	$(BIN)/cutvib blind score $(TRIALS)/sealed-$(SEED) --jobs $(JOBS) --json $(TRIALS)/score-$(SEED).json \
 	    --report $(TRIALS)/score-$(SEED).html --report docs/blind_results_table.md \
 	    $(addprefix --baselines ,$(wildcard $(TRIALS)/fit-1001))
-
-calibration: $(STAMP)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[trial]'
-	@mkdir -p $(TRIALS) cutvib_ss/gap/data
-	$(BIN)/cutvib blind run --cases 300 --seed 1001 --out $(TRIALS)/fit-1001 --jobs $(JOBS)
-	$(BIN)/cutvib blind run --cases 200 --seed 2001 --severity 0.2:3 --out $(TRIALS)/judge-2001 --jobs $(JOBS)
-	$(BIN)/cutvib blind score $(TRIALS)/fit-1001 --jobs $(JOBS)
-	$(BIN)/cutvib blind score $(TRIALS)/judge-2001 --jobs $(JOBS)
-	$(BIN)/cutvib blind calibrate $(TRIALS)/fit-1001 --judge $(TRIALS)/judge-2001 --out cutvib_ss/gap/data/calibration.json
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .

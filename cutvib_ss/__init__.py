@@ -21,7 +21,7 @@ _NAMES_OF = {
     "response.time_response": ("time_response",),
     "response.moving": ("moving_response",),
     "response.pulses": ("pulse_train",),
-    "lpv": ("schedule", "PlantSchedule"),
+    "plant": ("schedule", "PlantSchedule"),
     "absorber": (
         "check_absorber",
         "design_absorbers",
@@ -39,9 +39,9 @@ _NAMES_OF = {
     "measurement": ("read_campaign", "write_campaign", "estimate", "Campaign", "Record"),
     "identification": ("identify", "IdentificationResult"),
     "effects.catalogue": ("register_effect",),
-    "gap.diagnosis": ("diagnose",),
-    "gap.result": ("Diagnosis",),
-    "gap.plan": ("plan", "Plan", "PlannedCampaign"),
+    "diagnosis.diagnose": ("diagnose",),
+    "diagnosis.result": ("Diagnosis",),
+    "diagnosis.plan": ("plan", "Plan", "PlannedCampaign"),
     "interchange": ("read_frf", "write_frf", "write_plant"),
     "paper": ("paper_tables",),
     "results": (

@@ -11,7 +11,7 @@ import typer
 
 from cutvib_ss.cli.absorber_design import absorber_design_command
 from cutvib_ss.cli.absorbers import absorber_check_command
-from cutvib_ss.cli.blind import blind_calibrate_command, blind_run_command, blind_score_command
+from cutvib_ss.cli.blind import blind_run_command, blind_score_command
 from cutvib_ss.cli.campaign_files import campaign_init_command, campaign_show_command
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.control import control_check_command, control_design_command
@@ -19,6 +19,7 @@ from cutvib_ss.cli.demo import demo_command
 from cutvib_ss.cli.models import bode_command, figures_command, frf_command, modes_command, paper_command
 from cutvib_ss.cli.plan import plan_command
 from cutvib_ss.cli.schedule import schedule_command
+from cutvib_ss.cli.serve import serve_command
 from cutvib_ss.cli.simulate import simulate_command
 from cutvib_ss.errors import CutvibError
 
@@ -127,9 +128,8 @@ blind.command("run", epilog="Example: cutvib blind run --cases 12 --seed 1 --out
 blind.command("score", epilog="Example: cutvib blind score my-trial --json score.json --report score.html")(
     blind_score_command
 )
-blind.command("calibrate", epilog="Example: cutvib blind calibrate trial-a trial-b --judge trial-c --out numbers.json")(
-    blind_calibrate_command
-)
+
+app.command("serve", epilog="Example: cutvib serve my-campaign --port 8080 --no-open")(serve_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -15,7 +15,7 @@ from cutvib_ss.errors import ParameterError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from cutvib_ss.blind.score import Score
+    from cutvib_ss.validation.score import Score
 
 _SuffixError = "give a name that ends in .html (a page) or .md (a table)"
 
@@ -50,8 +50,8 @@ def blind_run_command(
     ] = 1800.0,
 ) -> None:
     """Make campaigns on a virtual machine, seal what is wrong with it, diagnose them. The same command again resumes."""
-    from cutvib_ss.blind.plan import settings
-    from cutvib_ss.blind.trial import package_tools, run_trial
+    from cutvib_ss.validation.plan import settings
+    from cutvib_ss.validation.trial import package_tools, run_trial
 
     asked = settings(cases, seed, mix, _range(severity), small)
     trial = run_trial(asked, out, package_tools(), jobs, scheduler, timeout, _progress)
@@ -83,7 +83,7 @@ def blind_score_command(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time.")] = 1,
 ) -> None:
     """Open the seal, once, and score the diagnoses."""
-    from cutvib_ss.blind.trial_score import score_trials
+    from cutvib_ss.validation.trial_score import score_trials
 
     pages = report or []
     for page in pages:
@@ -93,7 +93,7 @@ def blind_score_command(
     with working("scoring"):
         found = score_trials(trials, jobs)
     if train:
-        from cutvib_ss.blind.baselines import with_baselines
+        from cutvib_ss.validation.baselines import with_baselines
 
         with working("training and running the baselines"):
             found = with_baselines(found, trials, train, jobs)
@@ -105,37 +105,6 @@ def blind_score_command(
         write_all({page: _writer(text) for page, text in texts.items()})
     if not give_json(found.to_dict(), json):
         _print_score(found, results())
-
-
-def blind_calibrate_command(
-    trials: Annotated[list[Path], typer.Argument(metavar="DIR…", help="Opened trials to fit on.")],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Where the numbers go.")],
-    judge: Annotated[
-        list[Path] | None,
-        typer.Option("--judge", metavar="DIR", help="Opened trial, of other seeds, to judge on; may be repeated."),
-    ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option("--only", metavar="NAME", help="Number that is fitted, the others stay; may be repeated."),
-    ] = None,
-) -> None:
-    """Fit the numbers behind the stated probabilities to opened trials, and judge them on others."""
-    from cutvib_ss.blind.calibration import calibrate
-    from cutvib_ss.blind.evidence import read_evidence
-
-    check_outputs(out)
-    with working("fitting"):
-        found = calibrate([read_evidence(t) for t in trials], [read_evidence(t) for t in judge or []], only=only or ())
-    give_json(found.to_dict(), str(out))
-    console = results()
-    rows = [[name, f"{before:.4g}", f"{after:.4g}"] for name, before, after in found.changes()]
-    show(console, "Numbers behind the probabilities", ["", "before", "fitted"], rows, "l")
-    say(console, "")
-    figures = [
-        [f.set, str(f.cases), f"{f.log_loss:.3f}", f"{100 * f.right:.1f} %", f"{f.calibration_error:.3f}"]
-        for f in found.figures
-    ]
-    show(console, "", ["", "cases", "log loss", "right first", "calibration error"], figures, "l")
 
 
 def _range(text: str) -> tuple[float, float]:

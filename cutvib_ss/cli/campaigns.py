@@ -15,7 +15,7 @@ from cutvib_ss.errors import ParameterError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from cutvib_ss.gap.result import Diagnosis
+    from cutvib_ss.diagnosis.result import Diagnosis
     from cutvib_ss.identification.identify import IdentificationResult
 
 _CampaignArgument = Annotated[
@@ -161,7 +161,7 @@ def diagnosis_of(campaign: Path, machine: Path | None, hold_out: float | None, s
     with working("reading the campaign"):
         measured = read_campaign(campaign, None if machine is None else _read(machine))
     with working("diagnosing"):
-        from cutvib_ss.gap.diagnosis import diagnose
+        from cutvib_ss.diagnosis.diagnose import diagnose
 
         return diagnose(measured, hold_out=hold_out, seed=seed, jobs=jobs)
 

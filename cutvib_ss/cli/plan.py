@@ -14,7 +14,7 @@ from cutvib_ss.errors import ParameterError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from cutvib_ss.gap.plan import Plan, PlannedCause
+    from cutvib_ss.diagnosis.plan import Plan, PlannedCause
 
 _LISTED = 12
 
@@ -47,7 +47,7 @@ def plan_command(
     check_outputs(json)
     model = load_model(machine)
     places = check_places(model, positions)
-    from cutvib_ss.gap.plan import PlannedCampaign, plan
+    from cutvib_ss.diagnosis.plan import PlannedCampaign, plan
 
     with working("asking about every cause"):
         found = plan(

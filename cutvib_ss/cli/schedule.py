@@ -12,7 +12,7 @@ from cutvib_ss.cli.options import FreqOption, JsonOption, MachineOption, frequen
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
 
 if TYPE_CHECKING:
-    from cutvib_ss.lpv import PlantSchedule
+    from cutvib_ss.plant import PlantSchedule
     from cutvib_ss.results import FloatArray
 
 WORKING_HARMONICS = (217.0, 434.0, 651.0)
@@ -62,7 +62,7 @@ def schedule_command(
     import numpy as np
 
     from cutvib_ss.interchange.plant_files import check_plant_file, write_plant
-    from cutvib_ss.lpv import schedule as family_over
+    from cutvib_ss.plant import schedule as family_over
     from cutvib_ss.plot.schedule import bode_map, interpolation_error, pole_map, schedule
     from cutvib_ss.plot.style import check_picture, save
     from cutvib_ss.response.frequency import frequency_response

@@ -24,7 +24,7 @@ MACHINE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 STRUCTURE_PARAMETERS = ("mass", "damping", "stiffness")
 """Matrices of any other structure, where they are not zero; their place is ``"structure"``."""
 
-STAND_INS = frozenset({"l1", "l2", "c1", "c2", "damping"})
+ALIASES = frozenset({"l1", "l2", "c1", "c2", "damping"})
 """
 Parameters as which causes that nobody catalogued appear: a spring beside the tool acts as a shorter lever, another law of friction
 as another coefficient of damping.
@@ -84,7 +84,7 @@ class ParameterShift(Effect):
 
     @classmethod
     def is_alias(cls, values: Mapping[str, object]) -> bool:
-        return values.get("parameter") in STAND_INS
+        return values.get("parameter") in ALIASES
 
     @classmethod
     def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:

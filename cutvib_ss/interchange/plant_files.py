@@ -19,7 +19,7 @@ from scipy import io
 
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.interchange.files import staged
-from cutvib_ss.lpv import PlantSchedule
+from cutvib_ss.plant import PlantSchedule
 
 if TYPE_CHECKING:
     import control

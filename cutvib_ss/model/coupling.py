@@ -19,7 +19,7 @@ without a rail has no x.
 The plant closes the same two systems as python-control objects: the head driven by the motion of x, the rail by the reaction
 there. Both have direct feedthrough, so their loop is algebraic, yet well posed: its return difference is 1 + φᵀφ m_eff > 0,
 m_eff ≥ 0 being what the head's masses leave of x once its joints are free to accelerate. The linear fractional transformation
-leaves exactly the physical states, with no constraint-drift poles at zero. The closed form (`cutvib_ss.response.condensed`) takes
+leaves exactly the physical states, with no constraint-drift poles at zero. The closed form (`cutvib_ss.response.receptance`) takes
 core, elements and rail from here. Position is y / L throughout, and derivatives are to that.
 """
 

@@ -9,8 +9,8 @@ from functools import singledispatch
 from typing import Any
 
 from cutvib_ss.absorber import AbsorberDesign, AbsorberStudy, WorkspaceCheck
+from cutvib_ss.diagnosis.result import Diagnosis
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.gap.result import Diagnosis
 from cutvib_ss.identification import IdentificationResult
 from cutvib_ss.plot.absorber import absorber_front, absorber_study, absorbers_over_the_rail
 from cutvib_ss.plot.control import controller_overview, controller_responses

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
 from matplotlib.figure import Figure
 
-from cutvib_ss.blind.score import Confusion, Score
 from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, NOMINAL, TUNED, drawing
+from cutvib_ss.validation.score import Confusion, Score
 
 _LEAST = 1e-3
 """What is left of an error below this part of it is drawn there."""

@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
-from cutvib_ss.gap.result import Cause, Comparison
+from cutvib_ss.diagnosis.result import Cause, Comparison
 from cutvib_ss.plot.style import (
     CORRECTED,
     GREY,

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cutvib_ss.gap.family import family_value
-from cutvib_ss.gap.findings import DynamicStiffness
+from cutvib_ss.diagnosis.element_type import family_value
+from cutvib_ss.diagnosis.findings import DynamicStiffness
 from cutvib_ss.plot.style import CORRECTED, INK, NOMINAL, TUNED, drawing, unit_text
 from cutvib_ss.results import FloatArray
 

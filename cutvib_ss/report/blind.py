@@ -10,13 +10,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from cutvib_ss.blind.cases import Case, name_of
-from cutvib_ss.blind.plan import options_of
-from cutvib_ss.blind.rows import Row
-from cutvib_ss.blind.score import Group, Score, case_data
-from cutvib_ss.blind.statistics import Estimate
 from cutvib_ss.plot import blind as pictures
 from cutvib_ss.plot.style import svg
+from cutvib_ss.validation.cases import Case, name_of
+from cutvib_ss.validation.plan import options_of
+from cutvib_ss.validation.rows import Row
+from cutvib_ss.validation.score import Group, Score, case_data
+from cutvib_ss.validation.statistics import Estimate
 
 _MET = {True: "yes", False: "no", None: "-"}
 

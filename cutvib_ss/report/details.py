@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cutvib_ss.gap.findings import Band, Distances, DynamicStiffness, Metric, NuGap
-from cutvib_ss.gap.metrics import ALL
-from cutvib_ss.gap.outcome import Loop, Meaning, Outcome
-from cutvib_ss.gap.result import Diagnosis, FittedParameter
+from cutvib_ss.diagnosis.consequence_result import Loop, Meaning, Outcome
+from cutvib_ss.diagnosis.findings import Band, Distances, DynamicStiffness, Metric, NuGap
+from cutvib_ss.diagnosis.metrics import ALL
+from cutvib_ss.diagnosis.result import Diagnosis, FittedParameter
 from cutvib_ss.report.wording import cause_name, figure, parameter_text, place_name
 
 NOTICES = 0.3

@@ -12,7 +12,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from cutvib_ss.gap.result import Comparison, Diagnosis, GapFigures
+from cutvib_ss.diagnosis.result import Comparison, Diagnosis, GapFigures
 from cutvib_ss.interchange.files import staged
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map, probability_text

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from cutvib_ss.diagnosis.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
 from cutvib_ss.effects.base import identifying_names
 from cutvib_ss.effects.catalogue import EFFECTS, is_alias
-from cutvib_ss.gap.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
 
 PLACES = {
     "none": "nowhere",

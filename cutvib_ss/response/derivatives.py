@@ -25,10 +25,10 @@ import numpy as np
 from cutvib_ss.model.coupling import Changes
 from cutvib_ss.model.elements import Element, SpringDamperMass, SprungMass
 from cutvib_ss.model.paths import Path
-from cutvib_ss.response.condensed import CondensedModel, Row
+from cutvib_ss.response.batched import dot, mixed
 from cutvib_ss.response.rail_derivatives import RailPair
 from cutvib_ss.response.rail_receptance import RailField
-from cutvib_ss.response.stacked import dot, mixed
+from cutvib_ss.response.receptance import CondensedModel, Row
 from cutvib_ss.results import ComplexArray, FloatArray
 
 Rows: TypeAlias = Mapping[str, FloatArray]

@@ -12,8 +12,8 @@ from cutvib_ss.model.paths import Path
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_choice, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
-from cutvib_ss.response.condensed import CondensedModel
 from cutvib_ss.response.derivatives import ResponseDerivatives
+from cutvib_ss.response.receptance import CondensedModel
 from cutvib_ss.response.signals import displacement_unit, input_unit
 from cutvib_ss.results import QUANTITY_OF_FORM, ComplexArray, Form, FrequencyResponse, Quantity
 from cutvib_ss.units import DERIVATIVE_ORDER
@@ -67,7 +67,7 @@ def frequency_response(
 
     Notes
     -----
-    See `cutvib_ss.response.condensed` for the derivation. Delays and hysteretic damping are exact.
+    See `cutvib_ss.response.receptance` for the derivation. Delays and hysteretic damping are exact.
 
     Examples
     --------

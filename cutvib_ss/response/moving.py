@@ -1,9 +1,9 @@
 """
 Responses in time while the head travels along the rail.
 
-The equations are those of `cutvib_ss.response.riding`, convective terms and all. Steps are Gauss collocation of order six (three
-stages): stable at any step, and the energy of a head that stands is conserved but for dampers and forces. A step is a sample, or
-a part of one; forces are linear between samples.
+The equations are those of `cutvib_ss.response.moving_head`, with their convective terms. Steps are Gauss collocation of order six
+(three stages): stable at any step, and the energy of a head that stands is conserved but for dampers and forces. A step is a
+sample, or a part of one; forces are linear between samples.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
 from cutvib_ss.model.rail import EndSupports, rail_points
 from cutvib_ss.parameters import check_choice, check_number, names_of
 from cutvib_ss.response.compiled_travel import NODES, RULES, travel_steps
+from cutvib_ss.response.moving_head import RidingCourse, RidingState, Rows
 from cutvib_ss.response.output_rows import END_FORCES
-from cutvib_ss.response.riding import RidingCourse, RidingState, Rows
 from cutvib_ss.response.signals import displacement_unit
 from cutvib_ss.response.travel import Travel
 from cutvib_ss.results import Energies, FloatArray, MovingResponse, Quantity

@@ -13,8 +13,8 @@ import numpy as np
 
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.pinned_modes import PinnedModes
+from cutvib_ss.response.batched import dot, mixed
 from cutvib_ss.response.rail_receptance import RailField, RailPort
-from cutvib_ss.response.stacked import dot, mixed
 from cutvib_ss.results import ComplexArray, FloatArray
 
 

@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from cutvib_ss.model.rail import Rail
-from cutvib_ss.response.stacked import dot, inverse, mixed
+from cutvib_ss.response.batched import dot, inverse, mixed
 from cutvib_ss.results import ComplexArray, FloatArray
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cutvib_ss.model.rail import Torsion
 from cutvib_ss.model.twist import twist_shapes, twist_stiffness
-from cutvib_ss.response.stacked import mixed
+from cutvib_ss.response.batched import mixed
 from cutvib_ss.results import ComplexArray, FloatArray
 
 

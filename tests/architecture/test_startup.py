@@ -9,7 +9,7 @@ import pytest
 # Importing any of these opens a connection to a display, or tries to.
 WINDOW_TOOLKITS = {"tkinter", "PyQt5", "PyQt6", "PySide2", "PySide6", "wx", "gi"}
 # Each of these takes from a third of a second to a second to import.
-SLOW_TO_IMPORT = {"control", "slycot", "numba", "matplotlib.pyplot"}
+SLOW_TO_IMPORT = {"control", "slycot", "numba", "matplotlib.pyplot", "nicegui"}
 
 IMPORT_PACKAGE = "import cutvib_ss"
 ASK_FOR_HELP = """

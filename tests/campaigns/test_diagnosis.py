@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutvib_ss.diagnosis.diagnose import diagnose
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.gap.diagnosis import diagnose
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step

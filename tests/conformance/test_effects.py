@@ -15,11 +15,11 @@ import control
 import numpy as np
 import pytest
 
+from cutvib_ss.diagnosis.problem import tuning_paths
 from cutvib_ss.effects.base import Effect, parameter_fields
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.gap.problem import tuning_paths
 from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.model.paths import value_at, with_value
 from cutvib_ss.model.structure import Structure

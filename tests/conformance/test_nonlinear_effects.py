@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.effects.catalogue import EFFECTS
-from cutvib_ss.gap.unknowns import tuning_paths
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import value_at, with_value
 from cutvib_ss.response.frequency import frequency_response

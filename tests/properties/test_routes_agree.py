@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cutvib_ss.diagnosis.modification import Lines
+from cutvib_ss.diagnosis.records import Group
 from cutvib_ss.effects.cross_axis import CrossAxis
-from cutvib_ss.gap.modification import Lines
-from cutvib_ss.gap.records import Group
 from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine, published_machine
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.frequency import frequency_response

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from cutvib_ss.blind.files import code_hash, now, packed, write_json
-from cutvib_ss.blind.plan import Request
-from cutvib_ss.blind.trial import Tools
-from cutvib_ss.blind.workers import Made, Outcome
+from cutvib_ss.validation.files import code_hash, now, packed, write_json
+from cutvib_ss.validation.plan import Request
+from cutvib_ss.validation.trial import Tools
+from cutvib_ss.validation.workers import Made, Outcome
 
 CAUSES = ("guide_compliance", "added_mass", "cubic_stiffness", "channel_delay")
 PLACES = {

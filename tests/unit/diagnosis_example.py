@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cutvib_ss.gap.result import (
+from cutvib_ss.diagnosis.result import (
     Cause,
     Comparison,
     Diagnosis,

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutvib_ss.blind import achieved
-from cutvib_ss.blind.achieved import closed, with_achieved
-from cutvib_ss.blind.cases import read_cases
-from cutvib_ss.blind.draw import between
-from cutvib_ss.blind.files import digest, packed, read_json, write_json
-from cutvib_ss.blind.seal import SealError, Trial
 from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.model_files import write_machine
 from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.validation import achieved
+from cutvib_ss.validation.achieved import closed, with_achieved
+from cutvib_ss.validation.cases import read_cases
+from cutvib_ss.validation.draw import between
+from cutvib_ss.validation.files import digest, packed, read_json, write_json
+from cutvib_ss.validation.seal import SealError, Trial
 from tests.unit.blind_example import diagnosis, label, opened_trial
 
 

@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutvib_ss.blind import baselines
-from cutvib_ss.blind.baselines import (
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.validation import baselines
+from cutvib_ss.validation.baselines import (
     answer,
     answered,
     forest,
@@ -16,15 +19,12 @@ from cutvib_ss.blind.baselines import (
     seen_as,
     with_baselines,
 )
-from cutvib_ss.blind.cases import NONE, UNKNOWN, Case, read_cases
-from cutvib_ss.blind.features import BANDS, CHANNELS, features
-from cutvib_ss.blind.files import read_json
-from cutvib_ss.blind.rows import rows
-from cutvib_ss.blind.score import scored
-from cutvib_ss.blind.seal import Trial
-from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.machine import published_machine
-from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.validation.cases import NONE, UNKNOWN, Case, read_cases
+from cutvib_ss.validation.features import BANDS, CHANNELS, features
+from cutvib_ss.validation.files import read_json
+from cutvib_ss.validation.rows import rows
+from cutvib_ss.validation.score import scored
+from cutvib_ss.validation.seal import Trial
 from tests.unit.blind_example import diagnosis, label, opened_trial
 from tests.unit.test_blind_score import ABOUT
 
@@ -177,6 +177,6 @@ def test_another_methods_answers_take_no_time_and_no_gap_figures() -> None:
 
 
 def scored_truth() -> Any:
-    from cutvib_ss.blind.cases import truth_of
+    from cutvib_ss.validation.cases import truth_of
 
     return truth_of(label("cubic_stiffness", "joint2"))

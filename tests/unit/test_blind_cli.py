@@ -5,12 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from cutvib_ss.blind import trial as trials
-from cutvib_ss.blind.workers import spread
 from cutvib_ss.cli import main
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.validation import trial as trials
+from cutvib_ss.validation.workers import spread
 from tests.unit.blind_example import TOOLS
-from tests.unit.test_blind_calibration import trial as opened_with_evidence
 
 RUN = ["blind", "run", "--cases", "6", "--seed", "5", "--mix", "none=4,outside=1"]
 
@@ -19,7 +18,7 @@ RUN = ["blind", "run", "--cases", "6", "--seed", "5", "--mix", "none=4,outside=1
 def tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tiny rig and the fake diagnosis in place of the package's own."""
     monkeypatch.setattr(trials, "package_tools", lambda: TOOLS)
-    for module in ("cutvib_ss.blind.seal", "tests.unit.blind_example"):
+    for module in ("cutvib_ss.validation.seal", "tests.unit.blind_example"):
         monkeypatch.setattr(f"{module}.code_hash", lambda: "c" * 64)
 
 
@@ -89,7 +88,6 @@ def test_json_on_standard_output_is_all_there_is(tmp_path: Path, capsys: pytest.
         (["run", "--cases", "4", "--out", "{}"], "--seed"),
         (["score", "{}"], "no sealed trial"),
         (["score", "{}", "--report", "{}/score.pdf"], "ends in .html"),
-        (["calibrate", "{}", "--out", "{}/n.json"], "not open"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(
@@ -109,21 +107,10 @@ def test_code_that_changed_is_exit_2(
 ) -> None:
     out = tmp_path / "trial"
     assert main([*RUN, "--out", str(out)]) == 0
-    monkeypatch.setattr("cutvib_ss.blind.seal.code_hash", lambda: "d" * 64)
+    monkeypatch.setattr("cutvib_ss.validation.seal.code_hash", lambda: "d" * 64)
     capsys.readouterr()
     assert main(["blind", "score", str(out)]) == 2
     assert "code has changed since the labels were sealed" in capsys.readouterr().err
-
-
-def test_calibrate_writes_the_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    a, b = opened_with_evidence(tmp_path / "a", 1), opened_with_evidence(tmp_path / "b", 2)
-    target = tmp_path / "numbers.json"
-    assert main(["blind", "calibrate", str(a), "--judge", str(b), "--out", str(target)]) == 0
-    data = json.loads(target.read_text())
-    assert data["numbers"]["temperature"] > 0
-    said = capsys.readouterr().out
-    assert "temperature" in said
-    assert "judged on, after" in said
 
 
 # --- a cluster --------------------------------------------------------------------------------------------------------

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cutvib_ss.blind.cases import FAILED, NONE, UNKNOWN, Case, answer_of, causes_of, truth_of
-from cutvib_ss.blind.rows import Row, rows
-from cutvib_ss.blind.score import Score, case_data, scored
-from cutvib_ss.blind.statistics import (
+from cutvib_ss.report.blind import score_html, score_markdown
+from cutvib_ss.validation.cases import FAILED, NONE, UNKNOWN, Case, answer_of, causes_of, truth_of
+from cutvib_ss.validation.rows import Row, rows
+from cutvib_ss.validation.score import Score, case_data, scored
+from cutvib_ss.validation.statistics import (
     calibration_error,
     calibration_error_if_perfect,
     proportion,
@@ -23,7 +24,6 @@ from cutvib_ss.blind.statistics import (
     resampled,
     risk_coverage,
 )
-from cutvib_ss.report.blind import score_html, score_markdown
 from tests.unit.blind_example import diagnosis, label
 
 ABOUT = {

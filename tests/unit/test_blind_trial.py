@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from cutvib_ss.blind import confined, seal, workers
-from cutvib_ss.blind.files import code_hash, folder_hash, packed, read_json, unpack, write_json
-from cutvib_ss.blind.plan import Request, neutral_name, requests, settings
-from cutvib_ss.blind.seal import SealError, Trial, labels_hash, open_seal
-from cutvib_ss.blind.trial import run_trial
-from cutvib_ss.blind.workers import RigError, clean_environment, diagnosed
 from cutvib_ss.errors import DataFormatError, ParameterError
+from cutvib_ss.validation import confined, seal, workers
+from cutvib_ss.validation.files import code_hash, folder_hash, packed, read_json, unpack, write_json
+from cutvib_ss.validation.plan import Request, neutral_name, requests, settings
+from cutvib_ss.validation.seal import SealError, Trial, labels_hash, open_seal
+from cutvib_ss.validation.trial import run_trial
+from cutvib_ss.validation.workers import RigError, clean_environment, diagnosed
 from tests.unit.blind_example import CAUSES, OUTSIDE, TOOLS, outcome, says_none, tiny_rig
 
 ASKED = settings(10, 3, "none=3,outside=2,pair=1")
@@ -25,7 +25,7 @@ ASKED = settings(10, 3, "none=3,outside=2,pair=1")
 @pytest.fixture(autouse=True)
 def code_that_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     """The package's files may be edited while tests run; its hash is tested by itself."""
-    for module in ("cutvib_ss.blind.seal", "tests.unit.blind_example"):
+    for module in ("cutvib_ss.validation.seal", "tests.unit.blind_example"):
         monkeypatch.setattr(f"{module}.code_hash", lambda: "c" * 64)
 
 
@@ -323,7 +323,7 @@ def test_a_diagnosis_that_takes_too_long_is_stopped(tmp_path: Path) -> None:
 _PEEPS = """
 import sys
 from pathlib import Path
-from cutvib_ss.blind.confined import forbid
+from cutvib_ss.validation.confined import forbid
 secret = Path(sys.argv[1])
 forbid([str(secret)])
 tries = [lambda: (secret / "labels.json").read_text(), lambda: list(secret.iterdir()), lambda: open(secret / "x", "w"),
@@ -377,7 +377,7 @@ def test_an_archive_unpacks_to_the_same_folder(tmp_path: Path) -> None:
 def test_the_codes_hash_moves_with_the_code(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "gap").mkdir()
     (tmp_path / "gap" / "verdict.py").write_text("SURE = 0.9\n")
-    monkeypatch.setattr("cutvib_ss.blind.files.PACKAGE", tmp_path)
+    monkeypatch.setattr("cutvib_ss.validation.files.PACKAGE", tmp_path)
     before = code_hash()
     (tmp_path / "gap" / "__pycache__").mkdir()
     (tmp_path / "gap" / "__pycache__" / "verdict.cpython-311.pyc").write_text("x")

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 import cutvib_ss as cv
+from cutvib_ss.diagnosis.diagnose import diagnose
+from cutvib_ss.diagnosis.hypotheses import candidates
+from cutvib_ss.diagnosis.plan import PlannedCampaign, plan
+from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, applied, parameter
 from cutvib_ss.effects.catalogue import EFFECTS, GROUP
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.gap.diagnosis import diagnose
-from cutvib_ss.gap.hypotheses import candidates
-from cutvib_ss.gap.plan import PlannedCampaign, plan
-from cutvib_ss.gap.workers import Workers
 from cutvib_ss.report import report_html
 from cutvib_ss.report.wording import cause_name, inspection_text, verdict_sentence
 from tests.plugin_package.effects import Belt, HydraulicDamper

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutvib_ss.gap.result import Cause, Comparison, Diagnosis, FittedParameter, NextTest
+from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, NextTest
 from cutvib_ss.report import report_html, write_report
 from cutvib_ss.report.wording import (
     EFFECTS,

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutvib_ss.gap.findings import (
+from cutvib_ss.diagnosis.consequence_result import Loop, Meaning, Outcome
+from cutvib_ss.diagnosis.findings import (
     Band,
     ChannelGap,
     Distances,
@@ -16,7 +17,6 @@ from cutvib_ss.gap.findings import (
     NuGap,
     PlaceScore,
 )
-from cutvib_ss.gap.outcome import Loop, Meaning, Outcome
 from cutvib_ss.plot.stiffness import stiffness_grid
 from cutvib_ss.report import details, report_html
 from tests.unit.diagnosis_example import example_diagnosis

@@ -10,11 +10,11 @@ import pytest
 pytest.importorskip("exudyn")
 
 import cutvib_ss as cv
-from cutvib_ss.blind.rig import Case, draw_case, write_campaign
-from cutvib_ss.blind.rig.assembly import assembled
-from cutvib_ss.blind.rig.motion import frequency_response
-from cutvib_ss.blind.rig.structure import CHANNELS
 from cutvib_ss.model.machine import Machine
+from cutvib_ss.validation.rig import Case, draw_case, write_campaign
+from cutvib_ss.validation.rig.assembly import assembled
+from cutvib_ss.validation.rig.motion import frequency_response
+from cutvib_ss.validation.rig.structure import CHANNELS
 
 FREQ = np.arange(15.0, 450.0, 0.5)
 POSITIONS = (0.02, 0.37, 0.8)

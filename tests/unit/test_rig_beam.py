@@ -5,9 +5,9 @@ import pytest
 
 pytest.importorskip("exudyn")
 
-from cutvib_ss.blind.rig.beam import RailMatrices, rail_matrices
-from cutvib_ss.blind.rig.fittings import Crack, Fittings, Lump, Shear, Supports, Twist
-from cutvib_ss.blind.rig.structure import Rail
+from cutvib_ss.validation.rig.beam import RailMatrices, rail_matrices
+from cutvib_ss.validation.rig.fittings import Crack, Fittings, Lump, Shear, Supports, Twist
+from cutvib_ss.validation.rig.structure import Rail
 
 
 def frequencies(rail: RailMatrices) -> np.ndarray:

@@ -10,11 +10,11 @@ import pytest
 pytest.importorskip("exudyn")
 
 import cutvib_ss as cv
-from cutvib_ss.blind.rig import CAUSES, OUTSIDE_KINDS, Case, bulk, draw_case, write_campaign
-from cutvib_ss.blind.rig.blows import FINE, FS, Blow, Pulse, antialiased
-from cutvib_ss.blind.rig.chain import frequencies, smooth_error
-from cutvib_ss.blind.rig.conditions import FORMATS
-from cutvib_ss.blind.rig.structure import TOLERANCE, Rig, scattered
+from cutvib_ss.validation.rig import CAUSES, OUTSIDE_KINDS, Case, bulk, draw_case, write_campaign
+from cutvib_ss.validation.rig.blows import FINE, FS, Blow, Pulse, antialiased
+from cutvib_ss.validation.rig.chain import frequencies, smooth_error
+from cutvib_ss.validation.rig.conditions import FORMATS
+from cutvib_ss.validation.rig.structure import TOLERANCE, Rig, scattered
 
 SMALL = {"positions": (0.2, 0.6), "levels": (50.0,), "blows": 2, "overloads": 0}
 EVERY = [("single", cause) for cause in CAUSES] + [("outside", kind) for kind in OUTSIDE_KINDS]

@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("exudyn")
 
-from cutvib_ss.blind.rig.convergence import Found, grouped, study, table
+from cutvib_ss.validation.rig.convergence import Found, grouped, study, table
 
 
 @pytest.mark.slow

@@ -5,15 +5,15 @@ import pytest
 
 pytest.importorskip("exudyn")
 
-from cutvib_ss.blind.rig import CAUSES, OUTSIDE_KINDS, draw_case
-from cutvib_ss.blind.rig.assembly import assembled
-from cutvib_ss.blind.rig.causes import FORMS, FRAME_CAUSES
-from cutvib_ss.blind.rig.fittings import Bob, Lossy, Skew, Tie, combination
-from cutvib_ss.blind.rig.laws import KINDS, STATES, VALUES, advance, force
-from cutvib_ss.blind.rig.motion import frequency_response
-from cutvib_ss.blind.rig.multibody import attached, build, linearise
-from cutvib_ss.blind.rig.outside import OUTSIDE
-from cutvib_ss.blind.rig.structure import Rig
+from cutvib_ss.validation.rig import CAUSES, OUTSIDE_KINDS, draw_case
+from cutvib_ss.validation.rig.assembly import assembled
+from cutvib_ss.validation.rig.causes import FORMS, FRAME_CAUSES
+from cutvib_ss.validation.rig.fittings import Bob, Lossy, Skew, Tie, combination
+from cutvib_ss.validation.rig.laws import KINDS, STATES, VALUES, advance, force
+from cutvib_ss.validation.rig.motion import frequency_response
+from cutvib_ss.validation.rig.multibody import attached, build, linearise
+from cutvib_ss.validation.rig.outside import OUTSIDE
+from cutvib_ss.validation.rig.structure import Rig
 
 SMALL = {"positions": (0.2, 0.6), "levels": (50.0,), "blows": 1, "overloads": 0}
 S = 2j * np.pi * np.arange(15.0, 450.0, 2.0)

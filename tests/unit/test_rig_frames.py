@@ -9,10 +9,10 @@ from scipy.linalg import eigh
 pytest.importorskip("exudyn")
 
 import cutvib_ss as cv
-from cutvib_ss.blind.rig import draw_case, write_campaign
-from cutvib_ss.blind.rig.assembly import assembled
-from cutvib_ss.blind.rig.frames import TOLERANCES, beam_element, draw_frame, plate_element
-from cutvib_ss.blind.rig.motion import frequency_response
+from cutvib_ss.validation.rig import draw_case, write_campaign
+from cutvib_ss.validation.rig.assembly import assembled
+from cutvib_ss.validation.rig.frames import TOLERANCES, beam_element, draw_frame, plate_element
+from cutvib_ss.validation.rig.motion import frequency_response
 
 LEVELS = {"levels": (50.0,), "blows": 1, "overloads": 0}
 

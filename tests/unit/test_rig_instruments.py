@@ -7,12 +7,12 @@ import pytest
 
 pytest.importorskip("exudyn")
 
-from cutvib_ss.blind.rig import draw_case
-from cutvib_ss.blind.rig.blows import BLOCK, FS, HAMMERS, Pulse
-from cutvib_ss.blind.rig.campaign import Campaign
-from cutvib_ss.blind.rig.chain import filtered, recorded, sensed, windowed
-from cutvib_ss.blind.rig.conditions import BAD, draw_conditions, roughened
-from cutvib_ss.blind.rig.structure import CHANNELS, Chain, Filter, Window
+from cutvib_ss.validation.rig import draw_case
+from cutvib_ss.validation.rig.blows import BLOCK, FS, HAMMERS, Pulse
+from cutvib_ss.validation.rig.campaign import Campaign
+from cutvib_ss.validation.rig.chain import filtered, recorded, sensed, windowed
+from cutvib_ss.validation.rig.conditions import BAD, draw_conditions, roughened
+from cutvib_ss.validation.rig.structure import CHANNELS, Chain, Filter, Window
 
 SMALL = {"positions": (0.3,), "levels": (50.0, 100.0), "blows": 2, "overloads": 0, "file_format": "tdms"}
 COUNT = round(BLOCK * FS)

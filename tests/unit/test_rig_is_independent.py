@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-RIG = Path(__file__).parents[2] / "cutvib_ss" / "blind" / "rig"
+RIG = Path(__file__).parents[2] / "cutvib_ss" / "validation" / "rig"
 
 
 @pytest.mark.parametrize("path", sorted(RIG.glob("*.py")), ids=lambda path: path.stem)
@@ -16,7 +16,7 @@ def test_it_imports_nothing_of_the_package_but_itself(path: Path) -> None:
     imported = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     imported += [alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names]
     own = [name for name in imported if name.split(".")[0] == "cutvib_ss"]
-    assert all(name.startswith("cutvib_ss.blind.rig") for name in own)
+    assert all(name.startswith("cutvib_ss.validation.rig") for name in own)
     assert not any(isinstance(node, ast.ImportFrom) and node.level for node in ast.walk(tree))
 
 
@@ -25,7 +25,7 @@ def test_a_campaign_is_drawn_and_written_without_loading_anything_that_models_or
     program = """
 import sys
 from pathlib import Path
-from cutvib_ss.blind.draw import main
+from cutvib_ss.validation.draw import main
 request = {"seed": 3, "kind": "single", "cause": "tool_contact", "severity": [1.0, 1.1], "small": True, "traits": ["drifting"]}
 main(request, Path(sys.argv[1]))
 print(sorted({name.split(".")[1] for name in sys.modules if name.startswith("cutvib_ss.")}))
@@ -33,6 +33,6 @@ print(sorted({name.split(".")[1] for name in sys.modules if name.startswith("cut
     ended = subprocess.run(
         [sys.executable, "-c", program, str(tmp_path)], capture_output=True, text=True, check=True, cwd=RIG.parents[2]
     )
-    assert ended.stdout.strip() == "['blind', 'errors']"
+    assert ended.stdout.strip() == "['errors', 'validation']"
     assert (tmp_path / "campaign" / "campaign.toml").is_file()
     assert (tmp_path / "fresh" / "campaign.toml").is_file()

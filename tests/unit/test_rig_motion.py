@@ -5,11 +5,11 @@ import pytest
 
 pytest.importorskip("exudyn")
 
-from cutvib_ss.blind.rig import motion
-from cutvib_ss.blind.rig.blows import FINE, FS, Blow, Pulse, antialiased
-from cutvib_ss.blind.rig.direct import stepped
-from cutvib_ss.blind.rig.fittings import Law, Oscillator, Spring, Supports, Twist
-from cutvib_ss.blind.rig.motion import (
+from cutvib_ss.validation.rig import motion
+from cutvib_ss.validation.rig.blows import FINE, FS, Blow, Pulse, antialiased
+from cutvib_ss.validation.rig.direct import stepped
+from cutvib_ss.validation.rig.fittings import Law, Oscillator, Spring, Supports, Twist
+from cutvib_ss.validation.rig.motion import (
     CONVERGED,
     NotConvergedError,
     converged_answer,
@@ -17,8 +17,8 @@ from cutvib_ss.blind.rig.motion import (
     linear_answer,
     nonlinear_answer,
 )
-from cutvib_ss.blind.rig.multibody import build, linearise
-from cutvib_ss.blind.rig.structure import CHANNELS, Head, Rig
+from cutvib_ss.validation.rig.multibody import build, linearise
+from cutvib_ss.validation.rig.structure import CHANNELS, Head, Rig
 
 POSITION = 0.3333
 K2 = Head().k2

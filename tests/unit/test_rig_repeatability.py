@@ -9,9 +9,9 @@ import pytest
 pytest.importorskip("exudyn")
 
 import cutvib_ss as cv
-from cutvib_ss.blind.rig import draw_case, write_campaign
-from cutvib_ss.blind.rig.campaign import Campaign
-from cutvib_ss.blind.rig.repeatability import CUTTING_MACHINE, Repeatability, draw_repeatability, states
+from cutvib_ss.validation.rig import draw_case, write_campaign
+from cutvib_ss.validation.rig.campaign import Campaign
+from cutvib_ss.validation.rig.repeatability import CUTTING_MACHINE, Repeatability, draw_repeatability, states
 
 SMALL = {"positions": (0.2, 0.6), "levels": (50.0, 100.0), "blows": 1, "overloads": 0, "file_format": "tdms"}
 

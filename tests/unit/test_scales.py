@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cutvib_ss.diagnosis.hypotheses import candidates, nonlinear_candidates
+from cutvib_ss.diagnosis.severity import runs
+from cutvib_ss.diagnosis.variants import variants
 from cutvib_ss.effects.base import Motion, parameter_fields, place_of
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.gap.hypotheses import candidates, nonlinear_candidates
-from cutvib_ss.gap.severity import runs
-from cutvib_ss.gap.variants import variants
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.frequency import frequency_response

@@ -1,0 +1,73 @@
+"""A fitted hypothesis as plain values, and warnings of parameters at their prior bounds."""
+
+from __future__ import annotations
+
+from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.result import CandidateEvidence
+from cutvib_ss.effects.base import discrete_values, parameter_fields
+
+ENDS = "{} = {} lies at the end of what is believed of it: the true value may lie beyond, or the cause be another"
+
+
+def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool = False) -> CandidateEvidence:
+    """
+    What a fitted hypothesis has to say for itself.
+
+    Parameters
+    ----------
+    r : Ranked
+        The hypothesis.
+    held_reduced_chi2 : float
+        What it leaves on held-out records.
+    judged : bool
+        Whether it was judged on them.
+
+    Returns
+    -------
+    CandidateEvidence
+        The same as plain values.
+    """
+    return CandidateEvidence(
+        name=r.name,
+        effect=r.fit.hypothesis.effect,
+        place=r.fit.hypothesis.place,
+        parameters=_discrete(r.fit),
+        log_evidence=r.fit.log_evidence,
+        chi2=r.fit.chi2 if r.refined else float("nan"),
+        unknowns=r.fit.x.size - r.fit.first_effect,
+        judged=judged,
+        held_reduced_chi2=held_reduced_chi2,
+    )
+
+
+def _discrete(fit: Fit) -> dict[str, str]:
+    """What is discrete about a fitted cause: the parameter that is shifted, the channel that is late."""
+    out = {}
+    for e in fit.hypothesis.effects:
+        out.update({name: str(value) for name, value in discrete_values(e).items()})
+    return out
+
+
+def at_their_ends(fitted: Fit) -> list[str]:
+    """
+    Warnings of a fitted cause's values that lie at an end of their range.
+
+    Parameters
+    ----------
+    fitted : Fit
+        The cause.
+
+    Returns
+    -------
+    list of str
+        One a value.
+    """
+    out = []
+    for name in fitted.at_end:
+        which, parameter = name.split(".")
+        effect = fitted.hypothesis.effects[int(which)]
+        [unit] = [f.metadata["range"].unit for f in parameter_fields(type(effect)) if f.name == parameter]
+        value = f"{getattr(effect, parameter):.4g}" + ("" if unit == "1" else f" {unit}")
+        out.append(ENDS.format(f"{parameter} of {effect.effect} at {effect.place}", value))
+    return out

@@ -1,0 +1,391 @@
+"""
+How far: what a fit on some records leaves on others.
+
+Positions are left out by turns (where there are none, levels, then records); records marked ``use = "check"`` are only judged.
+Tuning, calibration and the cause are fitted on the rest, and every record is judged at its own level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.observations import Observations
+from cutvib_ss.diagnosis.prediction import Predicted, Prediction
+from cutvib_ss.diagnosis.problem import WITHIN, Problem
+from cutvib_ss.diagnosis.records import Entry, Group, Records, merged, session_of
+from cutvib_ss.diagnosis.simulation import LOUDNESS, LOUDNESS_STEP, Simulated, SimulatedProblem, problem_for, simulated
+from cutvib_ss.diagnosis.workers import Workers
+from cutvib_ss.effects.base import Model
+from cutvib_ss.results import ComplexArray, FloatArray
+
+AGAIN, AGAIN_LAWS = 15, 3
+"""Steps of a fit on some records from the fit on all: that lies within its own uncertainty of it."""
+LOUDNESS_STEPS = 3
+"""Steps to the loudness of a held-out record whose force is guessed."""
+UNLIKE = 0.5
+"""By how much, in its unit, the loudness of single blows of such a record may differ from their mean …"""
+LENGTH = 0.1
+"""… and by which part of itself a blow's length from its guess."""
+BOOTSTRAPS = 2000
+"""Resamplings of the records behind an interval."""
+
+
+@dataclass(frozen=True)
+class Fold:
+    """
+    One turn of leaving out.
+
+    Parameters
+    ----------
+    fitted, judged : tuple of Entry
+        Records to fit on, and records to judge on.
+    """
+
+    fitted: tuple[Entry, ...]
+    judged: tuple[Entry, ...]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """
+    One held-out record.
+
+    Parameters
+    ----------
+    entry : Entry
+        The record.
+    error : ndarray, shape (channel,)
+        Mean modulus of the error over the band, SI.
+    noise : ndarray, shape (channel,)
+        What noise alone leaves.
+    chi2 : ndarray, shape (channel,)
+        χ² a degree of freedom.
+    predicted : ndarray, shape (channel, frequency)
+        What was predicted of it.
+    squares, floor : float
+        Mean square of the error, and of what noise and drift leave of a right model; over channels and lines.
+    """
+
+    entry: Entry
+    error: FloatArray
+    noise: FloatArray
+    chi2: FloatArray
+    predicted: ComplexArray
+    squares: float = 0.0
+    floor: float = 0.0
+
+
+def folds(observations: Observations, fraction: float | None, seed: int) -> tuple[Fold, ...]:
+    """
+    Turns of leaving out.
+
+    Parameters
+    ----------
+    observations : Observations
+        All records.
+    fraction : float or None
+        Part of the positions left out at a turn; a third by default.
+    seed : int
+        Of the order in which positions are dealt.
+
+    Returns
+    -------
+    tuple of Fold
+        One turn where records are marked for checking; else as many as it takes to judge every record once. A single record
+        is judged on itself, for want of another.
+    """
+    entries = observations.entries
+    if any(e.check for e in entries):
+        return (Fold(tuple(e for e in entries if not e.check), tuple(e for e in entries if e.check)),)
+    keys = [_key(e, entries) for e in entries]
+    distinct = sorted(set(keys))
+    if len(distinct) == 1:
+        return (Fold(entries, entries),)
+    out_at_once = max(1, round((1 / 3 if fraction is None else fraction) * len(distinct)))
+    turns = -(-len(distinct) // min(out_at_once, len(distinct) - 1))
+    order = np.random.default_rng(seed).permutation(len(distinct))
+    # Dealt like cards, so that a turn does not lose a whole side of the rail.
+    turn_of = {distinct[k]: i % turns for i, k in enumerate(order)}
+    made = []
+    for turn in range(turns):
+        judged = tuple(e for e, k in zip(entries, keys, strict=True) if turn_of[k] == turn)
+        fitted = tuple(e for e, k in zip(entries, keys, strict=True) if turn_of[k] != turn)
+        made.append(Fold(fitted, judged))
+    return tuple(made)
+
+
+def _key(e: Entry, entries: Sequence[Entry]) -> float:
+    if len({x.position for x in entries if not np.isnan(x.position)}) > 1:
+        return e.position
+    if len({x.level for x in entries if not np.isnan(x.level)}) > 1:
+        return e.level
+    return float(e.record)
+
+
+def judge(nominal: Model, turns: Sequence[Fold], start: Fit, workers: Workers) -> tuple[Judged, ...]:
+    """
+    Errors of a hypothesis on held-out records.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    turns : sequence of Fold
+        The turns.
+    start : Fit
+        The hypothesis fitted on all records, from which each turn starts.
+    workers : Workers
+        Who fits.
+
+    Returns
+    -------
+    tuple of Judged
+        Each held-out record, in the records' order.
+    """
+    out = workers.map(partial(_one_turn, nominal, start), turns)
+    return tuple(sorted((j for turn in out for j in turn), key=lambda j: j.entry.record))
+
+
+def _one_turn(nominal: Model, start: Fit, turn: Fold) -> list[Judged]:
+    records = Records(turn.fitted)
+    again = fit(
+        nominal, records, start.hypothesis, start.x, AGAIN if start.hypothesis.linear else AGAIN_LAWS, near=start
+    )
+    problem = problem_for(nominal, records, again.hypothesis)
+    blow_at = problem.blow_at(again.x)
+    shown = [predicted(e, again.model, blow_at, problem, again.x) for e in turn.judged]
+    return [judged(e, s, problem, again) for e, s in zip(turn.judged, shown, strict=True)]
+
+
+def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tuple[Judged, ...]:
+    """
+    Errors of the nominal model as given, nothing tuned or calibrated.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    observations : Observations
+        All records.
+    start : Fit
+        A fit of the tuned model, for the instant of the blow where records do not state it.
+
+    Returns
+    -------
+    tuple of Judged
+        The records that are held out.
+    """
+    problem = Problem(nominal, merged(observations.entries), Hypothesis())
+    blow_at = problem.blow_at(start.x) if start.x.size == problem.size else 0.0
+    entries = [e for e in observations.entries if e.check] or list(observations.entries)
+    return tuple(judged(e, predicted(e, nominal, blow_at)) for e in entries)
+
+
+class Shown(NamedTuple):
+    """
+    What a model predicts of a record.
+
+    Parameters
+    ----------
+    data : ndarray, shape (channel, frequency)
+        The prediction.
+    variance : ndarray, shape (channel, frequency)
+        Its own E|Δ|², of a law whose record does not tell the force on which it depends; else zero.
+    seen : Prediction or Simulated
+        The model seen through the record's estimator, calibration errors apart.
+    """
+
+    data: ComplexArray
+    variance: FloatArray
+    seen: Predicted
+
+
+def predicted(
+    e: Entry,
+    model: Model,
+    blow_at: float,
+    problem: Problem | None = None,
+    x: FloatArray | None = None,
+) -> Shown:
+    """
+    What a model predicts of a record.
+
+    Parameters
+    ----------
+    e : Entry
+        The record.
+    model : Machine or Structure
+        The model.
+    blow_at : float
+        Instant of the blow [s] where the record does not state it.
+    problem : Problem, optional
+        With ``x``: whose calibration errors to apply.
+    x : ndarray, optional
+        Unknowns of a fit.
+
+    Returns
+    -------
+    Shown
+        The prediction.
+    """
+    (group,) = merged([e])
+    # What depends on the level, or leaks, is simulated with the record's own force.
+    leaks = e.replay is not None and e.replay.block > 0
+    simulate = leaks or (bool(model.nonlinear) and (e.replay is not None or np.isfinite(e.sweep)))
+    error: ComplexArray = np.ones(e.data.shape, dtype=np.complex128)
+    if problem is not None and x is not None:
+        error = problem.calibration_of(e.channels, e.freq, x)
+    if simulate and e.replay is not None and e.replay.assumed and bool(model.nonlinear):
+        # The forces' unknowns stand before the effects'.
+        fitted = (
+            np.zeros(1)
+            if problem is None or x is None
+            else x[problem.first_effect - len(problem.loud) : problem.first_effect]
+        )
+        return _by_its_force(model, group, error, float(np.mean(fitted)) if fitted.size else 0.0)
+    seen: Predicted = simulated(model, group) if simulate else Prediction(model, group, blow_at)
+    return Shown(np.asarray(seen.data[0] * error), np.zeros(e.data.shape), seen)
+
+
+def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) -> Shown:
+    """
+    A record whose force is guessed: its loudness, one unknown against all its data, is taken from the record itself, about the
+    mean of those that were fitted.
+
+    What else the force may have been, blows that differ among themselves and are shorter or longer than guessed, makes the
+    prediction uncertain: by how it moves beyond what another loudness would do.
+    """
+    ((entry,),) = group.entries
+    replay = entry.replay
+    assert replay is not None
+    weight = np.sqrt(2.0 / group.variance[0])
+    x = mean
+
+    def shown(x: float, longer: float = 1.0) -> ComplexArray:
+        behind = group if longer == 1.0 else replace(group, entries=((replace(entry, replay=replay.longer(longer)),),))
+        data: ComplexArray = simulated(model, behind, loudness=np.exp([LOUDNESS * x])).data[0] * error
+        return data
+
+    here = shown(x)
+    seen = simulated(model, group, loudness=np.exp([LOUDNESS * x]))
+    slope = np.zeros(here.shape, dtype=np.complex128)
+    for _ in range(LOUDNESS_STEPS):
+        slope = (shown(x + LOUDNESS_STEP) - here) / LOUDNESS_STEP
+        left, along = (group.data[0] - here) * weight, slope * weight
+        x += float((np.vdot(along, left).real - (x - mean)) / (1.0 + np.vdot(along, along).real))
+        x = float(np.clip(x, -WITHIN, WITHIN))
+        here = shown(x)
+    others = [shown(x + UNLIKE), shown(x - UNLIKE), shown(x, 1.0 + LENGTH), shown(x, 1.0 - LENGTH)]
+    along = slope * weight
+    spread = []
+    for other in others:
+        moved = (other - here) * weight
+        moved = moved - along * (np.vdot(along, moved).real / (1.0 + np.vdot(along, along).real))
+        spread.append(np.abs(moved / weight) ** 2)
+    variance = np.asarray(np.mean(spread, axis=0))
+    less_known = replace(group, variance=group.variance + variance)
+    return Shown(here, variance, replace(seen, group=less_known))
+
+
+def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit | None = None) -> Judged:
+    """
+    A record against a prediction.
+
+    Parameters
+    ----------
+    e : Entry
+        The record.
+    shown : Shown
+        What was predicted of it.
+    problem : Problem, optional
+        With ``fitted``: the fit on other records that predicted it, for the prediction's own uncertainty.
+    fitted : Fit, optional
+        That fit: its covariance, and its drift and discrepancy.
+
+    Returns
+    -------
+    Judged
+        Its errors.
+    """
+    error = np.abs(e.data - shown.data)
+    # E|n| of complex Gaussian noise of variance v is √(πv)/2.
+    noise = np.sqrt(np.pi * e.variance) / 2
+    total = e.variance + shown.variance
+    if problem is None or fitted is None or isinstance(shown.seen, Simulated) != isinstance(problem, SimulatedProblem):
+        chi2, drifts = np.mean(error**2 / total, axis=1), 0.0
+    else:
+        blow_at = problem.blow_at(fitted.x)
+
+        def show(x: FloatArray) -> tuple[Predicted, ComplexArray]:
+            there = shown if np.array_equal(x, fitted.x) else predicted(e, problem.applied(x), blow_at, problem, x)
+            return there.seen, (e.data - there.data) * np.sqrt(2.0 / total)
+
+        chi2, drifts = fitted.spread.left(problem, fitted.x, session_of(e), show)
+        total = fitted.spread.sizes.noise * total
+    floor = float(total.mean() + drifts)
+    return Judged(e, error.mean(axis=1), noise.mean(axis=1), chi2, shown.data, float(np.mean(error**2)), floor)
+
+
+def mean_error(records: Sequence[Judged]) -> float:
+    """
+    Mean error over records and channels.
+
+    Parameters
+    ----------
+    records : sequence of Judged
+        Held-out records.
+
+    Returns
+    -------
+    float
+        Mean modulus of the error, SI.
+    """
+    return float(np.mean([j.error.mean() for j in records]))
+
+
+def reduced_chi2(records: Sequence[Judged]) -> float:
+    """
+    χ² a degree of freedom over records and channels.
+
+    Parameters
+    ----------
+    records : sequence of Judged
+        Held-out records.
+
+    Returns
+    -------
+    float
+        About 1 where only noise is left.
+    """
+    return float(np.mean([j.chi2.mean() for j in records]))
+
+
+def shrinkage_interval(before: Sequence[Judged], after: Sequence[Judged], seed: int) -> tuple[float, float]:
+    """
+    95 % interval of 1 - after/before, by bootstrap over records.
+
+    Parameters
+    ----------
+    before, after : sequence of Judged
+        The same records, judged before and after.
+    seed : int
+        Of the resampling.
+
+    Returns
+    -------
+    low, high : float
+        The interval.
+    """
+    b = np.array([j.error.mean() for j in before])
+    a = np.array([j.error.mean() for j in after])
+    pick = np.random.default_rng(seed).integers(0, b.size, (BOOTSTRAPS, b.size))
+    values = 1.0 - a[pick].mean(axis=1) / b[pick].mean(axis=1)
+    low, high = np.quantile(values, [0.025, 0.975])
+    return float(low), float(high)

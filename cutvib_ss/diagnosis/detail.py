@@ -1,0 +1,70 @@
+"""What a diagnosis finds beside its verdict, put together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cutvib_ss.diagnosis.bands import bands
+from cutvib_ss.diagnosis.consequences import meaning
+from cutvib_ss.diagnosis.findings import Findings
+from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.metrics import Sides, metrics, scales_of
+from cutvib_ss.diagnosis.nu_gap import nu_gap
+from cutvib_ss.diagnosis.observations import Observations
+from cutvib_ss.diagnosis.place import Located
+from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.result import Verdict
+from cutvib_ss.effects.base import Model
+
+
+def found(
+    nominal: Model,
+    chosen: Fit,
+    records: Records,
+    verdict: Verdict,
+    observed: Observations,
+    stand_out: Sequence[tuple[float, float]],
+    located: Located,
+    sides: Sides,
+    seed: int,
+) -> Findings:
+    """
+    Distances, bands, places and their free functions.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The model as given.
+    chosen : Fit
+        The hypothesis that was chosen.
+    records : Records
+        Records that it was fitted to.
+    verdict : str
+        What was concluded.
+    observed : Observations
+        The campaign.
+    stand_out : sequence of (float, float)
+        Bands in which the re-tuned model's error stands out of the noise [Hz].
+    located : Located
+        The places.
+    sides : Sides
+        Held-out records against each model.
+    seed : int
+        Of what is drawn.
+
+    Returns
+    -------
+    Findings
+        All of it.
+    """
+    # Where records are marked for checking, the model as given is judged on these alone, as the others are.
+    scales = scales_of(sides.before)
+    rows = metrics(sides, observed.per_unit, scales)
+    return Findings(
+        metrics=rows,
+        nu_gap=nu_gap(rows, scales, nominal, chosen.model, observed.band),
+        bands=bands(stand_out, observed.band, sides, observed.per_unit),
+        place_scores=located.scores,
+        stiffness=located.stiffness,
+        meaning=meaning(nominal, chosen, records, observed, verdict, seed),
+    )

@@ -1,0 +1,345 @@
+"""The diagnosis: a campaign and a nominal model in; where, which and how far out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from cutvib_ss.diagnosis import cross_validation, where
+from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
+from cutvib_ss.diagnosis.detail import found
+from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.linearity import level_stands_out
+from cutvib_ss.diagnosis.mains_interference import hums, mains
+from cutvib_ss.diagnosis.metrics import Sides
+from cutvib_ss.diagnosis.next_test import next_test
+from cutvib_ss.diagnosis.observations import Observations, observe
+from cutvib_ss.diagnosis.place import Located, locate
+from cutvib_ss.diagnosis.posterior import Counts, kind_of, probabilities
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.ranking import ENOUGH, Ranked
+from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.repeatability import repeatability
+from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
+from cutvib_ss.diagnosis.search import search
+from cutvib_ss.diagnosis.unknown_element import AMPLITUDES, ports_of
+from cutvib_ss.diagnosis.verdict import SURE, ambiguity_set, place_set, verdict
+from cutvib_ss.diagnosis.workers import Workers
+from cutvib_ss.effects.base import Model, parameter_fields
+from cutvib_ss.errors import DiagnosisError, ParameterError
+from cutvib_ss.measurement.records import Campaign
+from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
+
+JUDGED = 3
+"""Causes that are judged on held-out records, at least while they carry any probability."""
+STANDS_OUT = 1.1
+"""χ² a datum of the re-tuned model from which its gap stands out of noise, tuning and repeatability."""
+BAND_WIDTH = 5.0
+"""Width over which the error is averaged to find the bands that stand out [Hz]."""
+
+HUMS = "all that the re-tuned model leaves lies on multiples of {:g} Hz: the mains hum in the measurement"
+
+
+@dataclass(frozen=True)
+class _Held:
+    """A hypothesis and what it leaves on held-out records."""
+
+    ranked: Ranked
+    records: tuple[cross_validation.Judged, ...]
+
+    @property
+    def reduced(self) -> float:
+        return cross_validation.reduced_chi2(self.records)
+
+
+def diagnose(
+    campaign: Campaign,
+    machine: Model | None = None,
+    *,
+    hold_out: float | None = None,
+    seed: int = 0,
+    jobs: int = 1,
+) -> Diagnosis:
+    """
+    Where the sim-to-real gap lies, which unmodelled effect causes it, and how far it shrinks once that is added.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The measurement.
+    machine : Machine or Structure, optional
+        The nominal model; by default the campaign's own.
+    hold_out : float, optional
+        Part of the positions left out at a turn, between 0 and 1; a third by default.
+    seed : int
+        Of the order in which positions are left out, and of the bootstrap.
+    jobs : int
+        Processes, among which independent fits are spread; the result does not depend on their number. With more than one a
+        script needs its ``if __name__ == "__main__":``, since they are spawned.
+
+    Returns
+    -------
+    Diagnosis
+        The diagnosis, whatever it is.
+
+    Raises
+    ------
+    DiagnosisError
+        If the campaign cannot carry one.
+    ParameterError
+        If an argument is impossible.
+
+    Notes
+    -----
+    Linear causes are fitted in the frequency domain, those that depend on the level by simulation in time.
+    """
+    if hold_out is not None and not 0.0 < hold_out < 1.0:
+        raise ParameterError(f"hold_out = {hold_out} is a fraction: it must lie between 0 and 1")
+    if jobs < 1:
+        raise ParameterError(f"jobs = {jobs} must be at least 1")
+    nominal: Model = campaign.machine if machine is None else machine
+    if not campaign.records:
+        raise DiagnosisError("the campaign holds no records")
+    # Small matrices in many threads wait for each other.
+    with threadpool_limits(1), Workers(jobs) as workers:
+        return _diagnosed(campaign, nominal, hold_out, seed, workers)
+
+
+def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
+    observed = observe(campaign, nominal)
+    fitted = [e for e in observed.entries if not e.check] or list(observed.entries)
+    records = Records(tuple(fitted))
+    turns = cross_validation.folds(observed, hold_out, seed)
+    judgements: dict[str, _Held] = {}
+
+    def judged(r: Ranked) -> _Held:
+        if r.name not in judgements:
+            judgements[r.name] = _Held(r, cross_validation.judge(nominal, turns, r.fit, workers))
+        return judgements[r.name]
+
+    ranked = search(nominal, records, observed, lambda r: judged(r).reduced, workers)
+    none, causes = ranked[0], ranked[1:]
+    problem = Problem(nominal, records.merged, Hypothesis())
+    known = {
+        (r.fit.hypothesis.effect, r.fit.hypothesis.place): 0 for r in ranked if kind_of(r.fit.hypothesis) == "known"
+    }
+    for r in ranked:
+        if kind_of(r.fit.hypothesis) == "known":
+            known[r.fit.hypothesis.effect, r.fit.hypothesis.place] += 1
+    ports = list(ports_of(nominal).values())
+    variants = {**known, **{("unknown", p): len(AMPLITUDES) * ports.count(p) for p in ports}}
+    odds = probabilities(ranked, Counts(len(known), len(set(ports))), variants)
+    shown = sorted(causes, key=lambda r: -odds[r.name])
+    before = cross_validation.judge_as_given(nominal, observed, none.fit)
+    tuned = judged(none)
+    held = {"none": tuned}
+    no_gap = odds["none"] > SURE
+    for r in shown[:JUDGED]:
+        if odds[r.name] > 1e-3 or (r is shown[0] and not no_gap):
+            held[r.name] = judged(r)
+    other = next(
+        (r for r in shown if not _same_cause(r, shown[0]) and (r.name in held or r.fit.hypothesis.linear)), None
+    )
+    if no_gap:
+        other = next((r for r in shown if r.name in held), None)
+    elif other is not None and other.name not in held:
+        # However improbable, so that the reader sees what the choice is worth.
+        held[other.name] = judged(other)
+    first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
+    after = held[first.name]
+    levels = where.level_dependence(fitted)
+    by_level = bool(levels > where.LEVEL_EXCESS) or level_stands_out(records)
+    located, hum = Located(), None
+    if by_level or none.reduced > ENOUGH:
+        located = locate(nominal, none.fit, fitted, problem.blow_at(none.fit.x), by_level)
+        hum = mains(nominal, none.fit, records)
+        located = located if hum is None else hums(located, hum)
+    rows = _causes(none, shown, odds, located.best, held, before, observed)
+    interval = cross_validation.shrinkage_interval(before, after.records, seed)
+    stands_out = none.reduced > STANDS_OUT or first is not none
+    result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end))
+    chosen = none.fit if result == "no_gap" else after.ranked.fit
+    figures = _figures(observed, before, tuned, held[none.name] if result == "no_gap" else after, seed)
+    remaining = [r for r in ranked if odds[r.name] > 0.02][:4]
+    test = None
+    if result == "ambiguous" and len(remaining) > 1:
+        test = next_test(
+            [r.fit.model for r in remaining], [r.name for r in remaining], fitted, [odds[r.name] for r in remaining]
+        )
+    places = _places(ranked, odds)
+    bands_hz = _bands(problem, none.fit)
+    second = other if first is shown[0] or no_gap else shown[0]
+    sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
+    return Diagnosis(
+        verdict=result,
+        gap=figures,
+        where=Where(
+            place="none" if result == "no_gap" else places[0][0] if places[0][0] != "none" else places[1][0],
+            places=places,
+            bands_hz=bands_hz,
+            by_position=where.by_position(tuned.records, observed.per_unit),
+            by_channel=where.by_channel(tuned.records, observed.channels, observed.per_unit),
+            level_dependent=by_level,
+            place_set=place_set(places),
+        ),
+        causes=rows,
+        ambiguity_set=ambiguity_set(rows),
+        next_test=test,
+        title=campaign.title,
+        warnings=(*campaign.warnings, *([] if hum is None else [HUMS.format(hum)]), *at_their_ends(chosen)),
+        nominal=nominal,
+        corrected_machine=chosen.model,
+        comparisons=_comparisons(nominal, none.fit, chosen, fitted),
+        evidence=tuple(
+            evidence_of(r, held[r.name].reduced if r.name in held else float("nan"), r.name in held) for r in ranked
+        ),
+        reduced_chi2=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
+        data_count=problem.count,
+        sizes=dict(vars(chosen.spread.sizes)),
+        repeatability=repeatability(fitted),
+        findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
+    )
+
+
+def _same_cause(one: Ranked, two: Ranked) -> bool:
+    """Whether two candidates are variants of one cause."""
+    a, b = one.fit.hypothesis, two.fit.hypothesis
+    return (a.effect, a.place) == (b.effect, b.place)
+
+
+def _causes(
+    none: Ranked,
+    shown: Sequence[Ranked],
+    odds: dict[str, float],
+    unknown_place: str,
+    held: dict[str, _Held],
+    before: Sequence[cross_validation.Judged],
+    observed: Observations,
+) -> tuple[Cause, ...]:
+    """All hypotheses as rows, variants of one cause together, and "unknown"."""
+    start = cross_validation.mean_error(before)
+    rows: dict[tuple[str, str], Cause] = {}
+    for r in (none, *shown):
+        key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
+        if key in rows:
+            # A variant (another channel, another parameter) of a cause that stands there with its best one.
+            rows[key] = replace(rows[key], probability=rows[key].probability + odds[r.name])
+            continue
+        after = cross_validation.mean_error(held[r.name].records) if r.name in held else float("nan")
+        rows[key] = Cause(
+            effect=key[0],
+            place=key[1],
+            probability=odds[r.name],
+            parameters=_parameters(r.fit),
+            after=after / observed.per_unit,
+            shrinkage=1.0 - after / start,
+            reduced_chi2=held[r.name].reduced if r.name in held else float("nan"),
+            share=float("nan") if key[0] in ("none", "unknown") else _share(held.get("none"), held.get(r.name)),
+        )
+    unknown = [c for c in rows.values() if c.effect == "unknown"]
+    # One row for an unknown element, at the place where it is likeliest.
+    best = max(unknown, key=lambda c: c.probability, default=Cause("unknown", unknown_place, 0.0))
+    out = [c for c in rows.values() if c.effect != "unknown"]
+    out.append(replace(best, probability=sum(c.probability for c in unknown), parameters={}))
+    return tuple(sorted(out, key=lambda c: -c.probability))
+
+
+def _share(tuned: _Held | None, after: _Held | None) -> float:
+    """Part of the excess over noise and repeatability that a cause closes on held-out records."""
+    if tuned is None or after is None:
+        return float("nan")
+    start, end = (float(np.mean([j.squares for j in h.records])) for h in (tuned, after))
+    floor = min(float(np.mean([j.floor for j in after.records])), start)
+    return float(np.clip((start - end) / max(start - floor, 1e-300), 0.0, 1.0)) if start > end else 0.0
+
+
+def _parameters(fit: Fit) -> dict[str, FittedParameter]:
+    out: dict[str, FittedParameter] = {}
+    for k, e in enumerate(fit.hypothesis.effects):
+        for f in parameter_fields(type(e)):
+            if f"{k}.{f.name}" not in fit.stds:
+                continue
+            name = f.name if len(fit.hypothesis.effects) == 1 else f"{e.effect}.{f.name}"
+            out[name] = FittedParameter(
+                float(getattr(e, f.name)), float(fit.stds[f"{k}.{f.name}"]), f.metadata["range"].unit
+            )
+        continuous = {f.name for f in parameter_fields(type(e))}
+        for f in fields(e):
+            if f.name not in continuous | {"place"}:
+                out[f.name] = FittedParameter(getattr(e, f.name), 0.0, f.metadata.get("unit", ""))
+    return out
+
+
+def _figures(
+    observed: Observations,
+    before: Sequence[cross_validation.Judged],
+    tuned: _Held,
+    after: _Held,
+    seed: int,
+) -> GapFigures:
+    unit = observed.per_unit
+    start, end = cross_validation.mean_error(before), cross_validation.mean_error(after.records)
+    return GapFigures(
+        unit=observed.unit,
+        before=start / unit,
+        tuned=cross_validation.mean_error(tuned.records) / unit,
+        after=end / unit,
+        noise_floor=float(np.mean([j.noise.mean() for j in before])) / unit,
+        band_hz=observed.band,
+        shrinkage=1.0 - end / start,
+        shrinkage_interval=cross_validation.shrinkage_interval(before, after.records, seed),
+    )
+
+
+def _places(ranked: Sequence[Ranked], odds: dict[str, float]) -> tuple[tuple[str, float], ...]:
+    """Probability of each place, or places of a sum: that of the hypotheses there."""
+    total: dict[str, float] = {"none": odds["none"]}
+    for r in ranked[1:]:
+        place = r.fit.hypothesis.place
+        total[place] = total.get(place, 0.0) + odds[r.name]
+    return tuple(sorted(total.items(), key=lambda item: -item[1]))
+
+
+def _bands(problem: Problem, none: Fit) -> tuple[tuple[float, float], ...]:
+    _, residuals, _ = problem.residuals(none.x)
+    return where.bands(list(zip(problem.groups, residuals, strict=True)), BAND_WIDTH)
+
+
+def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry]) -> tuple[Comparison, ...]:
+    groups = merged(entries)
+    out = []
+    start = Problem(nominal, groups, Hypothesis())
+    end = Problem(nominal, groups, chosen.hypothesis)
+    sides = [
+        (nominal, start.blow_at(none.x), None, None),
+        (none.model, start.blow_at(none.x), start, none.x),
+        (chosen.model, end.blow_at(chosen.x), end, chosen.x),
+    ]
+    seen: set[float] = set()
+    for e in entries:
+        place = float(np.nan_to_num(e.position, nan=-1.0))
+        if place in seen:
+            continue
+        seen.add(place)
+        same = [x for x in entries if float(np.nan_to_num(x.position, nan=-1.0)) == place and x.channels == e.channels]
+        (group, *_) = merged(same)
+        unit = "N" if nominal.input_quantity == "force" else "m/s^2"
+        measured = MeasuredFrequencyResponse(
+            group.data[:1, :, None], group.freq, np.array([e.position]), group.channels, ("force",), group.quantities,
+            input_unit=unit, variance=group.variance[:1, :, None], averages=len(same),
+        )  # fmt: skip
+        computed = []
+        for model, blow_at, problem, x in sides:
+            value = cross_validation.predicted(same[0], model, blow_at, problem, x).data[None, :, None]
+            computed.append(
+                FrequencyResponse(
+                    value, group.freq, measured.positions, group.channels, ("force",), group.quantities, input_unit=unit
+                )
+            )
+        label = "" if place < 0 else f"position {place:.3g}"
+        out.append(Comparison(label, measured, *computed))
+    return tuple(out)

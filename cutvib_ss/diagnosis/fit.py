@@ -1,0 +1,400 @@
+"""
+One hypothesis fitted to measured responses: effect, tuning within tolerance, and calibration, all at once.
+
+The maximum of the posterior is found by Gauss-Newton steps with analytic derivatives, and the evidence is Laplace's around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.likelihood import Directions, Known, Quadratic, Sizes, Spread, weights
+from cutvib_ss.diagnosis.prediction import Predicted
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.records import Records, session_of
+from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
+from cutvib_ss.diagnosis.unknowns import from_unknown
+from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import CutvibError, DiagnosisError
+from cutvib_ss.results import ComplexArray, FloatArray
+
+FEW_LINES, WIDENED, ROUGH = 120, 0.1, 1e-2
+"""Lines and relative error of the data on which drifting sessions are started, and the relative gain at which its steps end."""
+HOPELESS, HOPELESS_GAIN = 5.0, 1e-3
+"""Reduced χ² from which a fit is not worth more than steps of this relative gain."""
+FEW_STEPS = 10
+"""A fit of no more steps is a scout: it climbs once."""
+GAIN = 0.1
+"""Gain of the objective at which steps end: a twentieth of what tells two causes apart by a factor of e."""
+FARTHEST = 6.0
+"""Standard deviations that a session may drift."""
+PASSES = 4
+"""Times that any other fit climbs at most."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """
+    A fitted hypothesis.
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        With its effects at their fitted values.
+    model : Machine or Structure
+        Tuned, with the effects.
+    tuned : Machine or Structure
+        The tuning alone.
+    x : ndarray
+        Fitted unknowns: tuning, calibration, instant of the blow, effects (transformed).
+    first_effect : int
+        Where the effects' unknowns begin.
+    covariance : ndarray
+        Posterior covariance of the unknowns.
+    chi2 : float
+        Weighted squares of the residuals, drift and discrepancy integrated out, the scatter of merged records included.
+    count : int
+        Real data.
+    objective : float
+        χ² with the priors' squares and the determinants: comparable between hypotheses.
+    log_evidence : float
+        Logarithm of the Laplace evidence, up to a constant shared by all hypotheses on the same data.
+    stds : mapping of str to float
+        Standard deviation of each effect's parameter, in order ``<index>.<name>``.
+    at_end : tuple of str
+        Parameters of the effects that lie at an end of their range, ``<index>.<name>``, where other values lie beyond.
+    correlation : float
+        Number of neighbouring lines whose residuals go together; 1 where they are white.
+    spread : Spread
+        Drift and discrepancy: their sizes, and what the records say of them.
+    """
+
+    hypothesis: Hypothesis
+    model: Model
+    tuned: Model
+    x: FloatArray
+    first_effect: int
+    covariance: FloatArray
+    chi2: float
+    count: int
+    objective: float
+    log_evidence: float
+    stds: Mapping[str, float]
+    at_end: tuple[str, ...]
+    correlation: float
+    spread: Spread
+
+
+def fit(
+    nominal: Model,
+    records: Records,
+    hypothesis: Hypothesis,
+    warm: FloatArray | None = None,
+    max_iterations: int = 40,
+    tolerance: float = 1e-5,
+    near: Fit | None = None,
+) -> Fit:
+    """
+    Maximum of the posterior of a hypothesis, and its evidence.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    records : Records
+        Measured responses.
+    hypothesis : Hypothesis
+        What is fitted; its effects' values are the start.
+    warm : ndarray, optional
+        Unknowns of a fit without effects, to start from.
+    max_iterations : int
+        Most steps taken.
+    tolerance : float
+        Relative gain of the objective at which steps end.
+    near : Fit, optional
+        A fit whose drifts of sessions, and sizes, are close.
+
+    Returns
+    -------
+    Fit
+        The fit.
+
+    Notes
+    -----
+    Levenberg-Marquardt on the normal equations: 40 unknowns against 10⁴ to 10⁵ data make their forming the only cost, and a
+    general least squares solver's factorisation of the full Jacobian twenty times dearer. Effects' unknowns are kept
+    within their ranges by projection. Evidence: χ²/2 + Σ prior²/2 + ½ ln det(JᵀWJ + P), the even priors being one in unit
+    coordinates.
+    """
+    problem = problem_for(nominal, records, hypothesis, by_session=not records.widened)
+    # Beside a widened noise drift and discrepancy are nothing.
+    search = _Search(problem, problem.start(warm), not records.widened, _beside(problem, records), near)
+    if hypothesis.linear and not records.rough and near is None:
+        search.start_from(_from_afar(nominal, records, hypothesis, search))
+    if not hypothesis.linear and search.spread and max_iterations > FEW_STEPS:
+        # What a law far from its optimum leaves would pass for a large discrepancy, in whose side minima the steps end.
+        plain = _Search(problem, search.at.x, False, search.beside)
+        plain.climb(max_iterations, tolerance)
+        search.start_from(plain)
+    redrawn = not isinstance(problem, SimulatedProblem)
+    passes = PASSES if redrawn and max_iterations > FEW_STEPS else 1
+    for _ in range(passes):
+        before = search.at.objective
+        search.climb(max_iterations, tolerance)
+        if passes > 1:
+            # The circles were drawn for the first model of the pass; drawn anew they may show that it goes on.
+            search.redraw()
+        if before - search.at.objective < 1.0:
+            break
+    search.resize()
+    if search.at.quadratic is None or not np.isfinite(search.at.objective):
+        raise DiagnosisError(f"{hypothesis.effect} at {hypothesis.place} runs away from where it starts")
+    return _finished(problem, search, search.at.quadratic)
+
+
+class _Beside(NamedTuple):
+    """Scatter of records about what they are merged into, its number of real data, and whether any noise was seen to scatter."""
+
+    squares: float
+    data: int
+    known: bool
+
+
+def _beside(problem: Problem, records: Records) -> _Beside:
+    known = all(e.scattered for e in records.entries)
+    if isinstance(problem, SimulatedProblem):
+        return _Beside(0.0, 0, known)
+    total = sum(2 * int(np.count_nonzero(np.isfinite(e.variance))) for e in records.entries)
+    return _Beside(records.scatter, total - problem.count, known)
+
+
+def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: _Search) -> _Search:
+    """
+    Unknowns and drifts on few lines with a widened noise.
+
+    A session that drifts by more than a resonance is wide is caught in a side minimum when the noise is small.
+    """
+    few = records.coarse(FEW_LINES, WIDENED)
+    problem = problem_for(nominal, few, hypothesis, by_session=True)
+    search = _Search(problem, start.at.x, True, _beside(problem, few))
+    search.climb(FEW_STEPS, ROUGH)
+    return search
+
+
+@dataclass
+class _At:
+    """The objective at some unknowns and drifts of sessions, and what a step from there needs."""
+
+    x: FloatArray
+    drift: FloatArray
+    each: list[FloatArray]
+    predictions: Sequence[Predicted]
+    residuals: list[ComplexArray]
+    squares: float
+    chi2: float
+    objective: float
+    quadratic: Quadratic | None = None
+    factor: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+class _Search:
+    """Levenberg-Marquardt within bounds, from one point; drift and discrepancy are integrated out."""
+
+    def __init__(self, problem: Problem, x: FloatArray, spread: bool, beside: _Beside, near: Fit | None = None) -> None:
+        self.problem, self.spread, self.beside = problem, spread, beside
+        self.sizes = Sizes() if near is None else near.spread.sizes
+        self.known = Known(problem.nominal.tolerance.drift, beside.known)
+        self.count = problem.count + beside.data
+        self.precision = problem.prior_precision()
+        self.low, self.high = problem.bounds()
+        weight, _ = weights(problem)
+        self.drifting = np.flatnonzero(weight)
+        self.weight = weight[self.drifting]
+        self.session = [problem.sessions.index(session_of(g.entries[0][0])) for g in problem.groups]
+        drift = np.zeros((len(problem.sessions), self.drifting.size))
+        if near is not None and spread:
+            drift = near.spread.drifts(problem.sessions, self.drifting.size)
+        self.at = self.evaluated(x, drift)
+
+    def start_from(self, other: _Search) -> None:
+        """Go on from where another search of the same sessions stands."""
+        if other.problem.sessions == self.problem.sessions:
+            there = self.evaluated(other.at.x, other.at.drift)
+            if np.isfinite(there.objective) and there.objective < self.at.objective:
+                self.at = there
+
+    def redraw(self) -> None:
+        """Evaluate where it stands, with new circles around the slow poles."""
+        self.problem.forget_circles()
+        self.at = self.evaluated(self.at.x, self.at.drift)
+
+    def evaluated(self, x: FloatArray, drift: FloatArray) -> _At:
+        """The objective at some unknowns; without drift and discrepancy it needs no derivatives."""
+        each = [x] * len(self.session)
+        if np.any(drift):
+            each = []
+            for session in self.session:
+                own = x.copy()
+                own[self.drifting] += self.weight * drift[session]
+                each.append(own)
+        predictions, residuals, squares = self.problem.residuals(each)
+        squares += self.beside.squares
+        at = _At(x, drift, each, predictions, residuals, squares, squares, squares + float(self.precision @ x**2))
+        if self.spread and np.isfinite(squares):
+            self._linearise(at)
+        return at
+
+    def _linearise(self, at: _At) -> None:
+        """The quadratic there; none where a restoring force has run away."""
+        x = at.x
+        directions = Directions(self.problem, at.each, at.predictions, self.spread)
+        matrix, gradient = directions.normal(at.residuals)
+        if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
+            return
+        pull = gradient[: x.size] - self.precision * x
+        free = ~(((x <= self.low) & (pull < 0)) | ((x >= self.high) & (pull > 0)))
+        lay = directions.layout
+        offsets = np.zeros(lay.size)
+        for k, drift in enumerate(at.drift if lay.sessions else ()):
+            first = lay.unknowns + k * lay.per_session
+            offsets[first : first + drift.size] = drift
+        at.quadratic = Quadratic(
+            lay, matrix, gradient, at.squares, x, self.precision, free, self.problem.even, offsets, self.count
+        )
+        self._weigh(at)
+
+    def _weigh(self, at: _At) -> None:
+        """The objective with drift and discrepancy of the present sizes integrated out."""
+        assert at.quadratic is not None
+        n = at.x.size
+        matrix, gradient = at.quadratic.system(self.sizes)
+        at.factor = linalg.cholesky(matrix[n:, n:], lower=True, check_finite=False)
+        taken = linalg.solve_triangular(at.factor, gradient[n:], lower=True, check_finite=False)
+        log_det = 2.0 * float(np.sum(np.log(np.diag(at.factor)))) + self.count * float(np.log(self.sizes.noise))
+        prior = float(self.precision @ at.x**2)
+        at.chi2 = at.quadratic.at(self.sizes) - prior - float(taken @ taken)
+        at.objective = at.chi2 + log_det + prior
+
+    def resize(self) -> None:
+        """The sizes of drift and discrepancy that suit where it stands."""
+        if self.at.quadratic is None:
+            self._linearise(self.at)
+        q = self.at.quadratic
+        if q is not None and q.layout.size > q.x.size:
+            self.sizes = q.climbed(self.sizes, self.known)
+            self._weigh(self.at)
+
+    def climb(self, max_iterations: int, tolerance: float) -> None:
+        """Steps until they gain little."""
+        damping = 1e-3
+        for _ in range(max_iterations):
+            self.resize()
+            if self.at.quadratic is None:
+                break
+            before = self.at.objective
+            damping = self._step(damping, self.at.quadratic)
+            gain = before - self.at.objective
+            # What leaves many times the noise needs no exact optimum.
+            far = self.at.chi2 > HOPELESS * self.count
+            least = max(tolerance, HOPELESS_GAIN) if far else tolerance
+            if gain < GAIN + least * max(self.at.objective - 0.9 * self.count, 0.0):
+                break
+
+    def _step(self, damping: float, quadratic: Quadratic) -> float:
+        """One step, damped until it gains; the damping that served, eased."""
+        n, x = self.at.x.size, self.at.x
+        matrix, gradient = quadratic.system(self.sizes)
+        beside = np.full(matrix.shape[0] - n, np.inf)
+        low, high = np.concatenate([self.low, -beside]), np.concatenate([self.high, beside])
+        start = np.concatenate([x, np.zeros(beside.size)])
+        for _ in range(8):
+            step = np.clip(start + _step(matrix, gradient, damping, start, low, high), low, high) - start
+            try:
+                trial = self.evaluated(x + step[:n], self._drifted(step[n:]))
+            except (CutvibError, np.linalg.LinAlgError):
+                damping *= 10
+                continue
+            if np.isfinite(trial.objective) and trial.objective < self.at.objective:
+                self.at = trial
+                return max(damping / 10, 1e-9)
+            damping *= 10
+        return damping
+
+    def _drifted(self, step: FloatArray) -> FloatArray:
+        """Drifts of the sessions after a step in all directions, kept within what their size allows."""
+        lay = self.at.quadratic.layout if self.at.quadratic is not None else None
+        if lay is None or not lay.sessions:
+            return self.at.drift
+        own = step[: lay.per_session * len(lay.sessions)].reshape(len(lay.sessions), -1)[:, : self.drifting.size]
+        most = FARTHEST * self.sizes.drift
+        return np.clip(self.at.drift + self.sizes.drift * own, -most, most)
+
+
+def _step(
+    matrix: FloatArray, gradient: FloatArray, damping: float, x: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """A damped step that leaves alone the unknowns that a bound holds."""
+    held = ((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0))
+    free = ~held
+    inner = matrix[np.ix_(free, free)]
+    # Unknowns of unlike size: equilibrated, the system is as well conditioned as its physics.
+    size = np.sqrt(np.diag(inner) + 1e-12)
+    scaled = inner / np.outer(size, size) + damping * np.eye(size.size)
+    step = np.zeros(x.size)
+    step[free] = linalg.solve(scaled, gradient[free] / size, assume_a="sym") / size
+    return step
+
+
+def _finished(problem: Problem, search: _Search, quadratic: Quadratic) -> Fit:
+    x = search.at.x
+    index, even = np.arange(problem.first_effect, problem.size), np.flatnonzero(problem.even)
+    own, pull = quadratic.system(search.sizes)
+    # An even prior over a unit range knows a parameter to no better than its range.
+    own[even, even] += 12.0
+    size = np.sqrt(np.diag(own))
+    covariance = linalg.inv(own / np.outer(size, size)) / np.outer(size, size)
+    offsets = np.zeros(own.shape[0])
+    if own.shape[0] > problem.size:
+        inner = slice(problem.size, None)
+        offsets[inner] = quadratic.offsets[inner] / quadratic.layout.scale(search.sizes)[inner]
+        offsets[inner] += linalg.solve(own[inner, inner], pull[inner], assume_a="pos")
+    correlation = 1.0
+    if search.spread:
+        step = np.zeros(own.shape[0])
+        step[problem.size :] = offsets[problem.size :]
+        scale = quadratic.layout.scale(search.sizes)
+        step[problem.size :] -= quadratic.offsets[problem.size :] / scale[problem.size :]
+        directions = Directions(problem, search.at.each, search.at.predictions, like=quadratic.layout)
+        correlation = directions.correlation(search.at.residuals, step * scale)
+    stds = {}
+    for i, (k, name, r) in enumerate(problem.parameters):
+        j = problem.first_effect + i
+        stds[f"{k}.{name}"] = abs(from_unknown(float(x[j]), r)[1]) * float(np.sqrt(covariance[j, j]))
+    at_end = tuple(
+        f"{k}.{name}"
+        for (k, name, r), value in zip(problem.parameters, x[index], strict=True)
+        if not r.limits and r.scale != "normal" and (value >= 1.0 or (value <= 0.0 and r.low != r.minimum))
+    )
+    return Fit(
+        hypothesis=replace(problem.hypothesis, effects=problem.effects(x)),
+        model=problem.applied(x),
+        tuned=problem.tuned(x),
+        x=x,
+        first_effect=problem.first_effect,
+        covariance=covariance[: problem.size, : problem.size],
+        chi2=search.at.chi2,
+        count=search.count,
+        objective=search.at.objective,
+        # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
+        log_evidence=quadratic.summed(search.sizes, search.known),
+        stds=stds,
+        at_end=at_end,
+        correlation=correlation,
+        spread=Spread(quadratic.layout, search.sizes, offsets, own),
+    )

@@ -1,0 +1,130 @@
+"""What the excitation level does: whether the responses change with it, and how far each place moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.simulation import HYSTERESIS_AT
+from cutvib_ss.effects.base import Model, Motion
+from cutvib_ss.effects.catalogue import EFFECTS
+from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.response.stepping import modal_form, step
+from cutvib_ss.results import FloatArray
+
+BAND = 24
+"""Lines over which the scatter between levels is averaged."""
+STANDS_OUT = 5.0
+"""Standard deviations by which that has to exceed one, somewhere …"""
+NOISE_KNOWN = 0.15
+"""… to which this is added, for the noise itself is an estimate."""
+APART = 1.5
+"""Ratio of levels from which what depends on the level would show between them."""
+
+
+def levels_compared(records: Records) -> bool:
+    """
+    Whether some position was measured at levels far enough apart for a difference to show.
+
+    Parameters
+    ----------
+    records : Records
+        The records.
+
+    Returns
+    -------
+    bool
+        False where every position has one level, or levels close together.
+    """
+    each = ([e.level for e in same] for g in records.merged for same in g.entries)
+    return any(max(levels) > APART * min(levels) for levels in each)
+
+
+def level_stands_out(records: Records) -> bool:
+    """
+    Whether some band of the responses changes with the level.
+
+    Parameters
+    ----------
+    records : Records
+        The records.
+
+    Returns
+    -------
+    bool
+        True where the scatter of levels about their mean exceeds the noise, in any band.
+    """
+    for g in records.merged:
+        power, count = np.zeros(g.freq.size), 0
+        for row, same in zip(g.data, g.entries, strict=True):
+            if len(same) > 1:
+                power += sum(np.sum(np.abs(e.data - row) ** 2 / e.variance, axis=0) for e in same)
+                count += (len(same) - 1) * len(g.channels)
+        if count == 0:
+            continue
+        width = min(BAND, g.freq.size)
+        smooth = np.convolve(power / count, np.ones(width) / width, mode="valid")
+        if float(smooth.max()) > 1.0 + NOISE_KNOWN + STANDS_OUT / np.sqrt(count * width):
+            return True
+    return False
+
+
+def motions(model: Model, records: Records) -> dict[str, Motion]:
+    """
+    How far and how fast each place of a law moves in the records.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The re-tuned model, without nonlinear elements.
+    records : Records
+        Records apart.
+
+    Returns
+    -------
+    dict of str to Motion
+        By place, which for laws is the name of a port.
+    """
+    places = tuple(dict.fromkeys(place for kind in EFFECTS.values() if not kind.linear for place in kind.places(model)))
+    peaks: list[np.ndarray] = []
+    forces: list[np.ndarray] = []
+    rates: list[np.ndarray] = []
+    for g in merged(records.simulable, apart=True):
+        for position, (entry, *_) in zip(g.positions, g.entries, strict=True):
+            at = None if np.isnan(position) else float(position)
+            forces.append(_holding(model, at, g.freq, places) * _peak(entry))
+            if entry.replay is None:
+                sweep = frequency_response(
+                    model, None if at is None else [at], g.freq, form="receptance", inputs=["force"], outputs=places
+                )
+                size = entry.sweep * np.abs(sweep.data[0, :, 0])
+                peaks.append(size.max(axis=1))
+                rates.append((size * 2 * np.pi * g.freq).max(axis=1))
+                continue
+            form = modal_form(model, at, places, HYSTERESIS_AT)
+            moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
+            peaks.append(np.abs(moved).max(axis=(0, 2)))
+            rates.append(np.abs(np.diff(moved, axis=-1)).max(axis=(0, 2)) * entry.replay.fs)
+    peak, rate, force = np.array(peaks), np.array(rates), np.array(forces)
+    return {
+        name: Motion(
+            float(peak[:, i].min()),
+            float(peak[:, i].max()),
+            float(np.median(rate[:, i])),
+            float(np.median(force[:, i])),
+        )
+        for i, name in enumerate(places)
+    }
+
+
+def _holding(model: Model, position: float | None, freq: FloatArray, places: tuple[str, ...]) -> FloatArray:
+    """Force that would hold each place still over the exciting force, of which the median over the lines: by H_pf/H_pp."""
+    at = None if position is None else [position]
+    both = frequency_response(model, at, freq, form="receptance", inputs=["force", *places], outputs=places)
+    by_force, own = np.abs(both.data[0, :, 0]), np.abs(both.data[0, :, 1:])
+    return np.asarray(np.median(by_force / np.diagonal(own, axis1=0, axis2=1).T, axis=1))
+
+
+def _peak(entry: Entry) -> float:
+    """Peak of a record's force."""
+    return float(entry.sweep) if entry.replay is None else float(np.abs(np.stack(entry.replay.forces)).max())

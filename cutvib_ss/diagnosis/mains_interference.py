@@ -1,0 +1,99 @@
+"""Mains hum: whether all that the re-tuned model leaves lies on multiples of 50 or 60 Hz."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cutvib_ss.diagnosis.findings import PlaceScore
+from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.place import Located
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.records import Records, thinned
+from cutvib_ss.effects.base import Model
+from cutvib_ss.results import FloatArray
+
+MAINS = (50.0, 60.0)
+"""Frequencies of the world's mains [Hz]."""
+LINES, BESIDE = 1.5, 3.0
+"""To either side hum takes so many lines, or so much [Hz], whichever is more: windows give it skirts."""
+FEW = 0.3
+"""Part of all lines beyond which its lines could not be told from any others."""
+MOST = 0.5
+"""Part of all excess that has to lie there for a closer look …"""
+CLEAN = 0.1
+"""… and excess of χ² a datum that a model re-tuned without those lines may leave …"""
+SKIRTS = 0.06
+"""… and part of what there was, for skirts reach far."""
+HARMONICS, PEAK = 3, 5.0
+"""Multiples at which the error's square has to exceed the noise's so many times: a resonance may lie on one by chance."""
+SURE = 0.95
+"""Probability of the measurement's being the place, then."""
+
+
+def mains(nominal: Model, none: Fit, records: Records) -> float | None:
+    """
+    The mains whose multiples hold all that the re-tuned model leaves.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    none : Fit
+        The re-tuned model.
+    records : Records
+        The records.
+
+    Returns
+    -------
+    float or None
+        50 or 60 Hz; None where something is left beside their multiples too, or nothing at all.
+    """
+    problem = Problem(nominal, records.merged, Hypothesis())
+    _, residuals, _ = problem.residuals(none.x)
+    # Both parts of a residual are over their own noise: |r|²/2 is one on average where noise is all.
+    power = [np.mean(np.abs(r) ** 2 / 2, axis=(0, 1)) - 1.0 for r in residuals]
+    freq, excess = np.concatenate([g.freq for g in problem.groups]), np.concatenate(power)
+    for frequency in MAINS:
+        on = np.concatenate([_on(g.freq, frequency) for g in problem.groups])
+        inside, beside = float(excess[on].sum()), float(excess[~on].sum())
+        multiples = np.unique(np.round(freq[on & (excess > PEAK)] / frequency))
+        few = 0 < np.mean(on) < FEW and multiples.size >= HARMONICS
+        if not few or inside < MOST * (inside + max(beside, 0.0)):
+            continue
+        rest = Records(tuple(thinned(e, ~_on(e.freq, frequency)) for e in records.entries))
+        again = fit(nominal, rest, Hypothesis(), none.x)
+        if again.chi2 / again.count - 1.0 < max(CLEAN, SKIRTS * (none.chi2 / none.count - 1.0)):
+            return frequency
+    return None
+
+
+def hums(located: Located, frequency: float) -> Located:
+    """
+    Places, where the measurement hums.
+
+    Parameters
+    ----------
+    located : Located
+        Places by what free functions leave, which know no tones.
+    frequency : float
+        Of the mains [Hz].
+
+    Returns
+    -------
+    Located
+        The measurement first.
+    """
+    own = PlaceScore("measurement", f"mains {frequency:g} Hz", 1.0, SURE)
+    others = [s for s in located.scores if s.place != "measurement"]
+    share = sum(s.probability for s in others) or 1.0
+    rest = tuple(replace(s, probability=(1.0 - SURE) * s.probability / share) for s in others)
+    return replace(located, scores=(own, *rest))
+
+
+def _on(freq: FloatArray, mains: float) -> np.ndarray:
+    step = float(np.median(np.diff(freq))) if freq.size > 1 else 0.0
+    nearest = np.maximum(np.round(freq / mains), 1.0) * mains
+    return np.asarray(np.abs(freq - nearest) <= max(LINES * step, BESIDE))

@@ -1,0 +1,381 @@
+"""
+How unknown elements at a place enter the responses, whatever their law: structural modification with unknown functions of
+frequency.
+
+An unknown dynamic stiffness z(ω) in parallel at ports r changes the response of q to a force at p by Sherman-Morrison-Woodbury,
+
+    H = H0 - a_qr (1 + z a_rr)^-1 z a_rp,
+
+and a compliance c(ω) in series, where two parts meet, by its dual,
+
+    H = H0 + R_q (1 + c Z)^-1 c R_p,
+
+R being the forces that pass and Z the stiffness with which the two sides oppose being parted. A gain is linear. All have one form,
+H0 ± left (1 + U D)^-1 U right with U the diagonal of the unknown functions. Only a value that all modes of the rail share has
+another: it changes the rail's receptance as a sum of fractions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from cutvib_ss.diagnosis.records import Group
+from cutvib_ss.effects.base import Model
+from cutvib_ss.response.batched import inverse
+from cutvib_ss.response.receptance import CondensedModel
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.units import DERIVATIVE_ORDER
+
+
+class Modification(Protocol):
+    """Unknown functions in the responses of a group of records."""
+
+    @property
+    def functions(self) -> int:
+        """Number of unknown functions."""
+        ...
+
+    def shown(self, functions: ComplexArray) -> ComplexArray:
+        """
+        Responses with elements of given functions.
+
+        Parameters
+        ----------
+        functions : ndarray, shape (function, row, frequency)
+            The functions, as each row has them.
+
+        Returns
+        -------
+        ndarray, shape (row, channel, frequency)
+            The responses; not finite where the elements make the model so.
+        """
+        ...
+
+    def sloped(self, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """
+        The same with their derivatives to the functions.
+
+        Parameters
+        ----------
+        functions : ndarray, shape (function, row, frequency)
+            The functions.
+
+        Returns
+        -------
+        responses : ndarray, shape (row, channel, frequency)
+            The responses.
+        slopes : ndarray, shape (function, row, channel, frequency)
+            Their derivatives.
+        """
+        ...
+
+    def inverted(self, data: ComplexArray) -> ComplexArray | None:
+        """
+        The function that each single response asks for, were there no other.
+
+        Parameters
+        ----------
+        data : ndarray, shape (row, channel, frequency)
+            Responses.
+
+        Returns
+        -------
+        ndarray, shape (function, row, channel, frequency), or None
+            The functions; None where a response alone does not tell.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Elements:
+    """
+    Elements in parallel, in series, or gains.
+
+    Parameters
+    ----------
+    response : ndarray, shape (row, channel, frequency)
+        Responses without the elements.
+    left : ndarray, shape (element, row, channel, frequency)
+        How the elements show in each channel.
+    right : ndarray, shape (element, row, frequency)
+        How the input drives them.
+    own : ndarray, shape (element, element, row, frequency)
+        How they drive each other.
+    ties : ndarray, shape (element, function)
+        Elements from unknown functions.
+    sign : int
+        -1 for elements in parallel, 1 for elements in series and gains.
+    """
+
+    response: ComplexArray
+    left: ComplexArray
+    right: ComplexArray
+    own: ComplexArray
+    ties: FloatArray
+    sign: int
+
+    @property
+    def functions(self) -> int:
+        """Number of unknown functions."""
+        return int(self.ties.shape[1])
+
+    def _solved(self, u: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """(1 + D U)^-1, and what it makes of the input."""
+        k = len(u)
+        below = np.eye(k)[:, :, None, None] + self.own * u
+        solved = inverse(below.reshape(k, k, -1)).reshape(below.shape)
+        return solved, np.einsum("ijpf,jpf->ipf", solved, self.right)
+
+    def shown(self, functions: ComplexArray) -> ComplexArray:
+        """
+        Responses with elements of given functions.
+
+        Parameters
+        ----------
+        functions : ndarray, shape (function, row, frequency)
+            The functions, as each row has them.
+
+        Returns
+        -------
+        ndarray, shape (row, channel, frequency)
+            The responses; not finite where the elements make the model so.
+        """
+        u = np.tensordot(self.ties, functions, 1)
+        with np.errstate(all="ignore"):
+            _, driven = self._solved(u)
+            out: ComplexArray = self.response + self.sign * np.einsum("ipcf,ipf->pcf", self.left, u * driven)
+        return out
+
+    def sloped(self, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """
+        The same with their derivatives to the functions.
+
+        Parameters
+        ----------
+        functions : ndarray, shape (function, row, frequency)
+            The functions.
+
+        Returns
+        -------
+        responses : ndarray, shape (row, channel, frequency)
+            The responses.
+        slopes : ndarray, shape (function, row, channel, frequency)
+            Their derivatives.
+        """
+        u = np.tensordot(self.ties, functions, 1)
+        with np.errstate(all="ignore"):
+            solved, driven = self._solved(u)
+            out: ComplexArray = self.response + self.sign * np.einsum("ipcf,ipf->pcf", self.left, u * driven)
+            seen = np.einsum("ipcf,jipf->jpcf", self.left, solved)
+            slopes: ComplexArray = self.sign * np.tensordot(self.ties.T, seen * driven[:, :, None], 1)
+        return out, slopes
+
+    def inverted(self, data: ComplexArray) -> ComplexArray | None:
+        """
+        The function that each single response asks for, were there no other.
+
+        Parameters
+        ----------
+        data : ndarray, shape (row, channel, frequency)
+            Responses.
+
+        Returns
+        -------
+        ndarray, shape (function, row, channel, frequency), or None
+            The functions; None where a function has several elements.
+        """
+        count = len(self.ties)
+        if not np.array_equal(self.ties, np.eye(count)):
+            return None
+        missing = data - self.response
+        own = self.own[np.arange(count), np.arange(count)]
+        with np.errstate(all="ignore"):
+            asked = missing / (self.sign * self.left * self.right[:, :, None] - missing * own[:, :, None])
+        return np.where(np.isfinite(asked), asked, 0.0)
+
+
+@dataclass(frozen=True)
+class RailModes:
+    """
+    One relative change of a value that all modes of the rail share.
+
+    Parameters
+    ----------
+    response : ndarray, shape (row, channel, frequency)
+        Responses without it.
+    through : ndarray, shape (row, channel, frequency)
+        Force that passes to the rail from each channel, times that from the input, through the measurement chain.
+    opposing : ndarray, shape (row, frequency)
+        Stiffness that the head opposes to a motion of the rail under it.
+    squares : ndarray, shape (row, mode)
+        Squares of the mode shapes.
+    flexibility : ndarray, shape (mode, frequency)
+        Of each mode.
+    change : ndarray, shape (mode, frequency)
+        How its dynamic stiffness moves with the function.
+    functions : int
+        One.
+
+    Notes
+    -----
+    The rail's receptance α = Σ φ_r² / d_r becomes Σ φ_r² / (d_r + u t_r).
+    """
+
+    response: ComplexArray
+    through: ComplexArray
+    opposing: ComplexArray
+    squares: FloatArray
+    flexibility: ComplexArray
+    change: ComplexArray
+    functions: int = 1
+
+    def _moved(self, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Change of the rail's receptance, its slope, and what the head leaves of either."""
+        f = self.flexibility
+        below = 1.0 / (1.0 + f * self.change * functions[0][:, None])
+        change = np.einsum("pm,pmf->pf", self.squares, f * (below - 1.0))
+        slope = -np.einsum("pm,pmf->pf", self.squares, self.change * (f * below) ** 2)
+        return change, slope, 1.0 / (1.0 + self.opposing * change)
+
+    def shown(self, functions: ComplexArray) -> ComplexArray:
+        """
+        Responses with a given function.
+
+        Parameters
+        ----------
+        functions : ndarray, shape (1, row, frequency)
+            The function, as each row has it.
+
+        Returns
+        -------
+        ndarray, shape (row, channel, frequency)
+            The responses.
+        """
+        with np.errstate(all="ignore"):
+            change, _, left = self._moved(functions)
+            out: ComplexArray = self.response + self.through * (change * left)[:, None]
+        return out
+
+    def sloped(self, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """
+        The same with their derivatives to the function.
+
+        Parameters
+        ----------
+        functions : ndarray, shape (1, row, frequency)
+            The function.
+
+        Returns
+        -------
+        responses : ndarray, shape (row, channel, frequency)
+            The responses.
+        slopes : ndarray, shape (1, row, channel, frequency)
+            Their derivatives.
+        """
+        with np.errstate(all="ignore"):
+            change, slope, left = self._moved(functions)
+            out: ComplexArray = self.response + self.through * (change * left)[:, None]
+            slopes: ComplexArray = (self.through * (slope * left**2)[:, None])[None]
+        return out, slopes
+
+    def inverted(self, data: ComplexArray) -> ComplexArray | None:
+        """
+        Nothing: a sum of fractions is not inverted at sight.
+
+        Parameters
+        ----------
+        data : ndarray, shape (row, channel, frequency)
+            Responses.
+
+        Returns
+        -------
+        None
+            Fits start from no change.
+        """
+        return None
+
+
+class Lines:
+    """
+    A model at the rows and lines of a group, ready for modifications.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    group : Group
+        The records.
+    tail : ndarray, shape (row, channel, frequency)
+        What the estimator's blocks cut off, taken from a model close by.
+    window : ndarray, shape (row, 1, 1)
+        Factor of an exponential window on the response alone.
+    """
+
+    def __init__(self, model: Model, group: Group, tail: ComplexArray, window: FloatArray) -> None:
+        self.model, self.group, self.tail, self.window = model, group, tail, window
+        orders = [DERIVATIVE_ORDER[q] for q in group.quantities]
+        self._lines = model.chain.at(group.channels, orders, group.decay_rate[0] + 2j * np.pi * group.freq)
+        self.s: ComplexArray = self._lines.s
+        self.condensed = CondensedModel(model, group.positions, self.s)
+        # What the channels read, then what leaks into them.
+        self.reads = self._lines.signals
+        self._between: dict[tuple[str, str], ComplexArray] = {}
+        self.response: ComplexArray = self.shown("force") - tail
+        self.built: dict[tuple[str, str, float], Modification] = {}
+
+    def shown(self, port: str) -> ComplexArray:
+        """
+        What the channels show of a unit force at a port.
+
+        Parameters
+        ----------
+        port : str
+            Signal or port.
+
+        Returns
+        -------
+        ndarray, shape (row, channel, frequency)
+            Through the measurement chain.
+        """
+        return self.through([self.between(r, port) for r in self.reads])
+
+    def through(self, motions: list[ComplexArray]) -> ComplexArray:
+        """
+        Channels' displacements as the measurement chain shows them.
+
+        Parameters
+        ----------
+        motions : list of ndarray, shape (row, frequency)
+            One for each of ``reads``.
+
+        Returns
+        -------
+        ndarray, shape (row, channel, frequency)
+            In the channels' quantities, a leak across axes included.
+        """
+        shown: ComplexArray = self._lines.shown(np.stack(motions, axis=1)) * self.window
+        return shown
+
+    def between(self, output: str, input: str) -> ComplexArray:
+        """
+        Receptance between two ports, one row a record.
+
+        Parameters
+        ----------
+        output, input : str
+            Signals or ports.
+
+        Returns
+        -------
+        ndarray, shape (row, frequency)
+            The receptance.
+        """
+        # "force" is no port: of a structure on a shaker it is an inertia. All else is reciprocal.
+        pair = (output, input) if input == "force" else (min(output, input), max(output, input))
+        if pair not in self._between:
+            value = self.condensed.receptance(*pair)
+            self._between[pair] = np.broadcast_to(value, (self.group.positions.size, self.s.size))
+        return self._between[pair]

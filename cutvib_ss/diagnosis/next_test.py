@@ -1,0 +1,115 @@
+"""What to measure next: the record in which the remaining causes differ most against the noise to expect."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cutvib_ss.diagnosis.records import Entry, merged
+from cutvib_ss.diagnosis.result import NextTest
+from cutvib_ss.diagnosis.simulation import simulated
+from cutvib_ss.effects.base import Model
+from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.results import ComplexArray, FloatArray
+
+PLACES, FEW_PLACES = 24, 8
+"""Positions that are tried; where causes depend on the level, and have to be simulated."""
+ENDS = (0.04, 0.96)
+"""First and last of them, y_b / L."""
+SPREAD = (1 / 3, 1.0, 3.0)
+"""Levels that are tried as multiples of the one measured, where there was but one."""
+LINES = 150
+"""Lines on which causes are simulated."""
+
+
+def next_test(
+    models: Sequence[Model], names: Sequence[str], entries: Sequence[Entry], odds: Sequence[float] | None = None
+) -> NextTest:
+    """
+    The most telling record.
+
+    Parameters
+    ----------
+    models : sequence of Machine or Structure
+        The model with each remaining cause.
+    names : sequence of str
+        Their names.
+    entries : sequence of Entry
+        Records so far, for channels, levels and noise.
+    odds : sequence of float, optional
+        Their probabilities; alike by default.
+
+    Returns
+    -------
+    NextTest
+        Position, level and channel.
+
+    Notes
+    -----
+    What is maximised is Σ p_i p_j ln(1 + χ²_ij/2) over pairs, with χ²_ij = 2 Σ |ΔH|²/var over the band: a record that tells every
+    pair a little is worth more than one that tells a single pair beyond doubt. Noise is that of the loudest record, and goes with
+    one over the level. Linear causes differ by as much at every level, so that the loudest is best for them; others are
+    simulated at each.
+    """
+    share = np.full(len(models), 1.0 / len(models)) if odds is None else np.asarray(odds) / np.sum(odds)
+    loudest = max(entries, key=lambda e: np.nan_to_num(e.level, nan=-1.0))
+    by_level = any(m.nonlinear for m in models) and loudest.replay is not None and np.isfinite(loudest.level)
+    loudest = _few_lines(loudest) if by_level else loudest
+    levels = _levels(entries) if by_level else np.array([loudest.level])
+    count = FEW_PLACES if by_level else PLACES
+    positions = np.linspace(*ENDS, count) if models[0].has_position else np.array([np.nan])
+    # (position, level, channel, frequency) of each model; the noise is told by level.
+    shown = [_shown(m, positions, levels, loudest) for m in models]
+    louder = 1.0 if not by_level else (levels / loudest.level)[:, None, None] ** 2
+    precision = louder / loudest.variance[None]
+    score = np.zeros(shown[0].shape[:3])
+    told: list[tuple[FloatArray, str]] = []
+    for i, a in enumerate(shown):
+        for j, b in enumerate(shown[:i]):
+            apart = 2 * np.sum(np.abs(a - b) ** 2 * precision, axis=-1)
+            score += share[i] * share[j] * np.log1p(apart / 2)
+            told.append((apart, f"{names[j]} from {names[i]}"))
+    best = np.unravel_index(int(np.argmax(score)), score.shape)
+    apart, pair = max(told, key=lambda t: t[0][best])
+    return NextTest(
+        why=f"tells {' from '.join(names) if len(names) < 3 else pair}: expected χ² between them {apart[best]:.3g}",
+        position=float(positions[best[0]]) if models[0].has_position else None,
+        peak_force=None if np.isnan(levels[best[1]]) else float(levels[best[1]]),
+        channel=loudest.channels[best[2]],
+    )
+
+
+def _few_lines(e: Entry) -> Entry:
+    keep = slice(None, None, max(1, e.freq.size // LINES))
+    replay = None if e.replay is None else e.replay.at(keep)
+    return replace(e, data=e.data[:, keep], variance=e.variance[:, keep], freq=e.freq[keep], replay=replay)
+
+
+def _levels(entries: Sequence[Entry]) -> FloatArray:
+    levels = np.unique([e.level for e in entries if np.isfinite(e.level)])
+    return levels if levels.size > 1 else levels[0] * np.array(SPREAD)
+
+
+def _shown(model: Model, positions: FloatArray, levels: FloatArray, like: Entry) -> ComplexArray:
+    """Responses that records like one would show, shape (position, level, channel, frequency)."""
+    if not model.nonlinear or like.replay is None:
+        places = None if np.isnan(positions).all() else positions
+        linear = frequency_response(model, places, like.freq, outputs=like.channels).data[:, :, 0]
+        out: ComplexArray = np.broadcast_to(linear[:, None], (linear.shape[0], levels.size, *linear.shape[1:]))
+        return out
+    first = like.replay.only(1)
+    planned = [
+        replace(
+            like,
+            record=k,
+            position=float(y),
+            level=float(level),
+            replay=replace(first, forces=tuple(f * (level / like.level) for f in first.forces), measured=()),
+        )
+        for k, (y, level) in enumerate((y, level) for y in positions for level in levels)
+    ]
+    (group,) = merged(planned, apart=True)
+    data: ComplexArray = simulated(model, group).data.reshape(positions.size, levels.size, *like.data.shape)
+    return data

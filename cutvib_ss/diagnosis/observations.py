@@ -1,0 +1,222 @@
+"""
+A campaign as the diagnosis sees it: frequency responses with their noise, a band, and what the estimator did to them.
+
+Nothing else of the campaign is looked at: no file name, title or order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import ndimage
+
+from cutvib_ss.diagnosis.records import Entry, thinned
+from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import DiagnosisError
+from cutvib_ss.measurement.estimation import estimate
+from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.measurement.replay import assumed_blow, replay_of
+from cutvib_ss.response.modes import modes
+from cutvib_ss.units import STANDARD_GRAVITY
+
+NOISY = 5.0
+"""The band ends where the noise rises above this many times its level in the quiet part of the spectrum."""
+BELOW_FIRST_MODE = 0.6
+"""The band begins at this fraction of the nominal model's lowest natural frequency, below which accelerance drowns in drift."""
+
+LINES, HEARD = 7, 4.0
+"""Lines over whose median the response's power has to exceed the noise by so much: below, noise that goes round a control loop or
+sits on the force biases an estimate by as much as the response is."""
+FEWEST = 8
+"""Lines that a record needs: a resonance has four unknowns, complex lines tell two each, and as many again judge the fit."""
+ADVICE = {
+    "impact": "measure longer, with a harder tip, or with more blows",
+    "timeseries": "record longer, or with a stronger excitation",
+    "random": "record longer, or with a stronger excitation",
+    "multisine": "excite more lines, or repeat more periods",
+    "sine": "sweep more lines around the resonance, with a longer dwell",
+}
+
+BLOW_AT = 0.05
+"""Instant of a blow that no record states [s], where one has to be assumed."""
+
+
+@dataclass(frozen=True)
+class Observations:
+    """
+    All records of a campaign, in one band.
+
+    Parameters
+    ----------
+    entries : tuple of Entry
+        One a record.
+    band : tuple of float
+        Hull of the records' bands [Hz].
+    channels : tuple of str
+        All response channels.
+    unit : str
+        Unit in which errors are reported.
+    per_unit : float
+        SI value of that unit.
+    """
+
+    entries: tuple[Entry, ...]
+    band: tuple[float, float]
+    channels: tuple[str, ...]
+    unit: str
+    per_unit: float
+
+
+def observe(campaign: Campaign, machine: Model) -> Observations:
+    """
+    Frequency responses of a campaign, each record cut to its band.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        The campaign.
+    machine : Machine or Structure
+        The nominal model.
+
+    Returns
+    -------
+    Observations
+        What the diagnosis works on.
+
+    Raises
+    ------
+    DiagnosisError
+        If a record has too few usable lines.
+
+    Notes
+    -----
+    A record's band is what it states, else what its noise allows.
+    """
+    entries = [_entry(i, record) for i, record in enumerate(campaign.records)]
+    first = _lowest_frequency(machine, [e.position for e in entries])
+    bands = [_band(e, campaign.records[e.record], first) for e in entries]
+    # One hammer: what scatters from blow to blow for the structure's sake hides where its reach ends.
+    struck = [_kind(campaign.records[e.record]) == "impact" for e in entries]
+    reach = min((high for (_, high), hit in zip(bands, struck, strict=True) if hit), default=np.inf)
+    cut = []
+    for e, band, hit in zip(entries, bands, struck, strict=True):
+        record = campaign.records[e.record]
+        low, high = record.band_hz or (band[0], min(band[1], reach) if hit else band[1])
+        keep = (e.freq >= low) & (e.freq <= high) & (e.freq > 0.0)
+        if np.count_nonzero(keep) < FEWEST:
+            raise DiagnosisError(
+                f"record {record.name}: only {np.count_nonzero(keep)} lines lie in its band of {low:.4g} to {high:.4g} Hz; "
+                + ("widen band_hz" if record.band_hz else ADVICE[_kind(record)])
+            )
+        e = thinned(e, keep)
+        cut.append(replace(e, replay=None if e.replay is None else e.replay.slower()))
+    names = tuple(n for n in machine.channels if any(n in e.channels for e in cut))
+    acceleration = all(q == "acceleration" for e in cut for q in e.quantities)
+    per_newton = acceleration and machine.input_quantity == "force"
+    unit = "g/N" if per_newton else campaign_unit(cut, machine)
+    hull = (min(float(e.freq[0]) for e in cut), max(float(e.freq[-1]) for e in cut))
+    return Observations(tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0)
+
+
+def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
+    """
+    SI unit of a campaign's responses, where they are not accelerance.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        The records.
+    machine : Machine or Structure
+        The nominal model.
+
+    Returns
+    -------
+    str
+        For instance ``"m/N"``; several are joined by commas.
+    """
+    from_quantity = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
+    below = "N" if machine.input_quantity == "force" else "m/s^2"
+    return ", ".join(dict.fromkeys(f"{from_quantity[q]}/{below}" for e in entries for q in e.quantities))
+
+
+def _entry(index: int, record: Record) -> Entry:
+    block, blow_at = np.inf, np.nan
+    if record.kind == "frf":
+        assert record.frf is not None
+        frf = record.frf
+        if record.excitation == "impact":
+            spacing = float(np.median(np.diff(frf.freq)))
+            block = record.block if record.block is not None else 1.0 / spacing
+            blow_at = np.nan if record.blow_at is None else record.blow_at
+    else:
+        frf = estimate(record)
+        if record.kind == "impact":
+            block = min(h.duration for h in record.histories)
+            blow_at = float(np.mean([h.time[np.argmax(np.abs(h.force))] for h in record.histories]))
+    replay = None
+    if record.kind != "frf":
+        replay = replay_of(record)
+    elif record.excitation == "impact" and record.peak_force is not None:
+        at = BLOW_AT if np.isnan(blow_at) else blow_at
+        replay = assumed_blow(frf.freq, block, at, record.peak_force, np.array(frf.variance[0, 0, 0]))
+    return Entry(
+        record=index,
+        position=float(frf.positions[0]),
+        level=np.nan if record.peak_force is None else record.peak_force,
+        data=np.array(frf.data[0, :, 0]),
+        variance=np.array(frf.variance[0, :, 0]),
+        freq=np.array(frf.freq),
+        channels=frf.outputs,
+        quantities=frf.quantities,
+        block=block,
+        blow_at=blow_at,
+        decay_rate=record.exponential_decay,
+        check=record.use == "check",
+        replay=replay,
+        sweep=record.peak_force if record.excitation == "sine" and record.peak_force is not None else np.nan,
+        session=record.session,
+        scattered=bool(np.any(np.isfinite(frf.coherence))) if record.kind == "frf" else frf.averages > 1,
+    )
+
+
+def _lowest_frequency(machine: Model, positions: Sequence[float]) -> float:
+    places = sorted({p for p in positions if not np.isnan(p)})
+    lowest = [float(modes(machine, p).natural_freq[0]) for p in places] or [float(modes(machine).natural_freq[0])]
+    return max(min(lowest), 0.0)
+
+
+def _kind(record: Record) -> str:
+    return record.excitation if record.kind == "frf" else record.kind
+
+
+def _band(e: Entry, record: Record, first: float) -> tuple[float, float]:
+    """Lines that a record's noise allows [Hz]."""
+    kind = _kind(record)
+    # Power over noise of the channel that hears best, of some lines together: one line may pass by chance.
+    ratio = np.max(np.abs(e.data) ** 2 / e.variance, axis=0)
+    heard = (ndimage.median_filter(ratio, LINES, mode="nearest") > HEARD) & (e.freq > 0.0)
+    told = e.freq[heard] if heard.any() else e.freq[e.freq > 0.0]
+    if kind in ("sine", "multisine") or not heard.any():
+        # Only excited lines are there.
+        return float(told[0]), float(told[-1])
+    # Below the first mode accelerance drowns in the drift of sensors and amplifiers, which no scatter shows.
+    below = all(q == "acceleration" for q in e.quantities) and first > 0.0
+    low = BELOW_FIRST_MODE * first if below else float(told[0])
+    high = min(_highest_quiet(e, low), float(told[-1]))
+    if record.kind != "frf":
+        # Near the Nyquist frequency the digitiser's filter falls off.
+        high = min(high, 0.9 * float(e.freq[-1]))
+    return (low, high) if low < high else (float(told[0]), float(told[-1]))
+
+
+def _highest_quiet(e: Entry, low: float) -> float:
+    """Frequency up to which the excitation carries: above it the estimates drown in noise."""
+    noise = np.sqrt(np.mean(e.variance, axis=0))
+    width = max(3, e.freq.size // 200)
+    smooth = np.convolve(np.pad(noise, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), mode="valid")
+    above = e.freq >= low
+    quiet = above & (smooth <= NOISY * np.quantile(smooth[above], 0.2)) if above.any() else above
+    # The last quiet line: a bump below it is the structure's doing (a response that rattles scatters), not the hammer's.
+    return float(e.freq[np.flatnonzero(quiet)[-1]]) if quiet.any() else float(e.freq[-1])

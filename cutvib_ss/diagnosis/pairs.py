@@ -1,0 +1,264 @@
+"""Two causes at once, where no single one is enough: a second one on top of the best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.hypotheses import Candidate
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.ranking import (
+    COARSE_ERROR,
+    COARSE_LINES,
+    ENOUGH,
+    LATER_STEPS,
+    LAW_STEPS,
+    MOST_LAW_STEPS,
+    MOST_STEPS,
+    Ranked,
+    first_steps,
+    on_all_lines,
+    ranked_by_gain,
+    some,
+)
+from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.scan import Scan
+from cutvib_ss.diagnosis.workers import Workers
+from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.errors import CutvibError
+from cutvib_ss.results import FloatArray
+
+ASTRAY = 10.0
+"""Reduced χ² on few lines as measured from which no pair with a law is looked for further."""
+PAIRS_CLOSE = 15.0
+"""As CLOSE, for pairs."""
+PAIRED = 2
+"""Single causes to which a second one is added."""
+SECONDS, LAW_SECONDS = 9, 3
+"""Second causes that are fitted on each of them, unless one on the first leaves no more than noise: those that promise most. So
+many where one of the two is simulated."""
+
+
+class _Base(NamedTuple):
+    """A cause to which a second one is added."""
+
+    name: str
+    hypothesis: Hypothesis
+    x: FloatArray
+
+
+class Second(NamedTuple):
+    """
+    A cause that may be added.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        The cause.
+    alone : Effect or None
+        Its values where it was fitted to few lines by itself.
+    """
+
+    candidate: Candidate
+    alone: Effect | None
+
+    def starts(self, by_simulation: bool) -> tuple[Effect, ...]:
+        """
+        Its starts.
+
+        Parameters
+        ----------
+        by_simulation : bool
+            Whether each is a simulation: of a linear cause then only the first, and where it did best by itself.
+
+        Returns
+        -------
+        tuple of Effect
+            The starts.
+        """
+        starts = self.candidate.starts
+        return starts if self.alone is None or not by_simulation else (starts[0], self.alone)
+
+
+@dataclass(frozen=True)
+class _Family:
+    """
+    Pairs of linear causes, or those of which one at least is simulated.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    wide, sharp : Records
+        The same few lines with a widened noise, which pulls from afar, and as measured, where they tell what is alike under it.
+    linear : bool
+        Which family it is.
+    motion : mapping of str to float
+        Largest motion at each place, from which laws get their size.
+    workers : Workers
+        Who fits.
+    seen : set of frozenset of str
+        Pairs that were tried; they are not tried the other way round.
+    """
+
+    nominal: Model
+    wide: Records
+    sharp: Records
+    linear: bool
+    motion: Mapping[str, float]
+    workers: Workers
+    seen: set[frozenset[str]] = field(default_factory=set)
+
+    def around(self, bases: Sequence[_Base], seconds: Sequence[Second]) -> list[tuple[Candidate, Fit]]:
+        """Pairs on top of each base, and of the best second cause that was found; best first, fitted to few lines as measured."""
+        tried: list[tuple[Candidate, Fit]] = []
+        for turn in range(len(bases) + 1):
+            if turn == len(bases) and not self.linear and tried[0][1].chi2 > ASTRAY * tried[0][1].count:
+                break
+            base = bases[turn] if turn < len(bases) else _second_of(*tried[0])
+            tried += self._with_second(base, seconds)
+            tried.sort(key=lambda pair: pair[1].objective)
+            if not tried or (not self.linear and _enough_on_few(tried)):
+                break
+        return tried
+
+    def _with_second(self, base: _Base, seconds: Sequence[Second]) -> list[tuple[Candidate, Fit]]:
+        """The second causes that promise most on top of a first."""
+        added: dict[str, tuple[Effect, ...]] = {}
+        for second in seconds:
+            name = second.candidate.name
+            names = frozenset((base.name, name))
+            both = base.hypothesis.linear and second.candidate.starts[0].linear
+            if len(names) == 1 or names in self.seen or both != self.linear:
+                continue
+            self.seen.add(names)
+            added[f"{base.name} + {name}"] = second.starts(by_simulation=not self.linear)
+        if not added:
+            return []
+        most, steps = (SECONDS, LATER_STEPS) if self.linear else (LAW_SECONDS, LAW_STEPS)
+        rough: dict[str, Fit] = {}
+        for scanned, x, fitted_on in self._views(base):
+            scan = Scan(self.nominal, scanned, base.hypothesis, x, self.motion, apart=not self.linear)
+            promising = ranked_by_gain(list(added), self.workers.map(scan.promise, added.values()))[:most]
+            new = [(name, s) for name, s in promising if name not in rough]
+            hypotheses = [s.hypothesis for s in self.workers.map(scan.refined, [s for _, s in new])]
+            step = partial(first_steps, self.nominal, fitted_on, warm=scan.warm, steps=steps)
+            fits = self.workers.map(step, hypotheses)
+            rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
+        # As measured the steps of a law are as dear again: its two best are enough.
+        ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if self.linear else 2]
+        step = partial(first_steps, self.nominal, self.sharp, steps=steps)
+        fits = self.workers.map(step, [f.hypothesis for _, f in ahead], [f.x for _, f in ahead])
+        return [(Candidate(name, ()), f) for (name, _), f in zip(ahead, fits, strict=True) if f is not None]
+
+    def _views(self, base: _Base) -> list[tuple[Records, FloatArray | None, Records]]:
+        """
+        On which records second causes are scanned, with which tuning of the first, and on which they take their first steps.
+
+        What is small beside the widened noise shows as measured, once the first cause is right. Laws, whose every scan is a
+        simulation, are scanned once: as measured where the first cause leaves nothing in the widened noise, and else from afar.
+        """
+        if self.linear:
+            return [(self.wide, base.x, self.wide), (self.sharp, base.x, self.sharp)]
+        if not base.hypothesis.linear:
+            return [(some(self.wide), base.x, self.wide)]
+        scan = Scan(self.nominal, some(self.wide), base.hypothesis, base.x, self.motion, apart=True)
+        if scan.leaves < ENOUGH * scan.left.size:
+            return [(some(self.sharp), base.x, self.sharp)]
+        # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
+        return [(some(self.wide), None, self.wide)]
+
+
+def fit_pairs(
+    nominal: Model,
+    records: Records,
+    ranked: Sequence[Ranked],
+    seconds: Sequence[Second],
+    motion: Mapping[str, float],
+    workers: Workers,
+) -> list[Ranked]:
+    """
+    A second cause on top of the best single ones.
+
+    It is tried on top of the one that was the best second, too: a cause that stood in for two may then give way.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    records : Records
+        All lines.
+    ranked : sequence of Ranked
+        Single causes.
+    seconds : sequence of Second
+        What may be added.
+    motion : mapping of str to float
+        Largest motion at each place, from which laws get their size; empty where none is tried.
+    workers : Workers
+        Who fits.
+
+    Returns
+    -------
+    list of Ranked
+        The pairs that were fitted on all lines, and single causes fitted again from the best of them.
+    """
+    best: dict[tuple[str, str], _Base] = {}
+    for r in sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence):
+        key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
+        best.setdefault(key, _Base(r.name, r.fit.hypothesis, r.fit.x))
+    bases = list(best.values())[:PAIRED]
+    seen: set[frozenset[str]] = set()
+    out: list[Ranked] = []
+    for linear, of_lines in ((True, records.coarse), (False, records.for_laws)):
+        wide, sharp = of_lines(COARSE_LINES, COARSE_ERROR), of_lines(COARSE_LINES, 0.0)
+        if wide is None or sharp is None:
+            break
+        tried = _Family(nominal, wide, sharp, linear, motion, workers, seen).around(bases, seconds)
+        # No single cause is a rival here: none is enough.
+        nobody = (np.inf, -np.inf)
+        out += [
+            r for r in on_all_lines(nominal, records, tried[:2], 1, nobody, workers, close=PAIRS_CLOSE) if r.refined
+        ]
+        if tried and _enough_on_few(tried):
+            break
+    return [*out, *_alone(nominal, records, out)]
+
+
+def _enough_on_few(tried: Sequence[tuple[Candidate, Fit]]) -> bool:
+    """Whether the best of some fits leaves no more than noise."""
+    best = tried[0][1]
+    return best.chi2 < ENOUGH * best.count
+
+
+def _second_of(pair: Candidate, fitted: Fit) -> _Base:
+    """The second cause of a pair, as a first one."""
+    alone = replace(fitted.hypothesis, effects=fitted.hypothesis.effects[-1:])
+    return _Base(pair.name.split(" + ")[-1], alone, fitted.x[: fitted.first_effect])
+
+
+def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ranked]:
+    """
+    Each cause of the best linear pair by itself, from its values there, and each of the best two laws: its own fit may have been
+    caught in a side minimum, or never begun.
+    """
+    out = []
+    for linear, steps in ((True, MOST_STEPS), (False, MOST_LAW_STEPS)):
+        found = [r for r in pairs if all(e.linear is linear for e in r.fit.hypothesis.effects)]
+        if not found:
+            continue
+        best = max(found, key=lambda r: r.fit.log_evidence)
+        for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
+            # A law's range goes by the motion that the pair's hypothesis holds.
+            hypothesis = replace(best.fit.hypothesis, effects=(effect,))
+            try:
+                alone = fit(nominal, records, hypothesis, best.fit.x[: best.fit.first_effect], steps)
+            except CutvibError:
+                # Without the other it runs away.
+                continue
+            out.append(Ranked(name, alone, True))
+    return out

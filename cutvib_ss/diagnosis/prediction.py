@@ -1,0 +1,287 @@
+"""
+What the campaign's estimator would show of a model: the response at the window's s, less what the block cut off.
+
+A block that ends T after the blow loses the rest of every mode that is still alive. By Cauchy's formula the transform of that
+rest is, for each slow pole, the integral of H(z) e^((z-s)T) / (s - z) dz / 2πi around it, and the estimate is H(s) less
+their sum. On a circle the trapezoidal rule converges geometrically, and because the circle stays where it is, the same sum over
+dH(z) gives the derivative: no residue has to be differentiated. Fast modes have died out by then and are left alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from cutvib_ss.diagnosis.records import Group
+from cutvib_ss.effects.base import Carried, Model
+from cutvib_ss.model.machine import Machine
+from cutvib_ss.response.frequency import ChainedResponse
+from cutvib_ss.results import ComplexArray, FloatArray
+
+DIED_OUT = -10.0
+"""Modes whose real part times T lies below this have left less than 5e-5 of themselves at the end of the block."""
+POINTS = 16
+"""Points on each circle; with the radius below the rule's error is 0.4^16 = 4e-7 of the tail."""
+RADIUS = 0.4
+"""Radius of each circle, as a fraction of its pole's distance from the line s = σ + jω and from other poles."""
+
+
+class Predicted(Protocol):
+    """What a group's records should show."""
+
+    @property
+    def group(self) -> Group:
+        """The records."""
+        ...
+
+    @property
+    def data(self) -> ComplexArray:
+        """Responses, shape (position, channel, frequency)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Circles:
+    """
+    Circles around the slow poles of a group's positions.
+
+    Parameters
+    ----------
+    points : ndarray of complex, shape (point,)
+        All points [rad/s].
+    position : ndarray of int, shape (point,)
+        Index of the position that each belongs to.
+    weights : ndarray of complex, shape (point,)
+        dz / 2πi.
+    inverse : tuple of ndarray of complex, shape (2 point of the position, frequency)
+        1 / (s - z) between the points of each position, then their mirror images, and the line s; a circle outlives many
+        predictions, and so does this.
+    """
+
+    points: ComplexArray
+    position: np.ndarray
+    weights: ComplexArray
+    inverse: tuple[ComplexArray, ...]
+
+
+class Prediction:
+    """
+    A model seen through the estimator of a group of records.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    group : Group
+        The records; all under one window.
+    blow_at : float
+        Instant of the blow [s] where the records do not say.
+    circles : Circles, optional
+        Circles of a model close by; drawn anew where a pole has left its own.
+    """
+
+    def __init__(self, model: Model, group: Group, blow_at: float = 0.0, circles: Circles | None = None) -> None:
+        self.model, self.group = model, group
+        sigma = float(group.decay_rate[0])
+        self.s: ComplexArray = np.asarray(sigma + 2j * np.pi * group.freq, dtype=np.complex128)
+        start = np.where(np.isnan(group.blow_at), blow_at, group.blow_at)
+        self.rest = group.block - start
+        self.window = np.exp(-sigma * start)[:, None, None]
+        values = None if circles is None else self._responses(circles)
+        if values is None or not still_inside(self.circles, values[:, :, self.s.size :]):
+            values = self._responses(slow_circles(model, group.positions, self.rest, self.s))
+        self._values = values
+        self.data = self._estimate(values.copy())
+
+    @property
+    def untruncated(self) -> ComplexArray:
+        """What a block without end would show, its window aside; shape (position, channel, frequency)."""
+        return self._values[:, :, : self.s.size]
+
+    def _responses(self, circles: Circles) -> ComplexArray:
+        """Responses on the line and on the circles, which become this prediction's; shape (position, channel, s)."""
+        g, s = self.group, np.concatenate([self.s, circles.points])
+        self.circles = circles
+        self._response = ChainedResponse(self.model, g.positions, s, g.quantities, g.channels, ("force",))
+        return self._by_row(self._response.data()[:, :, 0])
+
+    def _by_row(self, values: ComplexArray) -> ComplexArray:
+        """A structure without positions shows the same in every row."""
+        rows = len(self.group.positions)
+        return values if len(values) == rows else np.repeat(values, rows, axis=0)
+
+    @cached_property
+    def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, ComplexArray]]:
+        """
+        Of each position with slow poles: its circles' points, e^(zT) dz / 2πi there, and what takes responses on them and on their
+        mirror images (a real system mirrors each pole in the real axis) to the tail's transform.
+        """
+        found = []
+        # Where there are no circles at all there are no inverses.
+        for i, (inverse, rest) in enumerate(zip(self.circles.inverse, self.rest, strict=False)):
+            own = np.flatnonzero(self.circles.position == i)
+            if own.size:
+                # e^((z-s)T) parts into a factor of each point and one of each line.
+                lag = np.exp(self.circles.points[own] * rest) * self.circles.weights[own]
+                kernel = np.concatenate([lag, lag.conj()])[:, None] * inverse * np.exp(-self.s * rest)
+                found.append((i, self.s.size + own, lag, np.asarray(kernel, dtype=np.complex128)))
+        return found
+
+    def _estimate(self, values: ComplexArray) -> ComplexArray:
+        """The estimator's view of responses on line and circles, which are given away."""
+        out = values[:, :, : self.s.size]
+        for i, own, _, kernel in self._tails:
+            around = values[i][:, own]
+            out[i] -= np.concatenate([around, around.conj()], axis=1) @ kernel
+        if self.s[0].real:
+            out *= self.window
+        return out
+
+    def derivative(self, carried: Carried) -> ComplexArray:
+        """
+        Derivative of the prediction along some of the model's values.
+
+        Parameters
+        ----------
+        carried : tuple of (path, weight)
+            Paths and weights.
+
+        Returns
+        -------
+        ndarray, shape (position, channel, frequency)
+            The derivative.
+        """
+        total: ComplexArray | None = None
+        for path, weight in carried:
+            change = self._by_row(self._response.derivative(path)[:, :, 0])
+            change = change if weight == 1.0 else weight * change
+            total = change if total is None else total + change
+        return np.zeros(self.group.data.shape, dtype=np.complex128) if total is None else self._estimate(total)
+
+    def by_blow_at(self) -> ComplexArray:
+        """
+        Derivative to the instant of the blow, where the records do not say.
+
+        Returns
+        -------
+        ndarray, shape (position, channel, frequency)
+            The derivative.
+        """
+        unknown = np.isnan(self.group.blow_at)[:, None, None]
+        change = -self.group.decay_rate[:, None, None] * self.data
+        for i, own, lag, _ in self._tails:
+            ends = 2 * (self._values[i][:, own] @ lag).real
+            change[i] -= ends[:, None] * np.exp(-self.s * self.rest[i]) * self.window[i]
+        return np.where(unknown, change, 0.0)
+
+
+def still_inside(circles: Circles, values: ComplexArray) -> bool:
+    """
+    Whether every circle still holds its pole well inside.
+
+    Parameters
+    ----------
+    circles : Circles
+        The circles.
+    values : ndarray, shape (position, channel, point)
+        Responses on them.
+
+    Returns
+    -------
+    bool
+        False where a pole, located by the first moment of the response around its circle, nears the rim.
+    """
+    count = circles.points.size // POINTS
+    points, weights = circles.points.reshape(count, POINTS), circles.weights.reshape(count, POINTS)
+    owner = circles.position.reshape(count, POINTS)[:, 0]
+    centre = points.mean(axis=1)
+    radius = np.abs(points[:, 0] - centre)
+    for k in range(count):
+        samples = values[owner[k], :, k * POINTS : (k + 1) * POINTS]
+        best = samples[np.argmax(np.abs(samples).sum(axis=1))] * weights[k]
+        total = best.sum()
+        if total == 0 or abs((best @ points[k]) / total - centre[k]) > 0.5 * radius[k]:
+            return False
+    return True
+
+
+def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: ComplexArray) -> Circles:
+    """
+    Circles around the poles that are still alive when the blocks end.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    positions : ndarray, shape (position,)
+        y_b / L.
+    rest : ndarray, shape (position,)
+        Time from blow to end of the block [s]; infinite where nothing is cut off.
+    s : ndarray of complex, shape (frequency,)
+        The line s = σ + jω of the measurement [rad/s].
+
+    Returns
+    -------
+    Circles
+        Empty where nothing is left.
+    """
+    points, owner, weights = [], [], []
+    sigma = float(s[0].real)
+    turn = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
+    ending = np.flatnonzero(np.isfinite(rest))
+    for i, light in zip(ending, light_poles(model, positions[ending]), strict=True):
+        # A window that was never taken out shifts the poles of what is measured.
+        poles, time = light - model.chain.decay_rate, rest[i]
+        for pole in poles[(poles.real - sigma) * time > DIED_OUT]:
+            # No circle may hold another pole, which has its own.
+            others = np.abs(poles - pole)
+            nearest = float(np.min(others[others > 0], initial=np.inf))
+            radius = RADIUS * min(sigma - pole.real, nearest)
+            points.append(pole + radius * turn)
+            weights.append(radius * turn / POINTS)
+            owner.append(np.full(POINTS, i))
+    if not points:
+        nothing = np.zeros(0, dtype=np.complex128)
+        return Circles(nothing, np.zeros(0, dtype=int), nothing, ())
+    z, own = np.concatenate(points), np.concatenate(owner)
+    inverse = []
+    for place in range(positions.size):
+        mine = z[own == place]
+        inverse.append(np.asarray(1.0 / (s - np.concatenate([mine, mine.conj()])[:, None]), dtype=np.complex128))
+    return Circles(z, own, np.concatenate(weights), tuple(inverse))
+
+
+def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:
+    """
+    Poles of the upper half plane, to first order in the damping: enough to draw a circle around them.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    positions : ndarray, shape (position,)
+        y_b / L; NaN for a structure.
+
+    Returns
+    -------
+    list of ndarray of complex
+        Poles of damped modes at each position [rad/s].
+    """
+    # Hysteretic damping is made viscous at a low frequency, where slow modes are.
+    if isinstance(model, Machine):
+        matrices = model.matrices([float(y) for y in positions], viscous_at=30.0)
+    else:
+        system = model.second_order(viscous_at=30.0)
+        matrices = [(system.mass, system.damping, system.stiffness)] * positions.size
+    found = []
+    for mass, damping, stiffness in matrices:
+        squares, shapes = linalg.eigh(stiffness, mass, check_finite=False)
+        decay = np.sum(shapes * (damping @ shapes), axis=0) / 2
+        alive = (squares > decay**2) & (decay > 0)
+        found.append(-decay[alive] + 1j * np.sqrt(squares[alive] - decay[alive] ** 2))
+    return found

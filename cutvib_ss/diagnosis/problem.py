@@ -1,0 +1,392 @@
+"""
+A hypothesis as unknowns with priors, and the objective over them.
+
+Measured H = (1 + ε(f)) · predicted H(tuning, effect) + noise. Tuned values are nominal · exp(tolerance · x) with x ~ N(0, 1); each
+channel's calibration error ε is complex and smooth over frequency with the tolerance as its standard deviation; the instant of
+the blow is fitted where records do not state it; the effect's parameters are even over their range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutvib_ss.diagnosis.hypothesis import Hypothesis, carried_on, stages_of
+from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
+from cutvib_ss.diagnosis.records import Group, session_of
+from cutvib_ss.diagnosis.unknowns import CALIBRATION_SHAPES, calibration_shapes, from_unknown, to_unknown, tuning_paths
+from cutvib_ss.effects.base import Carried, Effect, Model
+from cutvib_ss.model.paths import value_at, with_values
+from cutvib_ss.results import ComplexArray, FloatArray
+
+IndexArray: TypeAlias = NDArray[np.intp]
+
+BLOW_AT_PRIOR = (0.05, 0.05)
+"""Mean and standard deviation of the instant of a blow that no record states [s]."""
+FARTHEST = 50.0
+"""Standard deviations beyond which no coefficient of an unknown element is followed."""
+WITHIN = 8.0
+"""Standard deviations beyond which no tuned value or calibration error is followed: its prior holds it long before."""
+
+
+class Problem:
+    """
+    The unknowns of one hypothesis on some groups of records, and the objective over them.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    groups : sequence of Group
+        Measured responses.
+    hypothesis : Hypothesis
+        What is fitted.
+    """
+
+    def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis) -> None:
+        self.nominal, self.groups, self.hypothesis = nominal, tuple(groups), hypothesis
+        self.tuning = tuning_paths(nominal)
+        self._nominal_values = [value_at(nominal, path) for path, _ in self.tuning]
+        self.channels = tuple(dict.fromkeys(c for g in groups for c in g.channels))
+        self.calibration = nominal.tolerance.calibration
+        self.free_blow = any(bool(np.isnan(g.blow_at[np.isfinite(g.block)]).any()) for g in groups)
+        self.parameters = [
+            (k, name, r)
+            for k, e in enumerate(hypothesis.effects)
+            for name, r in e.ranges(nominal, e.place, hypothesis.motions.get(e.place)).items()
+            # What is not given, or infinite, is not fitted.
+            if getattr(e, name) is not None and np.isfinite(getattr(e, name))
+        ]
+        self.n_tuning = len(self.tuning)
+        shapes = CALIBRATION_SHAPES if self.calibration > 0 else 0
+        self.n_calibration = 2 * shapes * len(self.channels)
+        self.n_blow = int(self.free_blow)
+        self.loud = self._loud()
+        self._blow = self.n_tuning + self.n_calibration
+        self._shared_by_all = self._blow + self.n_blow
+        self.first_effect = self._shared_by_all + len(self.loud)
+        self.size = self.first_effect + len(self.parameters)
+        self._n_shapes = shapes
+        self.band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
+        self.shapes = [self._shapes_at(g.freq) for g in groups]
+        self.sessions = tuple(dict.fromkeys(session_of(same[0]) for g in groups for same in g.entries))
+        self._circles: list[Circles | None] = [None] * len(self.groups)
+        self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
+
+    def _loud(self) -> tuple[tuple[int, int], ...]:
+        """Records, by group and row, whose force is known only roughly: none matters where the response is linear."""
+        return ()
+
+    def start(self, warm: FloatArray | None = None) -> FloatArray:
+        """
+        Unknowns to start from.
+
+        Parameters
+        ----------
+        warm : ndarray, optional
+            Unknowns of another fit, whose tuning and calibration are taken over; of the same records, their force too.
+
+        Returns
+        -------
+        ndarray, shape (unknown,)
+            The start.
+        """
+        x = np.zeros(self.size)
+        if warm is not None:
+            known = self.first_effect if warm.size in (self.first_effect, self.size) else self._shared_by_all
+            x[:known] = warm[:known]
+        low, high = self.bounds()
+        for i, (k, name, r) in enumerate(self.parameters):
+            at = self.first_effect + i
+            x[at] = np.clip(to_unknown(getattr(self.hypothesis.effects[k], name), r), low[at], high[at])
+        return x
+
+    @property
+    def even(self) -> NDArray[np.bool_]:
+        """Unknowns whose priors are even over a unit range."""
+        out = np.zeros(self.size, dtype=bool)
+        out[self.first_effect :] = [r.scale != "normal" for _, _, r in self.parameters]
+        return out
+
+    def tuned(self, x: FloatArray) -> Model:
+        """
+        The nominal model with its values moved.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        Machine or Structure
+            The tuned model.
+        """
+        steps = zip(self.tuning, self._nominal_values, x, strict=False)
+        return with_values(
+            self.nominal, {path: value * float(np.exp(tolerance * step)) for (path, tolerance), value, step in steps}
+        )
+
+    def effects(self, x: FloatArray) -> tuple[Effect, ...]:
+        """
+        The effects at their fitted values.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        tuple of Effect
+            The effects.
+        """
+        changes: list[dict[str, float]] = [{} for _ in self.hypothesis.effects]
+        for i, (k, name, r) in enumerate(self.parameters):
+            changes[k][name] = from_unknown(float(x[self.first_effect + i]), r)[0]
+        return tuple(e.changed(c) for e, c in zip(self.hypothesis.effects, changes, strict=True))
+
+    def applied(self, x: FloatArray) -> Model:
+        """
+        The tuned model with the effects.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        Machine or Structure
+            The model.
+        """
+        model = self.tuned(x)
+        for e in self.effects(x):
+            model = e.apply(model)
+        return model
+
+    def blow_at(self, x: FloatArray) -> float:
+        """
+        Instant of the blow where records do not state it.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        float
+            Instant [s], not before the block.
+        """
+        mean, std = BLOW_AT_PRIOR
+        return max(mean + std * float(x[self._blow]), 0.0) if self.n_blow else 0.0
+
+    def prior_precision(self) -> FloatArray:
+        """
+        Precision of the priors of the unknowns; none for effects, whose priors are even.
+
+        Returns
+        -------
+        ndarray, shape (unknown,)
+            Precision.
+        """
+        return np.where(self.even, 0.0, 1.0)
+
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """
+        Ends of the unknowns' ranges.
+
+        Returns
+        -------
+        low, high : ndarray, shape (unknown,)
+            Tuning and calibration stay within some standard deviations, a blow lies near the start of its block, effects within
+            their ranges.
+        """
+        high = np.full(self.size, WITHIN)
+        low = -high
+        if self.n_blow:
+            low[self._blow], high[self._blow] = -1.0, 6.0
+        even = self.even
+        low[even], high[even] = 0.0, 1.0
+        normal = ~even
+        normal[: self.first_effect] = False
+        low[normal], high[normal] = -FARTHEST, FARTHEST
+        return low, high
+
+    def each(self, x: FloatArray | Sequence[FloatArray]) -> list[FloatArray]:
+        """
+        Unknowns of each group.
+
+        Parameters
+        ----------
+        x : ndarray or sequence of ndarray
+            Unknowns that all groups share, or those of each: sessions drift.
+
+        Returns
+        -------
+        list of ndarray
+            One a group.
+        """
+        return [x] * len(self.groups) if isinstance(x, np.ndarray) else list(x)
+
+    def predictions(self, x: FloatArray | Sequence[FloatArray]) -> Sequence[Predicted]:
+        """
+        The model seen through the estimator of each group.
+
+        Parameters
+        ----------
+        x : ndarray or sequence of ndarray
+            Unknowns, of all groups or of each.
+
+        Returns
+        -------
+        sequence of Prediction
+            One a group.
+        """
+        each = self.each(x)
+        models = self._models(each)
+        out = [
+            Prediction(model, g, self.blow_at(own), c)
+            for model, g, own, c in zip(models, self.groups, each, self._circles, strict=True)
+        ]
+        self._circles = [p.circles for p in out]
+        return out
+
+    def _models(self, each: Sequence[FloatArray]) -> list[Model]:
+        """The model of each group; groups that share their unknowns share it."""
+        built: dict[int, Model] = {}
+        return [built[id(x)] if id(x) in built else built.setdefault(id(x), self.applied(x)) for x in each]
+
+    def forget_circles(self) -> None:
+        """Draw the circles around slow poles anew at the next prediction."""
+        self._circles = [None] * len(self.groups)
+
+    def _shapes_at(self, freq: FloatArray) -> FloatArray:
+        return calibration_shapes(freq, self.band, self._n_shapes)
+
+    def calibration_of(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
+        """
+        Calibration error of channels.
+
+        Parameters
+        ----------
+        channels : sequence of str
+            Channels; one that was not fitted is taken as exact.
+        freq : ndarray, shape (frequency,)
+            Frequency [Hz].
+        x : ndarray
+            Unknowns.
+
+        Returns
+        -------
+        ndarray, shape (channel, frequency)
+            1 + ε.
+        """
+        shapes = self._shapes_at(freq)
+        k = shapes.shape[0]
+        rows = np.ones((len(channels), freq.size), dtype=np.complex128)
+        for row, c in zip(rows, channels, strict=True):
+            if c in self.channels:
+                own = x[self.own(c, k)]
+                row += self.calibration * ((own[:k] + 1j * own[k:]) @ shapes)
+        return rows
+
+    def residuals(self, x: FloatArray | Sequence[FloatArray]) -> tuple[Sequence[Predicted], list[ComplexArray], float]:
+        """
+        Weighted residuals.
+
+        Parameters
+        ----------
+        x : ndarray or sequence of ndarray
+            Unknowns, of all groups or of each.
+
+        Returns
+        -------
+        predictions : sequence of Prediction
+            The model seen through the estimator of each group.
+        residuals : list of ndarray, shape (position, channel, frequency)
+            (measured - predicted) over the noise of a real part.
+        chi2 : float
+            Sum of their squares.
+        """
+        predictions = self.predictions(x)
+        out, total = [], 0.0
+        for g, p, own in zip(self.groups, predictions, self.each(x), strict=True):
+            r = (g.data - p.data * self.calibration_of(g.channels, g.freq, own)) * np.sqrt(2.0 / g.variance)
+            out.append(r)
+            total += float(np.sum(r.real**2 + r.imag**2))
+        return predictions, out, total
+
+    def jacobian(self, x: FloatArray, p: Predicted) -> tuple[ComplexArray, list[ComplexArray]]:
+        """
+        Weighted derivatives of a prediction, of records that were fitted or of others.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns.
+        p : Predicted
+            The model there, seen through the estimator of a group.
+
+        Returns
+        -------
+        shared : ndarray, shape (unknown, position, channel, frequency)
+            To the unknowns that move every channel, over the noise of a real part.
+        own : list of ndarray, shape (unknown, position · frequency)
+            To those of each channel's calibration.
+        """
+        g = p.group
+        weight = self.calibration_of(g.channels, g.freq, x) * np.sqrt(2.0 / g.variance)
+        return self._jacobian(x, p, weight, self._shapes_at(g.freq))
+
+    def own(self, channel: str, count: int) -> IndexArray:
+        """Unknowns of a channel's calibration."""
+        return self.n_tuning + 2 * count * self.channels.index(channel) + np.arange(2 * count)
+
+    @property
+    def shared(self) -> IndexArray:
+        """Unknowns that move every channel."""
+        return np.concatenate([np.arange(self.n_tuning), np.arange(self.n_tuning + self.n_calibration, self.size)])
+
+    def _jacobian(
+        self, x: FloatArray, p: Predicted, weight: ComplexArray, shapes: FloatArray
+    ) -> tuple[ComplexArray, list[ComplexArray]]:
+        """Rows of the shared unknowns (unknown, position, channel, frequency), and of each channel's calibration."""
+        g = p.group
+        shared = weight * np.array(self._slopes(x, p)).reshape(-1, *g.data.shape)
+        # A calibration error multiplies the prediction itself.
+        plain = p.data * np.sqrt(2.0 / g.variance) * self.calibration
+        own = []
+        for c in range(len(g.channels)):
+            real = (shapes[:, None, :] * plain[None, :, c]).reshape(shapes.shape[0], plain[:, c].size)
+            own.append(np.concatenate([real, 1j * real]))
+        return shared, own
+
+    def _slopes(self, x: FloatArray, p: Any) -> list[ComplexArray]:
+        """Derivatives of a prediction to tuning, instant of the blow and the effects' parameters."""
+        effects = self.effects(x)
+        stages = stages_of(self.tuned(x), effects)
+        out = [scale * p.derivative(carried) for scale, carried in self._tuning_moves(effects, stages)]
+        if self.n_blow:
+            out.append(BLOW_AT_PRIOR[1] * p.by_blow_at())
+        for i in range(len(self.parameters)):
+            slope, moved = self._effect_moves(x, i, effects, stages)
+            out.append(slope * p.derivative(moved))
+        return out
+
+    def _tuning_moves(self, effects: Sequence[Effect], stages: Sequence[Model]) -> Iterator[tuple[float, Carried]]:
+        """What moves with each tuned value, and by how much a unit of its unknown."""
+        for path, tolerance in self.tuning:
+            yield tolerance * value_at(stages[0], path), carried_on(((path, 1.0),), effects, stages, 0)
+
+    def _effect_moves(
+        self, x: FloatArray, i: int, effects: Sequence[Effect], stages: Sequence[Model]
+    ) -> tuple[float, Carried]:
+        """What moves with an effect's parameter, and by how much a unit of its unknown."""
+        index, name, r = self.parameters[i]
+        moved = effects[index].moved_by(stages[index], stages[index + 1])[name]
+        return from_unknown(float(x[self.first_effect + i]), r)[1], carried_on(moved, effects, stages, index + 1)

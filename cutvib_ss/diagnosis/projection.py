@@ -1,0 +1,294 @@
+"""
+The tuning around free functions: variable projection.
+
+Tuning, calibration and a variant's shape are common to all lines. A step in them is taken in what the functions cannot follow:
+the part of the derivatives that is normal to the functions' own, line by line. The functions then follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.modification import Lines, Modification
+from cutvib_ss.diagnosis.problem import WITHIN, Problem
+from cutvib_ss.diagnosis.unknown_stiffness import Rows, fitted_functions, followed
+from cutvib_ss.diagnosis.variants import Variant
+from cutvib_ss.effects.base import Model
+from cutvib_ss.results import ComplexArray, FloatArray
+
+STEP = 0.05
+"""Step of tuning and shape in a difference of two closed forms, in units of their scatter."""
+SHAPE_STEPS = 40.0
+"""Range of a shape over that unit."""
+TRIES = 8
+"""Dampings that are tried for a step."""
+ENOUGH = 1e-2
+"""Relative gain at which steps end."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """
+    Functions fitted to one variant of a place, with the tuning that serves them.
+
+    Parameters
+    ----------
+    variant : Variant
+        Where.
+    x : ndarray
+        Tuning and calibration, as unknowns of `Problem`.
+    shape : float
+        The variant's shape.
+    functions : tuple of ndarray, shape (set, function, frequency)
+        The functions, one array a group.
+    objective : float
+        χ² that is left, with the priors' squares.
+    """
+
+    variant: Variant
+    x: FloatArray
+    shape: float
+    functions: tuple[ComplexArray, ...]
+    objective: float
+
+
+class Outer:
+    """
+    Tuning, calibration and shape around the functions of variants.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    rows : sequence of Rows
+        Records, one of each group.
+    """
+
+    def __init__(self, nominal: Model, rows: Sequence[Rows]) -> None:
+        self.rows = tuple(rows)
+        self.problem = Problem(nominal, [r.group for r in rows], Hypothesis())
+        self._lines: dict[bytes, tuple[Lines, ...]] = {}
+
+    @property
+    def size(self) -> int:
+        """Unknowns of tuning and calibration; the instant of a blow moves only tails, which are known to some percent."""
+        return self.problem.n_tuning + self.problem.n_calibration
+
+    def lines(self, x: FloatArray) -> tuple[Lines, ...]:
+        """
+        The tuned model at the lines of each group; variants share it.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns of `Problem`.
+
+        Returns
+        -------
+        tuple of Lines
+            One a group.
+        """
+        key = x[: self.problem.n_tuning].tobytes()
+        if key not in self._lines:
+            model = self.problem.tuned(x)
+            self._lines[key] = tuple(Lines(model, r.group, r.tail, r.window) for r in self.rows)
+        return self._lines[key]
+
+    def gains(self, x: FloatArray) -> list[ComplexArray]:
+        """
+        Calibration errors of each group.
+
+        Parameters
+        ----------
+        x : ndarray
+            Unknowns of `Problem`.
+
+        Returns
+        -------
+        list of ndarray, shape (channel, frequency)
+            1 + ε.
+        """
+        return [self.problem.calibration_of(r.group.channels, r.group.freq, x) for r in self.rows]
+
+    def modifications(self, variant: Variant, x: FloatArray, shape: float) -> list[Modification]:
+        """
+        How a variant's functions enter the tuned model.
+
+        Parameters
+        ----------
+        variant : Variant
+            Where they are.
+        x : ndarray
+            Unknowns of `Problem`.
+        shape : float
+            The variant's shape.
+
+        Returns
+        -------
+        list of Modification
+            One a group.
+        """
+        return [variant.at(lines, shape) for lines in self.lines(x)]
+
+    def at(self, variant: Variant, x: FloatArray, shape: float, near: Free | None = None) -> Free:
+        """
+        The functions at given tuning and shape.
+
+        Parameters
+        ----------
+        variant : Variant
+            Where they are.
+        x : ndarray
+            Unknowns of `Problem`.
+        shape : float
+            The variant's shape.
+        near : Free, optional
+            A fit close by, to start from.
+
+        Returns
+        -------
+        Free
+            The fit.
+        """
+        parts = zip(self.rows, self.modifications(variant, x, shape), self.gains(x), strict=True)
+        found, total = [], float(x @ x)
+        for i, (rows, m, gain) in enumerate(parts):
+            start = None if near is None else near.functions[i]
+            functions, left = fitted_functions(rows, m, gain, rows.weight, start, sweeps=0)
+            found.append(functions)
+            total += 2.0 * float(left.sum())
+        return Free(variant, x, shape, tuple(found), total)
+
+    def climb(self, free: Free, iterations: int) -> Free:
+        """
+        Tuning, calibration and shape moved to where the functions explain most.
+
+        Parameters
+        ----------
+        free : Free
+            Functions at some tuning.
+        iterations : int
+            Most steps taken.
+
+        Returns
+        -------
+        Free
+            The best fit found.
+        """
+        damping = 1e-3
+        low, high = free.variant.bounds
+        unit = (high - low) / SHAPE_STEPS
+        for _ in range(iterations):
+            matrix, gradient = self._projected(free, unit)
+            before = free.objective
+            for _ in range(TRIES):
+                step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), gradient)
+                x = free.x.copy()
+                x[: self.size] = np.clip(x[: self.size] + step[: self.size], -WITHIN, WITHIN)
+                shape = float(np.clip(free.shape + unit * step[-1], low, high)) if free.variant.starts else 0.0
+                trial = self.at(free.variant, x, shape, free)
+                if trial.objective < free.objective:
+                    free, damping = trial, damping / 10
+                    break
+                damping = max(damping, 1e-4) * 10
+            if before - free.objective < ENOUGH * before:
+                break
+        return free
+
+    def deviation(self, free: Free) -> tuple[FloatArray, ...]:
+        """
+        Standard deviation of fitted functions, that of tuning, calibration and shape included.
+
+        Parameters
+        ----------
+        free : Free
+            The fit.
+
+        Returns
+        -------
+        tuple of ndarray, shape (set, function, frequency)
+            One standard deviation of either part, one array a group.
+        """
+        unit = (free.variant.bounds[1] - free.variant.bounds[0]) / SHAPE_STEPS
+        matrix, _ = self._projected(free, unit)
+        root = np.linalg.cholesky(np.linalg.inv(matrix))
+        out = []
+        for i, (rows, m, gain) in enumerate(self._parts(free)):
+            outer = np.array(self._outer(free, unit, i))
+            slopes, own = followed(rows, m, gain, free.functions[i], outer)
+            moved = np.tensordot(root.T, slopes, 1)
+            out.append(np.sqrt(own**2 + np.sum(np.abs(moved) ** 2, axis=0) / 2))
+        return tuple(out)
+
+    def _parts(self, free: Free) -> Iterator[tuple[Rows, Modification, ComplexArray]]:
+        modifications = self.modifications(free.variant, free.x, free.shape)
+        return zip(self.rows, modifications, self.gains(free.x), strict=True)
+
+    def _projected(self, free: Free, unit: float) -> tuple[FloatArray, FloatArray]:
+        """Normal equations of the outer unknowns, in what the functions cannot follow."""
+        shaped = int(bool(free.variant.starts))
+        gradient = np.append(-free.x[: self.size], np.zeros(shaped))
+        matrix = np.diag(np.append(np.ones(self.size), np.full(shaped, 1e-6)))
+        for i, (rows, m, gain) in enumerate(self._parts(free)):
+            shown, slopes = m.sloped(rows.of_rows(free.functions[i]))
+            with np.errstate(all="ignore"):
+                left = rows.group.data - gain * shown
+                normal, right = _what_is_left(rows, self._outer(free, unit, i), slopes * gain, left)
+            matrix += normal
+            gradient += right
+        return matrix, gradient
+
+    def _outer(self, free: Free, unit: float, i: int) -> list[ComplexArray]:
+        """Derivatives of a group's responses to tuning, calibration and shape, the functions held."""
+        functions = self.rows[i].of_rows(free.functions[i])
+        gain = self.gains(free.x)[i]
+        here = free.variant.at(self.lines(free.x)[i], free.shape).shown(functions)
+        out = []
+        with np.errstate(all="ignore"):
+            for k in range(self.problem.n_tuning):
+                x = free.x.copy()
+                x[k] += STEP
+                moved = free.variant.at(self.lines(x)[i], free.shape).shown(functions)
+                out.append((moved - here) * gain / STEP)
+            out += self._by_calibration(i, here)
+            if free.variant.starts:
+                moved = free.variant.at(self.lines(free.x)[i], free.shape + unit * STEP).shown(functions)
+                out.append((moved - here) * gain / STEP)
+        return out
+
+    def _by_calibration(self, i: int, shown: ComplexArray) -> list[ComplexArray]:
+        """Derivatives to each channel's calibration; zeros where a group lacks the channel."""
+        out = []
+        for name in self.problem.channels:
+            for part in (1.0, 1j):
+                for shape in self.problem.shapes[i]:
+                    column = np.zeros_like(shown)
+                    if name in self.rows[i].group.channels:
+                        c = self.rows[i].group.channels.index(name)
+                        column[:, c] = part * self.problem.calibration * shape * shown[:, c]
+                    out.append(column)
+        return out
+
+
+def _what_is_left(
+    rows: Rows, outer: Sequence[ComplexArray], inner: ComplexArray, left: ComplexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Normal matrix and gradient of the outer unknowns, the inner ones projected out line by line and set by set."""
+    scale = np.sqrt(rows.weight)
+    stack = np.nan_to_num(np.array([*outer, left]) * scale)
+    own = np.nan_to_num(inner * scale)
+    lines = rows.group.freq.size
+    total = np.zeros((len(stack), len(stack)))
+    for k in range(rows.count):
+        mine = rows.sets == k
+        a = stack[:, mine].transpose(3, 1, 2, 0).reshape(lines, -1, len(stack))
+        b = own[:, mine].transpose(3, 1, 2, 0).reshape(lines, -1, len(own))
+        q, _ = np.linalg.qr(b)
+        a = (a - q @ (q.conj().swapaxes(1, 2) @ a)).reshape(-1, len(stack))
+        flat = np.concatenate([a.real, a.imag])
+        total += 2.0 * (flat.T @ flat)
+    return total[:-1, :-1], total[:-1, -1]

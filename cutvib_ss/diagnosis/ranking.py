@@ -1,0 +1,207 @@
+"""What the search for one cause and for pairs share: few lines first, the best of them on all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
+
+from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.hypotheses import Candidate
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.scan import Scanned
+from cutvib_ss.diagnosis.workers import Workers
+from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import CutvibError
+from cutvib_ss.results import FloatArray
+
+COARSE_LINES = 120
+"""Lines of a group on which starts are fitted."""
+COARSE_ERROR = 0.03
+"""Relative error by which the noise is widened on few lines."""
+CLOSE = 60.0
+"""Causes whose objective on few lines lies within this of the best are fitted again on all lines …"""
+MOST = 5
+"""… but no more than this: where so many are alike on few lines, none of them is the cause."""
+FAR = 400.0
+"""What lies further behind on few lines is not fitted again at all."""
+LATER_STEPS, LAW_STEPS = 10, 6
+"""Steps on few lines, from the best start of a cause; those of a law."""
+MOST_STEPS, MOST_LAW_STEPS = 40, 15
+"""Steps on all lines: those of a law are dear, and the last of many gain little."""
+SCANNED = 5
+"""Records that are all scanned."""
+HOPELESS = 3.0
+"""Reduced χ² on few lines, with their widened noise, from which a cause that is simulated is not worth the fit on all."""
+ROUGH = 1e-2
+"""Relative gain at which steps on few lines end."""
+ENOUGH = 1.1
+"""Reduced χ² below which the re-tuned model needs no cause, if the level does not show either."""
+
+
+NameT = TypeVar("NameT")
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """
+    A cause, fitted.
+
+    Parameters
+    ----------
+    name : str
+        Candidate's name; ``"none"`` without a cause; two names joined by ``" + "`` for a pair.
+    fit : Fit
+        Its best fit.
+    refined : bool
+        Whether it was fitted on all lines; if not, its evidence is a bound.
+    """
+
+    name: str
+    fit: Fit
+    refined: bool
+
+    @property
+    def reduced(self) -> float:
+        """χ² a datum against the noise as stated."""
+        return self.fit.chi2 * self.fit.spread.sizes.noise / self.fit.count
+
+
+def on_all_lines(
+    nominal: Model,
+    records: Records,
+    rough: Sequence[tuple[Candidate, Fit]],
+    least: int,
+    rival: tuple[float, float],
+    workers: Workers,
+    most: int = MOST,
+    close: float = CLOSE,
+    near: Fit | None = None,
+) -> list[Ranked]:
+    """
+    The best on few lines fitted on all; the others keep an estimate.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    records : Records
+        All lines.
+    rough : sequence of (Candidate, Fit)
+        Causes fitted on few lines, best first.
+    least : int
+        So many are fitted at least, unless they are far behind.
+    rival : tuple of float
+        Objective of another cause, or none, on the same few lines, and its evidence on all: what stays far behind it there is not
+        worth the dearer fit.
+    workers : Workers
+        Who fits.
+    most : int
+        So many are fitted at most.
+    close : float
+        What lies within this of the best on few lines is fitted.
+    near : Fit, optional
+        A fit on all lines whose drifts of sessions are close.
+
+    Returns
+    -------
+    list of Ranked
+        Those fitted on all lines first, then the others with a bound for their evidence.
+    """
+    ahead = cost(rough[0][1]) if rough else 0.0
+    chosen: list[tuple[Candidate, Fit]] = []
+    left_out: list[tuple[Candidate, Fit]] = []
+    for i, (candidate, start) in enumerate(rough):
+        behind = cost(start) - ahead
+        wanted = (behind < close and i < most) or (behind < FAR and i < least)
+        hopeless = not start.hypothesis.linear and start.chi2 > HOPELESS * start.count and cost(start) > rival[0]
+        promising = cost(start) - rival[0] < CLOSE and wanted and not hopeless
+        (chosen if promising else left_out).append((candidate, start))
+    steps = [MOST_STEPS if f.hypothesis.linear else MOST_LAW_STEPS for _, f in chosen]
+    starts = [f for _, f in chosen]
+    fits = workers.map(
+        partial(fit, nominal, records, near=near), [f.hypothesis for f in starts], [f.x for f in starts], steps
+    )
+    ranked = [Ranked(c.name, f, True) for (c, _), f in zip(chosen, fits, strict=True)]
+    best = max((r.fit.log_evidence for r in ranked), default=rival[1])
+    # Few lines and a widened noise understate how far behind a cause is, by as much as for the rival.
+    lead = rival[0] - ahead
+    each = max(0.5, (best - rival[1]) / lead) if ranked and lead > 1.0 else 0.5
+    front = ahead if ranked else rival[0]
+    for candidate, start in left_out:
+        bound = best - each * (cost(start) - front)
+        ranked.append(Ranked(candidate.name, replace(start, log_evidence=bound), False))
+    return ranked
+
+
+def cost(fitted: Fit) -> float:
+    """Twice the negative log evidence: what a χ² is worth once the freedom that it took is paid for."""
+    return -2.0 * fitted.log_evidence
+
+
+def some(outlook: Records) -> Records:
+    """
+    Every other of many records: of three positions at three levels the corners and the middle.
+
+    Parameters
+    ----------
+    outlook : Records
+        The records on which laws start.
+
+    Returns
+    -------
+    Records
+        Those that are scanned.
+    """
+    return Records(outlook.entries[:: 2 if len(outlook.entries) > SCANNED else 1], outlook.rough)
+
+
+def ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:
+    """
+    Names with what was scanned of them.
+
+    Parameters
+    ----------
+    names : sequence
+        What is ranked.
+    scanned : sequence of Scanned
+        What each promises.
+
+    Returns
+    -------
+    list of tuple
+        Both together, the most promising first.
+    """
+    return sorted(zip(names, scanned, strict=True), key=lambda row: -row[1].gain)
+
+
+def first_steps(
+    nominal: Model, records: Records, hypothesis: Hypothesis, warm: FloatArray | None, steps: int
+) -> Fit | None:
+    """
+    A few steps on few lines.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    records : Records
+        Few lines.
+    hypothesis : Hypothesis
+        What is fitted.
+    warm : ndarray, optional
+        Unknowns to start from.
+    steps : int
+        Most steps taken.
+
+    Returns
+    -------
+    Fit or None
+        The fit; None where the model cannot take the effect, or runs away with it.
+    """
+    try:
+        return fit(nominal, records, hypothesis, warm, steps, ROUGH)
+    except CutvibError:
+        return None

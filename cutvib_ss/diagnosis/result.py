@@ -1,0 +1,416 @@
+"""What a diagnosis says: the user's three questions, in the shape of the JSON that outside programs read."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from cutvib_ss.diagnosis.findings import Findings
+from cutvib_ss.effects.base import Model
+from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
+from cutvib_ss.results.display import Drawn, Table
+
+SCHEMA = "cutvib-diagnosis/1"
+PRIORS = {"none": 0.5, "known": 0.3, "unknown": 0.1, "sums": 0.1}
+"""Prior of each kind of hypothesis. A machine is measured because somebody doubts its model, but most parts of it are right."""
+Verdict: TypeAlias = Literal["no_gap", "explained", "partly_explained", "ambiguous", "unknown"]
+
+
+@dataclass(frozen=True)
+class GapFigures:
+    """
+    How far: mean modulus of the error on held-out records, over channels and bins of a band.
+
+    Parameters
+    ----------
+    unit : str
+        ``"g/N"``, or the channel's own.
+    before, tuned, after, noise_floor : float
+        Nominal model as given; re-tuned within tolerance; with the cause added; what estimator noise alone leaves.
+    band_hz : tuple of float
+        The band [Hz].
+    shrinkage : float
+        1 - after/before.
+    shrinkage_interval : tuple of float
+        95 % interval, by bootstrap over records.
+    """
+
+    unit: str
+    before: float
+    tuned: float
+    after: float
+    noise_floor: float
+    band_hz: tuple[float, float]
+    shrinkage: float
+    shrinkage_interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ErrorFigure:
+    """
+    Error and noise at one position or channel.
+
+    Parameters
+    ----------
+    label : float or str or None
+        Position y_b / L, or name of the channel.
+    error, noise : float
+        Mean modulus of the re-tuned nominal model's error, and what noise alone leaves, in the gap's unit.
+    """
+
+    label: float | str | None
+    error: float
+    noise: float
+
+
+@dataclass(frozen=True)
+class Where:
+    """
+    Where the gap lies.
+
+    Parameters
+    ----------
+    place : str
+        Most probable place; ``"none"`` without a gap.
+    places : tuple of (str, float)
+        Places with their probabilities, most probable first.
+    bands_hz : tuple of (float, float)
+        Bands in which the error stands out of the noise [Hz].
+    by_position, by_channel : tuple of ErrorFigure
+        The error over positions and channels.
+    level_dependent : bool
+        Whether the response changes with the excitation level.
+    place_set : tuple of str
+        The smallest set of places that carries 0.95.
+    """
+
+    place: str
+    places: tuple[tuple[str, float], ...]
+    bands_hz: tuple[tuple[float, float], ...]
+    by_position: tuple[ErrorFigure, ...]
+    by_channel: tuple[ErrorFigure, ...]
+    level_dependent: bool
+    place_set: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Limit:
+    """
+    How much of a cause that was not named the data still allow.
+
+    Parameters
+    ----------
+    effect, place, parameter, unit : str
+        The cause, the parameter that states its size, and its SI unit.
+    allowed : float
+        95 % bound of its size beside the accepted answer; of a compliance the lowest stiffness.
+    visible : float
+        Size at which it would be named with 0.9 in half of repetitions.
+    """
+
+    effect: str
+    place: str
+    parameter: str
+    unit: str
+    allowed: float
+    visible: float
+
+
+@dataclass(frozen=True)
+class FittedParameter:
+    """
+    A fitted parameter.
+
+    Parameters
+    ----------
+    value : float or str
+        Estimate, SI; for what is discrete about a cause, its name.
+    std : float
+        Standard deviation, tuning and calibration included.
+    unit : str
+        SI unit.
+    """
+
+    value: float | str
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Cause:
+    """
+    One hypothesis, fitted and judged.
+
+    Parameters
+    ----------
+    effect, place : str
+        Ids of the catalogue; ``"none"`` and ``"unknown"`` are hypotheses too.
+    probability : float
+        Probability, all causes together 1.
+    parameters : dict of str to FittedParameter
+        What was fitted.
+    after, shrinkage : float
+        Error left on held-out records, and 1 - after/before.
+    reduced_chi2 : float
+        χ² a degree of freedom on held-out records.
+    share : float
+        Part of the excess over noise and repeatability that it closes on held-out records; NaN for none and unknown.
+    """
+
+    effect: str
+    place: str
+    probability: float
+    parameters: dict[str, FittedParameter] = field(default_factory=dict)
+    after: float = math.nan
+    shrinkage: float = math.nan
+    reduced_chi2: float = math.nan
+    share: float = math.nan
+
+
+@dataclass(frozen=True)
+class CandidateEvidence:
+    """
+    What one fit says, before it becomes a probability.
+
+    Parameters
+    ----------
+    name : str
+        The candidate; a cause may have several, which differ in what is discrete about it.
+    effect, place : str
+        Ids of the catalogue; ``"none"`` for the re-tuned model.
+    parameters : dict of str to str
+        What is discrete about it.
+    log_evidence : float
+        Up to a constant that all share.
+    chi2 : float
+        χ² that it leaves of all data, the scatter of levels about their mean put aside; NaN where it was only tried on few lines.
+    unknowns : int
+        Parameters of its own, tuning and calibration apart.
+    judged : bool
+        Whether it was judged on held-out records.
+    held_reduced_chi2 : float
+        χ² a degree of freedom there.
+    """
+
+    name: str
+    effect: str
+    place: str
+    parameters: dict[str, str]
+    log_evidence: float
+    chi2: float
+    unknowns: int
+    judged: bool
+    held_reduced_chi2: float
+
+
+@dataclass(frozen=True)
+class NextTest:
+    """
+    The record that would best tell the remaining causes apart.
+
+    Parameters
+    ----------
+    why : str
+        What it would tell apart.
+    position : float or None
+        y_b / L.
+    peak_force : float or None
+        Level [N].
+    channel : str
+        Channel to look at.
+    """
+
+    why: str
+    position: float | None
+    peak_force: float | None
+    channel: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """
+    Measured against computed at one position and level, for pictures.
+
+    Parameters
+    ----------
+    label : str
+        Which record.
+    measured : MeasuredFrequencyResponse
+        The measurement.
+    nominal, tuned, corrected : FrequencyResponse
+        The model as given, re-tuned, and with the cause; each through the same estimator as the measurement.
+    """
+
+    label: str
+    measured: MeasuredFrequencyResponse
+    nominal: FrequencyResponse
+    tuned: FrequencyResponse
+    corrected: FrequencyResponse
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Drawn):
+    """
+    A diagnosis of the sim-to-real gap.
+
+    Parameters
+    ----------
+    verdict : {"no_gap", "explained", "ambiguous", "unknown"}
+        What may be concluded.
+    gap : GapFigures
+        How far.
+    where : Where
+        Where.
+    causes : tuple of Cause
+        Which, most probable first.
+    ambiguity_set : tuple of int
+        Indices into ``causes``: the smallest set that carries 0.95.
+    next_test : NextTest or None
+        What to measure next, if ambiguous.
+    title : str
+        Title of the campaign.
+    warnings : tuple of str
+        What was found in the measurement.
+    nominal, corrected_machine : Machine or Structure
+        The model as given, and with tuning and effect.
+    comparisons : tuple of Comparison
+        For pictures.
+    evidence : tuple of CandidateEvidence
+        What the probabilities were made of.
+    reduced_chi2 : float
+        χ² a degree of freedom that the candidate of most evidence leaves of what it was fitted to.
+    data_count : int
+        Real data that the candidates were fitted to.
+    findings : Findings
+        What was found beside: distances, bands, the free dynamic stiffness at the place, and what it means.
+    limits : tuple of Limit
+        Of causes not named, each added to the accepted answer.
+    repeatability : float
+        rms(H_a - H_b) beyond noise over √2 rms(H), of records of the same thing; NaN where none repeat.
+    sizes : mapping of str to float
+        Of the accepted answer: ``drift`` between sessions, discrepancy of the ``nominal`` elements and of the ``cause`` (relative
+        standard deviations), and the factor on the variance of the ``noise``.
+    """
+
+    verdict: Verdict
+    gap: GapFigures
+    where: Where
+    causes: tuple[Cause, ...]
+    ambiguity_set: tuple[int, ...]
+    next_test: NextTest | None
+    title: str
+    warnings: tuple[str, ...]
+    nominal: Model
+    corrected_machine: Model
+    comparisons: tuple[Comparison, ...] = ()
+    evidence: tuple[CandidateEvidence, ...] = ()
+    reduced_chi2: float = math.nan
+    data_count: int = 0
+    findings: Findings = field(default_factory=Findings)
+    limits: tuple[Limit, ...] = ()
+    repeatability: float = math.nan
+    sizes: Mapping[str, float] = field(default_factory=dict)
+
+    def _table(self) -> Table:
+        g, rows = self.gap, []
+        for cause in self.causes:
+            values = [
+                f"{name} = {p.value if isinstance(p.value, str) else f'{p.value:.4g}'} {p.unit}".rstrip()
+                for name, p in cause.parameters.items()
+            ]
+            rows.append((cause.effect, cause.place, f"{cause.probability:.3f}", ", ".join(values)))
+        title = (
+            f"Diagnosis: {self.verdict}; gap {g.before:.3g}, tuned {g.tuned:.3g}, after {g.after:.3g}, "
+            f"noise floor {g.noise_floor:.3g} {g.unit}"
+        )
+        return Table(title, ("cause", "place", "probability", "parameters"), rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """
+        The diagnosis as plain data; what is not finite becomes None.
+
+        Returns
+        -------
+        dict
+            In the shape of the schema ``cutvib-diagnosis/1``.
+        """
+        g, w = self.gap, self.where
+        data = {
+            "schema": SCHEMA,
+            "verdict": self.verdict,
+            "gap": {
+                "unit": g.unit,
+                "before": g.before,
+                "tuned": g.tuned,
+                "after": g.after,
+                "noise_floor": g.noise_floor,
+                "band_hz": list(g.band_hz),
+                "shrinkage": g.shrinkage,
+                "shrinkage_interval": list(g.shrinkage_interval),
+            },
+            "where": {
+                "place": w.place,
+                "place_set": list(w.place_set),
+                "places": [{"place": p, "probability": q} for p, q in w.places],
+                "bands_hz": [list(b) for b in w.bands_hz],
+                "by_position": [{"position": f.label, "error": f.error, "noise": f.noise} for f in w.by_position],
+                "by_channel": [{"channel": f.label, "error": f.error, "noise": f.noise} for f in w.by_channel],
+                "level_dependent": w.level_dependent,
+                **self.findings.where(),
+            },
+            "causes": [
+                {
+                    "effect": c.effect,
+                    "place": c.place,
+                    "probability": c.probability,
+                    "parameters": {
+                        n: {"value": p.value, "std": p.std, "unit": p.unit} for n, p in c.parameters.items()
+                    },
+                    "after": c.after,
+                    "shrinkage": c.shrinkage,
+                    "reduced_chi2": c.reduced_chi2,
+                    "share": c.share,
+                }
+                for c in self.causes
+            ],
+            "limits": [dict(vars(x)) for x in self.limits],
+            "repeatability": self.repeatability,
+            "priors": dict(PRIORS),
+            "likelihood": dict(self.sizes),
+            "ambiguity_set": list(self.ambiguity_set),
+            "next_test": None if self.next_test is None else dict(vars(self.next_test)),
+            "meaning": self.findings.means(),
+            "title": self.title,
+            "warnings": list(self.warnings),
+            "evidence": {
+                "reduced_chi2": self.reduced_chi2,
+                "data": self.data_count,
+                "candidates": [dict(vars(e)) for e in self.evidence],
+            },
+        }
+        cleaned: dict[str, Any] = _finite(data)
+        return cleaned
+
+    def to_json(self) -> str:
+        """
+        The diagnosis as JSON text, without NaN or Infinity.
+
+        Returns
+        -------
+        str
+            Indented JSON of the schema ``cutvib-diagnosis/1``.
+        """
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(v) for v in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

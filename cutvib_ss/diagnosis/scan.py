@@ -1,0 +1,263 @@
+"""
+What one more cause could explain of what a fit leaves, before anything is fitted.
+
+The residual with the cause in place is freed of what the unknowns of the fit could take up, to first order. For a linear cause one
+change of the prediction tells the rest. A law is tried at many values and refined without derivatives: with
+clearance or friction the response to a blow depends on its parameters roughly, and Gauss-Newton steps from afar are caught at once,
+while the squares of what is left fall evenly to where the truth is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg, optimize
+
+from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.likelihood import Directions, Sizes
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.simulation import problem_for
+from cutvib_ss.effects.base import Effect, Model, parameter_fields
+from cutvib_ss.errors import CutvibError
+from cutvib_ss.results import ComplexArray, FloatArray
+
+STEPS, TOLERANCE = 10, 1e-2
+"""Steps of the fit underneath on the records of the scan, and the relative gain at which they end."""
+NUDGE = 0.02
+"""Part of its range by which a parameter is moved off a start that does nothing."""
+NOTHING = 1e-3
+"""Squares a datum below which a start does nothing: so much the estimator's own sums may differ."""
+REFINED_FROM = 0.05
+"""Size of the simplex, in parts of the ranges, from which the best of a law's values is refined …"""
+EVALUATIONS = 12
+"""… in so many evaluations a parameter."""
+EXTRAPOLATED = 4.0
+"""Times its weakest start up to which a law in proportion to its parameter is scaled."""
+
+
+class Scanned(NamedTuple):
+    """
+    A cause on top of a fit, tried and not fitted.
+
+    Parameters
+    ----------
+    gain : float
+        χ² that it would take away.
+    hypothesis : Hypothesis
+        Both together, the cause where it did best.
+    """
+
+    gain: float
+    hypothesis: Hypothesis
+
+
+class Scan:
+    """
+    One more cause on top of a fit.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    records : Records
+        Few lines of few records.
+    hypothesis : Hypothesis
+        The fit underneath.
+    x : ndarray, optional
+        Its unknowns on more records; by default the hypothesis is taken as it stands, nothing tuned.
+    motion : mapping of str to float
+        How far the places of laws move.
+    apart : bool
+        Whether records stay apart.
+    """
+
+    def __init__(
+        self,
+        nominal: Model,
+        records: Records,
+        hypothesis: Hypothesis,
+        x: FloatArray | None,
+        motion: Mapping[str, float],
+        apart: bool,
+    ) -> None:
+        self.nominal, self.records, self.motion, self.apart = nominal, records, motion, apart
+        self.warm: FloatArray | None = None
+        if x is not None:
+            there = fit(nominal, records, hypothesis, x, STEPS, TOLERANCE)
+            hypothesis = there.hypothesis
+            self.warm = there.x[: there.first_effect]
+        self.effects = hypothesis.effects
+        problem = problem_for(nominal, records, hypothesis, apart)
+        here = problem.start() if x is None else there.x
+        predictions, residuals, _ = problem.residuals(here)
+        directions = Directions(problem, here, predictions, spread=not records.widened)
+        sizes = Sizes() if x is None else there.spread.sizes
+        self.rows = directions.layout.scale(sizes)[:, None] * directions.flat()
+        self.left = _flat(residuals)
+        beside = directions.layout.size - problem.size
+        precision = np.concatenate([problem.prior_precision(), np.ones(beside)])
+        self.factor = linalg.cho_factor(self.rows @ self.rows.T + np.diag(precision + 1e-9))
+        # Where the fit was drawn away from the priors' middle to make up for what it lacks, it gains by going back.
+        self.strain = precision * np.concatenate([here, np.zeros(beside)])
+        self.strained = float(self.strain[: here.size] @ here)
+        self.leaves = self._freed(self.left)
+
+    def promise(self, starts: Sequence[Effect]) -> Scanned:
+        """
+        The best of a cause's starts.
+
+        Parameters
+        ----------
+        starts : sequence of Effect
+            Of one cause.
+
+        Returns
+        -------
+        Scanned
+            The best; its gain is minus infinity where the model can take none of them.
+        """
+        if starts[0].linear:
+            return max((self._scaled(e) for e in starts), key=lambda s: s.gain)
+        tried = [self.as_it_stands(e) for e in starts]
+        if starts[0].proportional:
+            tried.append(self._in_proportion(starts))
+        return max(tried, key=lambda s: s.gain)
+
+    def refined(self, best: Scanned) -> Scanned:
+        """
+        A law with its parameters where it explains most.
+
+        Parameters
+        ----------
+        best : Scanned
+            From `promise`.
+
+        Returns
+        -------
+        Scanned
+            No worse.
+        """
+        if best.hypothesis.effects[-1].linear or not np.isfinite(best.gain):
+            return best
+        _, problem, x = self._both(best.hypothesis.effects[-1])
+        own = np.flatnonzero([p[0] == len(self.effects) for p in problem.parameters]) + problem.first_effect
+
+        def loss(values: FloatArray) -> float:
+            trial = x.copy()
+            trial[own] = values
+            gain = self._gain_at(problem, trial)
+            return -gain if np.isfinite(gain) else 1e300
+
+        start = x[own]
+        step = np.where(start + REFINED_FROM <= 1.0, REFINED_FROM, -REFINED_FROM)
+        found = optimize.minimize(
+            loss,
+            start,
+            method="Nelder-Mead",
+            bounds=[(0.0, 1.0)] * own.size,
+            options={
+                "initial_simplex": np.vstack([start, start + np.diag(step)]),
+                "maxfev": EVALUATIONS * own.size,
+                "xatol": 1e-4,
+                "fatol": 0.1,
+            },
+        )
+        if -found.fun <= best.gain:
+            return best
+        x[own] = found.x
+        effects = problem.effects(x)
+        return Scanned(float(-found.fun), Hypothesis((*self.effects, *effects[len(self.effects) :]), self.motion))
+
+    def _both(self, effect: Effect) -> tuple[Hypothesis, Problem, FloatArray]:
+        both = Hypothesis((*self.effects, effect), self.motion)
+        problem = problem_for(self.nominal, self.records, both, self.apart)
+        return both, problem, problem.start(self.warm)
+
+    def _freed(self, residual: FloatArray) -> float:
+        """Squares of a residual, and of the priors, that the fit's unknowns cannot take up."""
+        pulled = self.rows @ residual - self.strain
+        return float(residual @ residual + self.strained - pulled @ linalg.cho_solve(self.factor, pulled))
+
+    def _gain_at(self, problem: Problem, x: FloatArray) -> float:
+        try:
+            residual = _flat(problem.residuals(x)[1])
+        except (CutvibError, np.linalg.LinAlgError):
+            return -np.inf
+        return self.leaves - self._freed(residual) if np.isfinite(residual).all() else -np.inf
+
+    def as_it_stands(self, effect: Effect) -> Scanned:
+        """
+        A cause at its start, the fit's unknowns free to give way.
+
+        Parameters
+        ----------
+        effect : Effect
+            The cause.
+
+        Returns
+        -------
+        Scanned
+            Its gain is minus infinity where the model cannot take it.
+        """
+        both, problem, x = self._both(effect)
+        return Scanned(self._gain_at(problem, x), both)
+
+    def _in_proportion(self, starts: Sequence[Effect]) -> Scanned:
+        """A law between and below its starts: what the weakest changes, scaled as it is best and turned round if need be."""
+        [parameter] = parameter_fields(type(starts[0]))
+        sizes = [abs(getattr(e, parameter.name)) for e in starts]
+        weakest = starts[int(np.argmin(sizes))]
+        both, problem, x = self._both(weakest)
+        along, size, _ = self._change(problem, x)
+        scale = along / size if size > 0.0 else 0.0
+        if not 0.0 < abs(scale) < EXTRAPOLATED:
+            return Scanned(-np.inf, both)
+        try:
+            return self.as_it_stands(replace(weakest, **{parameter.name: scale * getattr(weakest, parameter.name)}))
+        except CutvibError:
+            # Its parameter cannot be negative.
+            return Scanned(-np.inf, both)
+
+    def _scaled(self, effect: Effect) -> Scanned:
+        """By the change of the prediction at a start, scaled as it is best."""
+        both, problem, x = self._both(effect)
+        gain, moved_by = self._along(problem, x)
+        if moved_by > NOTHING * self.left.size or gain == -np.inf:
+            return Scanned(gain, both)
+        # The start does nothing yet: each parameter is moved off it, and may go either way.
+        moves = []
+        for i in range(problem.size - sum(p[0] == len(self.effects) for p in problem.parameters), problem.size):
+            moved = x.copy()
+            moved[i] += NUDGE if x[i] + NUDGE <= 1.0 else -NUDGE
+            moves.append(abs(self._along(problem, moved)[0]))
+        return Scanned(max((m for m in moves if np.isfinite(m)), default=-np.inf), both)
+
+    def _along(self, problem: Problem, x: FloatArray) -> tuple[float, float]:
+        """χ² that a change of the prediction would take away, negative if turned round; and the change's own squares."""
+        along, size, moved_by = self._change(problem, x)
+        return along * abs(along) / size if size > 0.0 else along, moved_by
+
+    def _change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
+        """
+        Of a change of the prediction, freed of what the fit's unknowns could take up: its product with what is left, minus infinity
+        where the model cannot take it; its squares; and those before it was freed.
+        """
+        try:
+            change = self.left - _flat(problem.residuals(x)[1])
+        except (CutvibError, np.linalg.LinAlgError):
+            return -np.inf, 0.0, 0.0
+        if not np.isfinite(change).all():
+            return -np.inf, 0.0, 0.0
+        pulled = linalg.cho_solve(self.factor, self.rows @ change)
+        own = change - self.rows.T @ pulled
+        along, size = float(own @ self.left + pulled @ self.strain), float(own @ change)
+        return (along, size, float(change @ change)) if size > 0.0 else (0.0, 0.0, float(change @ change))
+
+
+def _flat(residuals: Sequence[ComplexArray]) -> FloatArray:
+    return np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])

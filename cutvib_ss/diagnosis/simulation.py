@@ -1,0 +1,382 @@
+"""
+Causes that depend on the level: the measured force is run through the model in time, and the record's own estimator on what
+comes out.
+
+Such a hypothesis has one prediction a record, none that records at one position could share. Its derivatives to tuning
+and to linear effects come from the equivalent linear model: at every record, the nonlinear force is the motion of its port times
+an equivalent dynamic stiffness z(ω), known from the simulation, and moves with the model through Sherman-Morrison. Those to the
+law's own parameters are differences of two simulations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
+from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.records import Group, Records, merged, site
+from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import DiagnosisError
+from cutvib_ss.measurement.replay import Replay
+from cutvib_ss.response.harmonic_balance import SineSweep
+from cutvib_ss.response.receptance import CondensedModel
+from cutvib_ss.response.stepping import ModalForm, modal_form, step
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.units import DERIVATIVE_ORDER
+
+TUNING_STEP = 0.02
+"""Step of a tuned value's unknown in a difference of two closed forms."""
+LAW_STEP = 2e-4
+"""Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
+HARMONICS = 3
+"""Highest harmonic in which sine sweeps are balanced: what is compared is the first."""
+LOUDNESS = 0.2
+"""Relative error of the force behind a record that holds responses alone: hands scatter, and the blow's length is a guess."""
+LOUDNESS_STEP = 0.02
+"""Step of such a record's unknown in a difference of two simulations."""
+JUMP = 0.2
+"""Step between lines, against the largest response, from which a sweep may have jumped."""
+STILL = 5.0
+"""Modes this many times above the band yield statically to nonlinear forces."""
+CLASSICAL = 20.0
+"""Damping couples no modes that many times above the band."""
+STEPS, ROUGH_STEPS = 20.0, 10.0
+"""Steps in a period: χ² is then off by less than 1e-6 of a degree of freedom for smooth laws (1e-3 on few lines), and by 3e-4 for
+friction (1e-2), which takes twice as many."""
+HYSTERESIS_AT = 100.0
+"""Frequency at which hysteretic damping is made viscous for stepping in time [Hz]."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """
+    Records of a group as a model with nonlinear elements would show them.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model.
+    group : Group
+        The records, a row each.
+    data : ndarray, shape (record, channel, frequency)
+        The prediction.
+    stiffness : ndarray, shape (record, element, frequency)
+        Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port.
+    sweeps : mapping of int to SineSweep
+        Sine sweeps among the records, by row: they are balanced in their harmonics instead of stepped in time.
+    """
+
+    model: Model
+    group: Group
+    data: ComplexArray
+    stiffness: ComplexArray
+    sweeps: Mapping[int, SineSweep] = field(default_factory=dict)
+
+
+def simulated(
+    model: Model,
+    group: Group,
+    wanted: np.ndarray | None = None,
+    steps: float = STEPS,
+    loudness: FloatArray | None = None,
+) -> Simulated:
+    """
+    Run each record's force through a model in time, and its estimator on the responses.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        The model, with its nonlinear elements.
+    group : Group
+        Records apart, each with its `Replay`.
+    wanted : ndarray of bool, shape (record,), optional
+        Records to simulate; all by default, the others are left zero.
+    steps : float
+        Steps in a period of the motion at the laws' ports.
+    loudness : ndarray, shape (record,), optional
+        Factors on the forces; one by default.
+
+    Returns
+    -------
+    Simulated
+        The prediction.
+    """
+    elements = model.nonlinear
+    # Stepped are the channels' own quantities, and a window is applied in time: the chain does the rest.
+    none, s = (0,) * len(group.channels), 2j * np.pi * group.freq
+    windowed, steady = (c.at(group.channels, none, s) for c in (model.chain, replace(model.chain, decay_rate=0.0)))
+    outputs = tuple(dict.fromkeys(steady.signals))
+    data = np.zeros(group.data.shape, dtype=np.complex128)
+    stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
+    still = STILL * float(group.freq[-1])
+    sweeps = {row: _swept(model, group, row) for row in range(len(data)) if np.isfinite(group.entries[row][0].sweep)}
+    for row, sweep in sweeps.items():
+        data[row] = sweep.data[0]
+    forms: dict[float | None, ModalForm] = {}
+    for rows in _batches(group, wanted):
+        at = float(group.positions[rows[0]])
+        position = None if np.isnan(at) else at
+        replays = [_replay(group, row) for row in rows]
+        if position not in forms:
+            forms[position] = modal_form(
+                model, position, outputs, HYSTERESIS_AT, classical_above=CLASSICAL * float(group.freq[-1])
+            )
+        form = forms[position]
+        # All records at a position in one call: they share the modal sum.
+        louder = np.ones(len(data)) if loudness is None else loudness
+        windows = [_window(model, r) for r in replays]
+        size = {row: louder[row] * gain for row, (gain, _) in zip(rows, windows, strict=True)}
+        forces = np.concatenate([size[row] * np.stack(r.forces) for row, r in zip(rows, replays, strict=True)])
+        run = step(form, forces, replays[0].fs, elements, dynamic_below=still, steps=steps)
+        if model.chain.decay_rate:
+            for part in (run.responses, run.motions, run.forces):
+                part *= np.concatenate([w for _, w in windows])[:, None, :]
+        first = 0
+        for row, replay in zip(rows, replays, strict=True):
+            own = slice(first, first + len(replay.forces))
+            first = own.stop
+            shown = replay.data(list(run.responses[own] / size[row]))
+            chain = steady if replay.block else windowed
+            data[row] = chain.shown(np.array([shown[outputs.index(name)] for name in chain.signals]))
+            if elements:
+                stiffness[row] = _equivalent(replay, run.motions[own], run.forces[own])
+    return Simulated(model, group, data, stiffness, sweeps)
+
+
+def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:
+    """
+    What an exponential window that nobody took out does to each blow: by how much the force was larger than recorded, and the
+    window on the response (blow, sample), one at the blow. A guessed force is the one that acted; a continuous recording, cut into
+    blocks, has no blow for a window to begin at.
+    """
+    force = np.stack(replay.forces)
+    chain = replace(model.chain, decay_rate=0.0) if replay.block else model.chain
+    at = np.argmax(np.abs(force), axis=1)[:, None] / replay.fs
+    gain = 1.0 if replay.assumed else float(chain.window(-at.mean()))
+    return gain, chain.window(np.arange(force.shape[1]) / replay.fs - at)
+
+
+def _swept(model: Model, group: Group, row: int) -> SineSweep:
+    """A sine sweep; where it jumps, in the direction that the record is nearer to: no record says which way it went."""
+    entry, position = group.entries[row][0], group.positions[row : row + 1]
+    at = None if np.isnan(position[0]) else position
+
+    def swept(direction: Literal["up", "down"]) -> SineSweep:
+        return SineSweep(
+            model, at, group.freq, entry.sweep, direction, HARMONICS, group.channels, viscous_at=HYSTERESIS_AT
+        )
+
+    up = swept("up")
+    size = np.abs(up.data[0])
+    if np.all(np.abs(np.diff(size, axis=1)) < JUMP * size.max(axis=1, keepdims=True)):
+        return up
+    weight = 1.0 / group.variance[row]
+    return min((up, swept("down")), key=lambda s: float(np.sum(weight * np.abs(group.data[row] - s.data[0]) ** 2)))
+
+
+def _replay(group: Group, row: int) -> Replay:
+    replay = group.entries[row][0].replay
+    if replay is None:
+        raise DiagnosisError("a record without a force history cannot be simulated")
+    return replay
+
+
+def _batches(group: Group, wanted: np.ndarray | None) -> list[list[int]]:
+    """Rows at one position whose histories have one length and clock."""
+    found: dict[tuple[float, float, int], list[int]] = {}
+    for row, position in enumerate(group.positions):
+        if not np.isfinite(group.entries[row][0].sweep) and (wanted is None or wanted[row]):
+            replay = _replay(group, row)
+            key = (float(np.nan_to_num(position, nan=-1.0)), replay.fs, replay.forces[0].size)
+            found.setdefault(key, []).append(row)
+    return list(found.values())
+
+
+def _equivalent(replay: Replay, motions: FloatArray, forces: FloatArray) -> ComplexArray:
+    """Force of each element over its motion, shape (element, frequency)."""
+    pairs = [(motions[:, k], forces[:, k]) for k in range(motions.shape[1])]
+    return np.array([replay.ratio(list(q), list(f)) for q, f in pairs])
+
+
+class SimulatedProblem(Problem):
+    """
+    A hypothesis with nonlinear effects, on records apart.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    groups : sequence of Group
+        Records apart.
+    hypothesis : Hypothesis
+        What is fitted.
+    steps : float
+        Steps in a period of the motion at the laws' ports.
+    """
+
+    def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis, steps: float = STEPS) -> None:
+        super().__init__(nominal, groups, hypothesis)
+        self.steps = steps
+        self._sites = [_sites(g) for g in self.groups]
+        self._site_circles: list[Circles | None] = [None] * len(self.groups)
+
+    def predictions(self, x: FloatArray | Sequence[FloatArray]) -> Sequence[Predicted]:
+        """
+        Each record, simulated.
+
+        Parameters
+        ----------
+        x : ndarray or sequence of ndarray
+            Unknowns, of all groups or of each.
+
+        Returns
+        -------
+        sequence of Simulated
+            One a group.
+        """
+        each = self.each(x)
+        louder = self._loudness(each[0])
+        models = self._models(each)
+        return [simulated(m, g, None, self.steps, k) for m, g, k in zip(models, self.groups, louder, strict=True)]
+
+    def _loud(self) -> tuple[tuple[int, int], ...]:
+        # What a linear model shows does not depend on the force.
+        if self.hypothesis.linear:
+            return ()
+        found = ((g.entries[row][0], i, row) for i, g in enumerate(self.groups) for row in range(len(g.data)))
+        # In the records' order, however they are grouped: unknowns are handed from fit to fit.
+        loud = sorted((e.record, i, row) for e, i, row in found if e.replay is not None and e.replay.assumed)
+        return tuple((i, row) for _, i, row in loud)
+
+    def _loudness(self, x: FloatArray) -> list[FloatArray]:
+        """Factors on the forces of each group's records."""
+        out = [np.ones(len(g.data)) for g in self.groups]
+        for k, (i, row) in enumerate(self.loud):
+            out[i][row] = np.exp(LOUDNESS * x[self._shared_by_all + k])
+        return out
+
+    def _slopes(self, x: FloatArray, p: Simulated) -> list[ComplexArray]:
+        index = self._fitted(p)
+        sites, row = _sites(p.group) if index is None else self._sites[index]
+        effects = self.effects(x)
+        stages = stages_of(self.tuned(x), effects)
+        linear = Prediction(p.model, sites, 0.0, None if index is None else self._site_circles[index])
+        if index is not None:
+            self._site_circles[index] = linear.circles
+        here = _taken(p.model, sites, row, p.stiffness)
+        moves = [(i, scale, carried) for i, (scale, carried) in enumerate(self._tuning_moves(effects, stages))]
+        by_law: dict[int, ComplexArray] = {}
+        for k, (which, _, _) in enumerate(self.parameters):
+            i = self.first_effect + k
+            if self.hypothesis.effects[which].linear:
+                moves.append((i, *self._effect_moves(x, k, effects, stages)))
+            else:
+                by_law[i] = self._by_law(x, i, p)
+        out: dict[int, ComplexArray] = dict(by_law)
+        out.update(self._by_loudness(x, index, p))
+        if self.n_blow:
+            # The assumed blow has its instant.
+            out[self._blow] = np.zeros(p.data.shape, dtype=np.complex128)
+        for i, scale, carried in moves:
+            closed = tuple((path, w) for path, w in carried if path[0] != "nonlinear")
+            moved = x.copy()
+            moved[i] += TUNING_STEP if i < self.n_tuning else LAW_STEP
+            change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
+            out[i] = scale * linear.derivative(closed)[row] - change
+            for k, sweep in p.sweeps.items():
+                out[i][k] = scale * sum(w * sweep.derivative(path)[0] for path, w in carried)
+        return [out[i] for i in sorted(out)]
+
+    def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
+        moved = x.copy()
+        moved[i] += LAW_STEP if x[i] + LAW_STEP <= 1.0 else -LAW_STEP
+        index = self._fitted(p)
+        louder = None if index is None else self._loudness(x)[index]
+        there = simulated(self.applied(moved), p.group, None, self.steps, louder)
+        change: ComplexArray = (there.data - p.data) / (moved[i] - x[i])
+        return change
+
+    def _fitted(self, p: Simulated) -> int | None:
+        """Which of the groups a prediction is of; None if it is of records that are not fitted."""
+        return next((i for i, g in enumerate(self.groups) if g is p.group), None)
+
+    def _by_loudness(self, x: FloatArray, index: int | None, p: Simulated) -> dict[int, ComplexArray]:
+        """All records' forces moved at once: each moves its own record alone."""
+        if index is None:
+            nothing = np.zeros(p.data.shape, dtype=np.complex128)
+            return dict.fromkeys(range(self._shared_by_all, self.first_effect), nothing)
+        if not self.loud:
+            return {}
+        moved = x.copy()
+        moved[self._shared_by_all : self.first_effect] += LOUDNESS_STEP
+        there = simulated(p.model, p.group, None, self.steps, self._loudness(moved)[index])
+        change = (there.data - p.data) / LOUDNESS_STEP
+        out = {}
+        for k, (i, row) in enumerate(self.loud):
+            own = np.zeros(p.data.shape, dtype=np.complex128)
+            if i == index:
+                own[row] = change[row]
+            out[self._shared_by_all + k] = own
+        return out
+
+
+def _sites(group: Group) -> tuple[Group, np.ndarray]:
+    """The positions behind records apart, and the index of each record's."""
+    entries = [same[0] for same in group.entries]
+    (sites,) = merged(entries)
+    names = [site(same[0]) for same in sites.entries]
+    return replace(sites, blow_at=np.nan_to_num(sites.blow_at)), np.array([names.index(site(e)) for e in entries])
+
+
+def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray) -> ComplexArray:
+    """What equivalent stiffnesses at the elements' ports take away from each record's response."""
+    chain = model.chain.at(sites.channels, [DERIVATIVE_ORDER[q] for q in sites.quantities], 2j * np.pi * sites.freq)
+    condensed = CondensedModel(model, sites.positions, chain.s)
+    ports = [e.port for e in model.nonlinear]
+    if not ports:
+        return np.zeros((row.size, len(sites.channels), chain.s.size), dtype=np.complex128)
+    out = np.array([[condensed.receptance(r, p) for p in ports] for r in chain.signals])
+    drive = np.array([condensed.receptance(p, "force") for p in ports])
+    own = np.array([[condensed.receptance(p, q) for q in ports] for p in ports])
+    # (record, frequency, ...): one small system a record and line. A structure has one row for all sites.
+    row = row if len(own[0, 0]) > 1 else np.zeros_like(row)
+    z = stiffness.transpose(0, 2, 1)
+    a_pr, a_rq, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, drive, own))
+    below = np.eye(len(ports)) + a_rr * z[:, :, None, :]
+    taken = np.einsum("rfcp,rfp,rfp->rcf", a_pr, z, np.linalg.solve(below, a_rq[..., None])[..., 0])
+    return chain.shown(taken)
+
+
+def problem_for(
+    nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False, by_session: bool = False
+) -> Problem:
+    """
+    The problem of a hypothesis on some records.
+
+    Parameters
+    ----------
+    nominal : Machine or Structure
+        The nominal model.
+    records : Records
+        The records.
+    hypothesis : Hypothesis
+        What is fitted.
+    apart : bool
+        Whether records stay apart although the hypothesis is linear, beside one that is not.
+    by_session : bool
+        Whether every session is a group of its own.
+
+    Returns
+    -------
+    Problem
+        On merged records for linear causes, on records apart for others and where blocks leak.
+    """
+    if hypothesis.linear and not records.leaking and not apart:
+        return Problem(nominal, records.by_session if by_session else records.merged, hypothesis)
+    groups = records.apart_by_session if by_session else records.apart
+    return SimulatedProblem(nominal, groups, hypothesis, ROUGH_STEPS if records.rough else STEPS)

@@ -1,0 +1,369 @@
+"""
+Unknown functions of frequency, fitted to all records of a group at given tuning.
+
+Line by line the functions are one or two complex numbers, which every record of a set shares; all lines are solved together by
+damped Gauss-Newton steps, from the inversion of each single response and from the neighbouring lines' solutions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutvib_ss.diagnosis.modification import Modification
+from cutvib_ss.diagnosis.prediction import Prediction
+from cutvib_ss.diagnosis.records import Group
+from cutvib_ss.effects.base import Model
+from cutvib_ss.response.batched import inverse
+from cutvib_ss.results import ComplexArray, FloatArray
+
+MODEL_ERROR = 0.01
+"""Relative error of a response that no parameter of the model explains; noise is widened by it."""
+TAIL_ERROR = 0.3
+"""Relative error of what the blocks cut off, since that is taken from the model without the elements."""
+ITERATIONS = 10
+"""Gauss-Newton steps from afar, at most …"""
+NEARBY = 4
+"""… and from close by, at most."""
+SETTLED = 1e-3
+"""Relative gain at which steps end."""
+BENDS = 10
+"""Degree of a smooth function of the logarithm of frequency …"""
+REWEIGHTED = 8
+"""… and the times that lines far from it are given less weight."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """
+    Records on which the functions are fitted.
+
+    Parameters
+    ----------
+    group : Group
+        The records.
+    sets : ndarray of int, shape (row,)
+        Which set of functions each row takes part in: one for all, or one a level or record.
+    weight : ndarray, shape (row, channel, frequency)
+        Reciprocal of E|error|².
+    tail : ndarray, shape (row, channel, frequency)
+        What the blocks cut off of the model.
+    window : ndarray, shape (row, 1, 1)
+        Factor of an exponential window on the response alone.
+    """
+
+    group: Group
+    sets: np.ndarray
+    weight: FloatArray
+    tail: ComplexArray
+    window: FloatArray
+
+    @property
+    def count(self) -> int:
+        """Number of sets."""
+        return int(self.sets.max()) + 1
+
+    def but(self, left_out: np.ndarray) -> FloatArray:
+        """
+        Weights without some rows.
+
+        Parameters
+        ----------
+        left_out : ndarray of bool, shape (row,)
+            Rows that count nothing.
+
+        Returns
+        -------
+        ndarray, shape (row, channel, frequency)
+            The weights.
+        """
+        return np.where(left_out[:, None, None], 0.0, self.weight)
+
+    def by_set(self, values: np.ndarray) -> np.ndarray:
+        """
+        Sums over the rows of each set.
+
+        Parameters
+        ----------
+        values : ndarray, shape (row, ...)
+            Values.
+
+        Returns
+        -------
+        ndarray, shape (set, ...)
+            Their sums.
+        """
+        out = np.zeros((self.count, *values.shape[1:]), dtype=values.dtype)
+        np.add.at(out, self.sets, values)
+        return out
+
+    def of_rows(self, functions: ComplexArray) -> ComplexArray:
+        """
+        The functions as each row has them.
+
+        Parameters
+        ----------
+        functions : ndarray, shape (set, function, frequency)
+            The functions.
+
+        Returns
+        -------
+        ndarray, shape (function, row, frequency)
+            The same by rows.
+        """
+        mine: ComplexArray = functions[self.sets].swapaxes(0, 1)
+        return mine
+
+
+def rows_of(model: Model, group: Group, sets: np.ndarray, blow_at: float) -> Rows:
+    """
+    Records with their weights.
+
+    Parameters
+    ----------
+    model : Machine or Structure
+        A model close by, whose tails are taken.
+    group : Group
+        The records.
+    sets : ndarray of int, shape (row,)
+        Which set of functions each row takes part in.
+    blow_at : float
+        Instant of the blow [s] where records do not state it.
+
+    Returns
+    -------
+    Rows
+        The records.
+    """
+    shown = Prediction(model, group, blow_at)
+    tail: ComplexArray = shown.untruncated * shown.window - shown.data
+    error = group.variance + (MODEL_ERROR * np.abs(group.data)) ** 2 + (TAIL_ERROR * np.abs(tail)) ** 2
+    return Rows(group, sets, 1.0 / error, tail, np.asarray(shown.window, dtype=np.float64))
+
+
+def squares_left(
+    rows: Rows, m: Modification, gain: ComplexArray, functions: ComplexArray, weight: FloatArray
+) -> FloatArray:
+    """
+    Weighted squares that functions leave.
+
+    Parameters
+    ----------
+    rows : Rows
+        The records.
+    m : Modification
+        How the functions enter.
+    gain : ndarray, shape (channel, frequency)
+        Calibration errors, 1 + ε.
+    functions : ndarray, shape (set, function, frequency)
+        The functions.
+    weight : ndarray, shape (row, channel, frequency)
+        Weights.
+
+    Returns
+    -------
+    ndarray, shape (set, frequency)
+        The squares; large where the responses are not finite.
+    """
+    shown = m.shown(rows.of_rows(functions))
+    with np.errstate(all="ignore"):
+        squares = np.sum(weight * np.abs(rows.group.data - gain * shown) ** 2, axis=1)
+    return rows.by_set(np.where(np.isfinite(squares), squares, 1e30))
+
+
+def fitted_functions(
+    rows: Rows,
+    m: Modification,
+    gain: ComplexArray,
+    weight: FloatArray,
+    start: ComplexArray | None = None,
+    sweeps: int = 1,
+) -> tuple[ComplexArray, FloatArray]:
+    """
+    The functions that explain the records best, each line on its own.
+
+    Parameters
+    ----------
+    rows : Rows
+        The records.
+    m : Modification
+        How the functions enter.
+    gain : ndarray, shape (channel, frequency)
+        Calibration errors, 1 + ε.
+    weight : ndarray, shape (row, channel, frequency)
+        Weights; zero for rows that are left out.
+    start : ndarray, shape (set, function, frequency), optional
+        Functions close by; by default none, and the inversions of single responses.
+    sweeps : int
+        Times that each line is tried from its neighbours' solutions.
+
+    Returns
+    -------
+    functions : ndarray, shape (set, function, frequency)
+        The functions.
+    left : ndarray, shape (set, frequency)
+        Squares that they leave.
+    """
+    if start is None:
+        functions, best = _inverted(rows, m, gain, weight)
+        functions, best = _climbed(rows, m, gain, weight, functions, best, 1e-3, ITERATIONS)
+    else:
+        functions, best = start, squares_left(rows, m, gain, start, weight)
+        functions, best = _climbed(rows, m, gain, weight, functions, best, 1e-3, NEARBY)
+    for side in (1, -1) * sweeps:
+        near = np.roll(functions, side, axis=-1)
+        left = squares_left(rows, m, gain, near, weight)
+        near, left = _climbed(rows, m, gain, weight, near, left, 1e-2, NEARBY)
+        better = left < best
+        functions, best = np.where(better[:, None], near, functions), np.where(better, left, best)
+    return functions, best
+
+
+def smoothing_cost(rows: Rows, m: Modification, gain: ComplexArray, functions: ComplexArray) -> FloatArray:
+    """
+    Squares that smooth functions of frequency would leave beyond the fitted ones.
+
+    Parameters
+    ----------
+    rows : Rows
+        The records.
+    m : Modification
+        How the functions enter.
+    gain : ndarray, shape (channel, frequency)
+        Calibration errors, 1 + ε.
+    functions : ndarray, shape (set, function, frequency)
+        The fitted functions.
+
+    Returns
+    -------
+    ndarray, shape (set, frequency)
+        To second order: each function's distance from a polynomial in log f, by the fit's own curvature. Lines that lie far off
+        count little when the polynomial is fitted, so that a resonance there does not bend it everywhere.
+    """
+    matrix, _ = _normal(rows, m, gain, rows.weight, functions)
+    curvature = np.nan_to_num(np.abs(np.einsum("iisf->sif", matrix)))
+    u = np.log(rows.group.freq)
+    basis = np.polynomial.chebyshev.chebvander(
+        2.0 * (u - u[0]) / max(u[-1] - u[0], 1e-12) - 1.0, min(BENDS, u.size - 1)
+    )
+    # A set's share of the data, against which a distance is far.
+    usual = rows.group.data.size / rows.group.freq.size / rows.count
+    cost = np.zeros((len(functions), u.size))
+    for own, weights, total in zip(functions, curvature, cost, strict=True):
+        for value, weight in zip(own, weights, strict=True):
+            off = np.zeros(u.size)
+            for _ in range(REWEIGHTED):
+                root = np.sqrt(weight / (1.0 + off / usual))
+                smooth = basis @ np.linalg.lstsq(basis * root[:, None], value * root, rcond=None)[0]
+                off = weight * np.abs(value - smooth) ** 2
+            total += off
+    return cost
+
+
+def _inverted(rows: Rows, m: Modification, gain: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """At each line the best of no elements and the inversions of single responses."""
+    best_one: ComplexArray = np.zeros((rows.count, m.functions, rows.group.freq.size), dtype=np.complex128)
+    best = squares_left(rows, m, gain, best_one, weight)
+    asked = m.inverted(rows.group.data / gain)
+    if asked is None:
+        return best_one, best
+    # One row of every set at a time.
+    turn = np.array([np.count_nonzero(rows.sets[:i] == k) for i, k in enumerate(rows.sets)])
+    for k in range(int(turn.max()) + 1):
+        mine = np.flatnonzero(turn == k)
+        for j, c in np.ndindex(len(asked), asked.shape[2]):
+            trial = np.zeros_like(best_one)
+            trial[rows.sets[mine], j] = asked[j, mine, c]
+            left = squares_left(rows, m, gain, trial, weight)
+            better = left < best
+            best_one, best = np.where(better[:, None], trial, best_one), np.where(better, left, best)
+    return best_one, best
+
+
+def _climbed(
+    rows: Rows,
+    m: Modification,
+    gain: ComplexArray,
+    weight: FloatArray,
+    functions: ComplexArray,
+    best: FloatArray,
+    damping: float,
+    iterations: int,
+) -> tuple[ComplexArray, FloatArray]:
+    """Damped Gauss-Newton steps, every line with a damping of its own."""
+    lam = np.full(best.shape, damping)
+    one = np.eye(m.functions)[:, :, None, None]
+    for _ in range(iterations):
+        matrix, gradient = _normal(rows, m, gain, weight, functions)
+        size = np.abs(np.einsum("iilf->ilf", matrix))
+        floor = 1e-12 * size.max(axis=0) + 1e-300
+        with np.errstate(all="ignore"):
+            step = np.einsum("ijlf,jlf->ilf", _inverse(matrix + one * (size * lam + floor)), gradient)
+        trial = functions + step.swapaxes(0, 1)
+        left = squares_left(rows, m, gain, trial, weight)
+        better = left < best
+        gained = float(np.sum(np.where(better, best - left, 0.0)))
+        functions, best = np.where(better[:, None], trial, functions), np.where(better, left, best)
+        lam = np.where(better, lam / 5, lam * 10)
+        if gained < SETTLED * float(best.sum()):
+            break
+    return functions, best
+
+
+def _normal(
+    rows: Rows, m: Modification, gain: ComplexArray, weight: FloatArray, functions: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Curvature (function, function, set, frequency) and gradient of the functions."""
+    shown, slopes = m.sloped(rows.of_rows(functions))
+    slopes, left = np.nan_to_num(slopes * gain), np.nan_to_num(rows.group.data - gain * shown)
+    weighted = slopes.conj() * weight
+    matrix = np.einsum("ipcf,jpcf->pijf", weighted, slopes)
+    gradient = np.einsum("ipcf,pcf->pif", weighted, left)
+    return np.moveaxis(rows.by_set(matrix), 0, -2), np.moveaxis(rows.by_set(gradient), 0, -2)
+
+
+def _inverse(matrices: ComplexArray) -> ComplexArray:
+    """Inverses of (n, n, set, frequency)."""
+    n, _, *rest = matrices.shape
+    return inverse(matrices.reshape(n, n, -1)).reshape(n, n, *rest)
+
+
+def followed(
+    rows: Rows, m: Modification, gain: ComplexArray, functions: ComplexArray, outer: ComplexArray
+) -> tuple[ComplexArray, FloatArray]:
+    """
+    How fitted functions follow other unknowns, and their own standard deviation at each line.
+
+    Parameters
+    ----------
+    rows : Rows
+        The records.
+    m : Modification
+        How the functions enter.
+    gain : ndarray, shape (channel, frequency)
+        Calibration errors, 1 + ε.
+    functions : ndarray, shape (set, function, frequency)
+        The fitted functions.
+    outer : ndarray, shape (unknown, row, channel, frequency)
+        Derivatives of the responses to the other unknowns.
+
+    Returns
+    -------
+    slopes : ndarray, shape (unknown, set, function, frequency)
+        The functions' derivatives to those.
+    std : ndarray, shape (set, function, frequency)
+        One standard deviation of the functions' real and imaginary parts, the other unknowns given.
+    """
+    _, inner = m.sloped(rows.of_rows(functions))
+    inner = np.nan_to_num(inner * gain)
+    weighted = inner.conj() * rows.weight
+    matrix = np.moveaxis(rows.by_set(np.einsum("ipcf,jpcf->pijf", weighted, inner)), 0, -2)
+    pulled = np.array([rows.by_set(np.einsum("ipcf,pcf->pif", weighted, np.nan_to_num(o))) for o in outer])
+    size = np.sqrt(np.abs(np.einsum("iilf->ilf", matrix)) + 1e-300)
+    spread = _inverse(matrix / (size[:, None] * size[None]) + 1e-12 * np.eye(m.functions)[:, :, None, None])
+    inverted = spread / (size[:, None] * size[None])
+    slopes: ComplexArray = -np.einsum("ijlf,xljf->xlif", inverted, pulled)
+    # E|error|² = 1/weight is shared by the two parts.
+    std: FloatArray = np.sqrt(np.abs(np.einsum("iilf->lif", inverted)) / 2)
+    return slopes, std

@@ -1,0 +1,149 @@
+"""
+Where: the error of the re-tuned model against its noise, over frequency, position, channel and level.
+
+The place without a hypothesis is in `cutvib_ss.diagnosis.place`, the error band by band in `cutvib_ss.diagnosis.bands`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cutvib_ss.diagnosis.cross_validation import Judged
+from cutvib_ss.diagnosis.records import Entry, Group
+from cutvib_ss.diagnosis.result import ErrorFigure
+from cutvib_ss.results import ComplexArray
+
+STANDS_OUT = 4.0
+"""Standard deviations by which a band's mean square has to exceed what noise leaves."""
+LEVEL_EXCESS = 1.15
+"""Reduced χ² between levels from which a response is called level-dependent."""
+
+
+def bands(residuals: Sequence[tuple[Group, ComplexArray]], width: float) -> tuple[tuple[float, float], ...]:
+    """
+    Bands in which the error stands out of the noise.
+
+    Parameters
+    ----------
+    residuals : sequence of (Group, ndarray)
+        Groups with their residuals over the noise of a real part, shape (position, channel, frequency).
+    width : float
+        Width over which the error is averaged [Hz].
+
+    Returns
+    -------
+    tuple of (float, float)
+        Bands [Hz], ascending and apart.
+    """
+    found: list[tuple[float, float]] = []
+    for g, r in residuals:
+        power = np.mean(np.abs(r) ** 2 / 2, axis=(0, 1))
+        step = float(np.median(np.diff(g.freq)))
+        half = min(max(1, round(width / step / 2)), (g.freq.size - 1) // 2)
+        kernel = np.ones(2 * half + 1)
+        counts = np.convolve(np.ones(power.size), kernel, mode="same")
+        smooth = np.convolve(power, kernel, mode="same") / counts
+        # Each |r|²/2 is exponential with mean one; the noise itself is known to some percent.
+        spread = np.sqrt(1.0 / (counts * r.shape[0] * r.shape[1])) + 0.05
+        out = smooth > 1.0 + STANDS_OUT * spread
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
+        found += [(float(g.freq[a]), float(g.freq[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return _joined(sorted(found), width)
+
+
+def _joined(found: list[tuple[float, float]], width: float) -> tuple[tuple[float, float], ...]:
+    joined: list[tuple[float, float]] = []
+    for low, high in found:
+        if joined and low <= joined[-1][1] + width:
+            joined[-1] = (joined[-1][0], max(high, joined[-1][1]))
+        else:
+            joined.append((low, high))
+    return tuple(joined)
+
+
+def level_dependence(entries: Sequence[Entry]) -> float:
+    """
+    Reduced χ² of the levels at each position, in each session, against their mean: sessions differ by drift.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        Records.
+
+    Returns
+    -------
+    float
+        About 1 where the response does not change with the level; NaN with one level.
+    """
+    total, freedom = 0.0, 0
+    places: dict[tuple[object, ...], list[Entry]] = {}
+    for e in entries:
+        # Records of a structure are compared as they are, unless they state their sessions.
+        session = (e.session,) if e.session is not None else ()
+        places.setdefault((float(np.nan_to_num(e.position, nan=-1.0)), e.channels, e.freq.size, *session), []).append(e)
+    for same in places.values():
+        if len(same) < 2:
+            continue
+        precision = np.array([1.0 / e.variance for e in same])
+        data = np.array([e.data for e in same])
+        mean = np.sum(precision * data, axis=0) / precision.sum(axis=0)
+        total += float(np.sum(np.abs(data - mean) ** 2 * precision))
+        freedom += (len(same) - 1) * mean.size
+    return total / freedom if freedom else float("nan")
+
+
+def by_position(records: Sequence[Judged], per_unit: float) -> tuple[ErrorFigure, ...]:
+    """
+    Errors over positions.
+
+    Parameters
+    ----------
+    records : sequence of Judged
+        Records against the re-tuned model.
+    per_unit : float
+        SI value of the reported unit.
+
+    Returns
+    -------
+    tuple of ErrorFigure
+        One a position, ascending.
+    """
+    places = sorted({float(np.nan_to_num(j.entry.position, nan=-1.0)) for j in records})
+    out = []
+    for place in places:
+        own = [j for j in records if float(np.nan_to_num(j.entry.position, nan=-1.0)) == place]
+        error, noise = (float(np.mean([getattr(j, k).mean() for j in own])) / per_unit for k in ("error", "noise"))
+        out.append(ErrorFigure(None if place < 0 else place, error, noise))
+    return tuple(out)
+
+
+def by_channel(records: Sequence[Judged], channels: Sequence[str], per_unit: float) -> tuple[ErrorFigure, ...]:
+    """
+    Errors over channels.
+
+    Parameters
+    ----------
+    records : sequence of Judged
+        Records against the re-tuned model.
+    channels : sequence of str
+        Channels, in order.
+    per_unit : float
+        SI value of the reported unit.
+
+    Returns
+    -------
+    tuple of ErrorFigure
+        One a channel.
+    """
+    out = []
+    for name in channels:
+        pairs = [
+            (j.error[j.entry.channels.index(name)], j.noise[j.entry.channels.index(name)])
+            for j in records
+            if name in j.entry.channels
+        ]
+        error, noise = np.mean(pairs, axis=0) / per_unit
+        out.append(ErrorFigure(name, float(error), float(noise)))
+    return tuple(out)

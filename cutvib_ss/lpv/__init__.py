@@ -1,6 +1,0 @@
-"""The family of plants over positions: linear parameter-varying, exact and as a table, in common states."""
-
-from cutvib_ss.lpv.family import PlantSchedule, schedule
-from cutvib_ss.lpv.table import PlantMatrices, PlantTable
-
-__all__ = ["PlantMatrices", "PlantSchedule", "PlantTable", "schedule"]

@@ -1,0 +1,339 @@
+"""
+How the machine answers blows.
+
+A linear machine answers in the frequency domain, on a line s = σ + iω that lets a long response die out within the period
+of the transform; a machine with nonlinear elements is integrated in time (`laws`), its linear part exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutvib_ss.validation.rig.blows import FS, Blow, antialiased
+from cutvib_ss.validation.rig.fittings import combination
+from cutvib_ss.validation.rig.laws import KINDS, VALUES
+from cutvib_ss.validation.rig.multibody import Linearised
+from cutvib_ss.validation.rig.stepping import TOLERANCE, integrate
+from cutvib_ss.validation.rig.structure import Machinery
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+STEPS = (8, 16, 32, 64, 128, 256, 512)
+"""Steps to a sample of the records that are tried in turn."""
+
+CONVERGED = 0.01
+"""What may be wrong with a blow, over the noise: root mean squares."""
+
+_PERIOD = 8.0
+"""Period of the transforms [s]."""
+
+_DECAY = 1.5
+"""σ [1/s]: a response is e^-12 of itself when the period is over."""
+
+
+class NotConvergedError(RuntimeError):
+    """A blow could not be integrated as closely as it must."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """
+    State-space modes, one of each conjugate pair.
+
+    Parameters
+    ----------
+    poles : ndarray of complex, shape (mode,)
+        Poles [rad/s].
+    shapes : ndarray of complex, shape (port, mode)
+        Displacement of the ports.
+    weights : ndarray of complex, shape (port, mode)
+        How forces at the ports drive the modes, twice where there is a pair.
+    names : tuple of str
+        The ports.
+    """
+
+    poles: Complex
+    shapes: Complex
+    weights: Complex
+    names: tuple[str, ...]
+
+    def port(self, name: str) -> Complex:
+        """
+        Displacement of a port in each mode.
+
+        Parameters
+        ----------
+        name : str
+            A port, or a combination of ports.
+
+        Returns
+        -------
+        ndarray of complex, shape (mode,)
+            Displacement.
+        """
+        return np.asarray(sum(factor * self.shapes[self.names.index(n)] for n, factor in combination(name).items()))
+
+    def input(self, name: str) -> Complex:
+        """
+        How a force at a port drives each mode.
+
+        Parameters
+        ----------
+        name : str
+            A port, or a combination of ports.
+
+        Returns
+        -------
+        ndarray of complex, shape (mode,)
+            Weights.
+        """
+        return np.asarray(sum(factor * self.weights[self.names.index(n)] for n, factor in combination(name).items()))
+
+
+def modes(machine: Linearised) -> Modes:
+    """
+    Modes of the first-order form.
+
+    Parameters
+    ----------
+    machine : Linearised
+        The machine.
+
+    Returns
+    -------
+    Modes
+        Its modes.
+    """
+    n = machine.mass.shape[0]
+    stiffness, damping = (np.linalg.solve(machine.mass, matrix) for matrix in (machine.stiffness, machine.damping))
+    scale = np.sqrt(np.abs(np.diag(stiffness)).max())  # velocities over it: a balanced matrix
+    state = np.block([[np.zeros((n, n)), scale * np.eye(n)], [-stiffness / scale, -damping]])
+    poles, right = np.linalg.eig(state)
+    names = tuple(machine.ports)
+    rows = np.array([machine.ports[name] for name in names])
+    forces = np.vstack([np.zeros((n, len(names))), np.linalg.solve(machine.mass, rows.T) / scale])
+    left = np.linalg.solve(right, forces)  # mode, port
+    keep = poles.imag >= 0
+    twice = np.where(poles.imag > 0, 2.0, 1.0)
+    return Modes(poles[keep], rows @ right[:n][:, keep], (twice[:, None] * left)[keep].T, names)
+
+
+def receptance(m: Modes, s: Complex, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
+    """
+    Displacements over forces.
+
+    Parameters
+    ----------
+    m : Modes
+        The machine's modes.
+    s : ndarray of complex, shape (frequency,)
+        Complex frequencies [rad/s].
+    outputs, inputs : sequence of str
+        Ports.
+
+    Returns
+    -------
+    ndarray of complex, shape (output, input, frequency)
+        Receptances [m/N].
+    """
+    # 2 Re of one of a pair holds in time; over s the conjugate has to be written out
+    out = np.array([m.port(name) for name in outputs])
+    force = np.array([m.input(name) for name in inputs])
+    single = np.where(m.poles.imag > 0, 0.5, 1.0)
+    residue = (out[:, None] * force[None] * single).reshape(-1, m.poles.size)
+    response = residue @ (1.0 / (s[None] - m.poles[:, None]))
+    pair = m.poles.imag > 0
+    response += residue[:, pair].conj() @ (1.0 / (s[None] - m.poles[pair, None].conj()))
+    return np.asarray(response.reshape(len(outputs), len(inputs), s.size))
+
+
+def frequency_response(rig: Machinery, machine: Linearised, s: Complex) -> Complex:
+    """
+    Motion of the channels over the force, nonlinear laws left out.
+
+    Parameters
+    ----------
+    rig : Machinery
+        The machine, for its channels and elements without matrices.
+    machine : Linearised
+        The same, assembled.
+    s : ndarray of complex, shape (frequency,)
+        Complex frequencies [rad/s].
+
+    Returns
+    -------
+    ndarray of complex, shape (channel, frequency)
+        Frequency responses, of accelerations [m/s^2/N] as a rule.
+    """
+    m = modes(machine)
+    elements, channels = rig.fittings.lossy, [c.port for c in rig.channels]
+    alpha = receptance(
+        m, s, [*channels, *(e.sense or e.port for e in elements)], [rig.drive, *(e.port for e in elements)]
+    )
+    shown, sensed = alpha[: len(channels)], alpha[len(channels) :]
+    response = shown[:, 0]
+    if elements:
+        # f = -z q where q is sensed: q = (1 + A z)^-1 α
+        z = np.array([e.stiffness(s) for e in elements])
+        system = np.eye(len(elements))[:, :, None] + sensed[:, 1:] * z[None]
+        motion = np.linalg.solve(system.transpose(2, 0, 1), sensed[:, 0].T[..., None])[..., 0].T
+        response = response - np.einsum("cjf,jf->cf", shown[:, 1:], z * motion)
+    return np.asarray(response * np.array([s**c.order for c in rig.channels]))
+
+
+def linear_answer(rig: Machinery, machine: Linearised, forces: Array, fs: float) -> Array:
+    """
+    Accelerations of a linear machine from rest.
+
+    Parameters
+    ----------
+    rig : Machinery
+        The machine, for its channels and elements without matrices.
+    machine : Linearised
+        The same, assembled.
+    forces : ndarray, shape (blow, sample)
+        Band-limited forces on the tool [N].
+    fs : float
+        Their sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray, shape (blow, channel, sample)
+        Accelerations [m/s^2].
+
+    Raises
+    ------
+    NotConvergedError
+        If a feedback makes the machine unstable.
+    """
+    count = round(_PERIOD * fs)
+    time = np.arange(forces.shape[-1]) / fs
+    s = np.asarray(_DECAY + 2j * np.pi * np.fft.rfftfreq(count, 1 / fs), dtype=np.complex128)
+    response = frequency_response(rig, machine, s)
+    spectra = np.fft.rfft(forces * np.exp(-_DECAY * time), count)
+    answer = np.fft.irfft(spectra[:, None] * response[None], count)[..., : time.size]
+    answer = np.asarray(answer * np.exp(_DECAY * time))
+    if any(e.kind == "feedback" for e in rig.fittings.lossy):
+        # an unstable loop has poles right of the line s: its answer would come before the blow
+        before = np.abs(answer[..., : round(0.04 * fs)]).max(axis=-1)
+        if (before > 1e-4 * np.abs(answer).max(axis=-1)).any():
+            raise NotConvergedError("feedback: the loop is unstable")
+    return answer
+
+
+def nonlinear_answer(rig: Machinery, machine: Linearised, force: Array, fs: float) -> Array:
+    """
+    Accelerations of a machine with nonlinear elements from rest.
+
+    Parameters
+    ----------
+    rig : Machinery
+        The machine, for its laws.
+    machine : Linearised
+        The same, assembled.
+    force : ndarray, shape (sample,)
+        Force [N], smooth between its samples.
+    fs : float
+        Steps per second [Hz].
+
+    Returns
+    -------
+    ndarray, shape (channel, sample)
+        Accelerations [m/s^2].
+
+    Raises
+    ------
+    NotConvergedError
+        If the elements' forces and the motion do not agree at the end of every step.
+    """
+    if rig.fittings.lossy:
+        raise ValueError("elements without matrices have no motion in time beside nonlinear ones")
+    m = modes(machine)
+    step = 1 / fs
+    ports = [law.port for law in rig.fittings.laws]
+    drive = np.array([m.input(name) for name in (rig.drive, *ports)]).T
+    z = m.poles * step
+    decay = np.exp(z)
+    # ∫ e^(λ(h-t)) of an input linear in t; the second form where the first would lose digits
+    small = np.abs(z) < 1e-3
+    safe = np.where(small, 1.0, z)
+    end = np.where(small, 0.5 + z / 6 + z**2 / 24, (decay - 1 - z) / safe**2) * step
+    begin = np.where(small, 1 + z / 2 + z**2 / 6, (decay - 1) / safe) * step - end
+    deflections = np.array([m.port(name) for name in ports])
+    channels = np.array([m.port(c.port) for c in rig.channels])
+    order = np.array([c.order for c in rig.channels])[:, None]
+    # v = Σ λ·shape·x is exact away from the instant of a force; its derivative adds what the force accelerates at once
+    direct = (channels * m.poles) @ drive * (order == 2)
+    values = np.zeros((len(ports), VALUES))
+    for row, law in zip(values, rig.fittings.laws, strict=True):
+        row[: len(law.values)] = law.values
+    response, left = integrate(
+        decay,
+        begin[:, None] * drive,
+        end[:, None] * drive,
+        np.vstack([deflections, deflections * m.poles]),
+        channels * m.poles**order,
+        np.ascontiguousarray(direct.real),
+        np.array([KINDS[law.kind] for law in rig.fittings.laws], dtype=np.int64),
+        values,
+        force,
+        step,
+    )
+    if not left <= 10 * TOLERANCE:
+        kinds = ", ".join(law.kind for law in rig.fittings.laws)
+        raise NotConvergedError(f"{kinds}: a step of {step:.3g} s is solved to {left:.3g} of the largest force only")
+    return np.asarray(response)
+
+
+def converged_answer(
+    rig: Machinery, machine: Linearised, blow: Blow, noise: Sequence[float], first: int = STEPS[0]
+) -> tuple[Array, int, float]:
+    """
+    Accelerations of a machine with nonlinear elements, steps halved until that no longer matters.
+
+    Parameters
+    ----------
+    rig : Machinery
+        The machine, for its laws.
+    machine : Linearised
+        The same, assembled.
+    blow : Blow
+        The blow.
+    noise : sequence of float
+        Standard deviation of the noise of each channel, by sample.
+    first : int
+        Steps to a sample to begin with, of `STEPS`: what an earlier blow needed at the least.
+
+    Returns
+    -------
+    response : ndarray, shape (channel, sample)
+        Filtered motion at FS.
+    fine : int
+        Steps to a sample.
+    error : float
+        Root mean square of what is wrong, over that of the noise, in the channel where it is largest: a third of what steps twice
+        as long change, for the error goes with the square of the step.
+
+    Raises
+    ------
+    NotConvergedError
+        If the finest steps are too long.
+    """
+    scale = np.asarray(noise)[:, None]
+    before, error = None, np.inf
+    for fine in STEPS:
+        if fine < first and fine != STEPS[-2]:
+            continue
+        answer = antialiased(nonlinear_answer(rig, machine, blow.force(fine), FS * fine), fine)
+        if before is not None:
+            error = float(np.sqrt(np.mean(((answer - before) / scale) ** 2, axis=1)).max()) / 3
+            if error <= CONVERGED:
+                return answer, fine, error
+        before = answer
+    kinds = ", ".join(law.kind for law in rig.fittings.laws)
+    raise NotConvergedError(f"{kinds}: at steps of 1/{STEPS[-1] * FS:.0f} s {error:.3g} of the noise is still wrong")

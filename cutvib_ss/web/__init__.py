@@ -1,0 +1,1 @@
+"""The page of `cutvib serve`: a campaign looked at, its model tried out, its diagnosis made and downloaded."""

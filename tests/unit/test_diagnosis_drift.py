@@ -1,0 +1,93 @@
+"""Campaigns of the published machine that moves between sessions and lacks nothing: made by closed forms, not by directions."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cutvib_ss.paths import value_at, with_values
+
+from cutvib_ss.diagnosis.diagnose import diagnose
+from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.results import MeasuredFrequencyResponse
+
+MACHINE = published_machine()
+FREQ = np.arange(16.0, 400.0, 8.0)
+CHANNELS = ("tool_x", "base_x")
+NOISE, DRIFT = 3e-3, 5e-3
+"""Of the largest response, and of stiffnesses and gains; dampings move by ten times as much."""
+
+
+def moved(rng: np.random.Generator) -> tuple[Machine, np.ndarray]:
+    """The machine of one session, and the gain of each channel."""
+    values = {}
+    for path, times in (
+        (("head", "k1"), 1.0),
+        (("head", "k2"), 1.0),
+        (("rail", "parameters", "first_frequency"), 0.5),
+        (("head", "c1"), 10.0),
+        (("head", "c2"), 10.0),
+        (("rail", "parameters", "damping_ratio"), 10.0),
+    ):
+        values[path] = value_at(MACHINE, path) * (1.0 + times * DRIFT * rng.standard_normal())
+    return with_values(MACHINE, values), 1.0 + DRIFT * rng.standard_normal(len(CHANNELS))
+
+
+def campaign(folder: Path, sessions: dict[str | None, tuple[float, ...]], seed: int) -> Campaign:
+    """Responses with noise of a known variance; without a name every position is a session of its own."""
+    rng = np.random.default_rng(seed)
+    records = []
+    for name, positions in sessions.items():
+        model, gain = moved(rng)
+        for y in positions:
+            if name is None:
+                model, gain = moved(rng)
+            data = frequency_response(model, [y], FREQ, outputs=CHANNELS).data * gain[:, None, None]
+            std = NOISE * np.abs(data).max(axis=-1, keepdims=True) * np.ones(FREQ.size)
+            noise = std * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape)) / np.sqrt(2)
+            frf = MeasuredFrequencyResponse(
+                data + noise, FREQ, np.array([y]), CHANNELS, ("force",), ("acceleration",) * 2, variance=std**2, averages=4
+            )  # fmt: skip
+            records.append(
+                Record(
+                    f"r{len(records)}", "frf", y, None, None, CHANNELS, ("acceleration",) * 2, (), frf, 4, "multisine",
+                    session=name,
+                )
+            )  # fmt: skip
+    return Campaign("drift", folder, MACHINE, tuple(records))
+
+
+def retuned(found: Campaign, machine: Machine) -> Fit:
+    return fit(machine, Records(observe(found, machine).entries), Hypothesis())
+
+
+@pytest.mark.parametrize(
+    ("sessions", "count"),
+    [
+        ({None: (0.1, 0.3, 0.6, 0.9)}, 4),
+        ({"Monday": (0.1, 0.5), "Tuesday": (0.5, 0.8)}, 2),
+    ],
+    ids=["positions", "stated"],
+)
+def test_a_machine_that_moves_between_sessions_has_no_gap(
+    tmp_path: Path, sessions: dict[str | None, tuple[float, ...]], count: int
+) -> None:
+    measured = campaign(tmp_path, sessions, seed=6)
+    steady = replace(MACHINE, tolerance=replace(MACHINE.tolerance, drift=1e-9))
+    found = retuned(measured, MACHINE)
+    assert len(found.spread.layout.sessions) == count
+    assert 0.85 < found.chi2 / found.count < 1.1
+    # No tuning that all sessions share, and no smooth error of its stiffness, does that.
+    together = retuned(measured, steady)
+    assert together.chi2 > 5.0 * together.count
+    diagnosis = diagnose(measured)
+    assert diagnosis.verdict == "no_gap"
+    assert diagnosis.causes[0].effect == diagnosis.where.place == "none"
+    assert 0.9 < diagnosis.causes[0].reduced_chi2 < 1.1
+    assert not diagnosis.where.level_dependent

@@ -1,0 +1,185 @@
+"""Drift and discrepancy as low-rank directions, against dense Gaussian algebra."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from cutvib_ss.diagnosis import cross_validation
+from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.likelihood import LENGTH, Directions, Quadratic, Sizes, smooth_shapes
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.model.structure import Structure
+from tests.unit.diagnosis_example import example_structure
+
+FREQ = np.linspace(20.0, 110.0, 31)
+
+
+def response(
+    structure: Structure, k: float = 1.0, gain: float | np.ndarray = 1.0, m: float = 1.0, c: float = 1.0
+) -> np.ndarray:
+    """Displacement at the drive and acceleration at the top, by matrices."""
+    system = structure.system
+    s = 2j * np.pi * FREQ
+    out = []
+    for line in s:
+        z = m * system.mass * line**2 + c * system.damping * line + k * system.stiffness
+        q = np.linalg.solve(z, system.ports["drive"])
+        out.append([q[0], line**2 * q[1]])
+    return np.asarray(gain * np.array(out).T)
+
+
+def entries(structure: Structure, drift: float, seed: int = 1, count: int = 6) -> tuple[Entry, ...]:
+    rng = np.random.default_rng(seed)
+    found = []
+    for i in range(count):
+        data = response(structure, 1 + drift * rng.standard_normal(), 1 + drift * rng.standard_normal())
+        variance = np.full(data.shape, 1.0) * (2e-3 * np.abs(data).max(axis=1, keepdims=True)) ** 2
+        noise = np.sqrt(variance / 2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
+        found.append(
+            Entry(i, np.nan, 1.0, data + noise, variance, FREQ, ("y", "a"), ("displacement", "acceleration"),
+                  np.inf, np.nan, 0.0, False)
+        )  # fmt: skip
+    return tuple(found)
+
+
+def test_shapes_are_those_of_the_process() -> None:
+    freq = np.geomspace(15.0, 450.0, 40)
+    shapes = smooth_shapes(freq, (15.0, 450.0))
+    u = np.log(freq)
+    kernel = np.exp(-0.5 * ((u[:, None] - u) / LENGTH) ** 2)
+    np.testing.assert_allclose(shapes.T @ shapes, kernel, atol=0.01)
+
+
+@pytest.mark.parametrize("sizes", [Sizes(3e-3, 1e-3), Sizes(3e-5, 1e-2)])
+def test_evidence_of_sizes_is_that_of_the_dense_covariance(sizes: Sizes) -> None:
+    structure = example_structure()
+    problem = Problem(structure, merged(entries(structure, 3e-3, count=3)), Hypothesis())
+    x = problem.start()
+    predictions, residuals, squares = problem.residuals(x)
+    directions = Directions(problem, x, predictions)
+    matrix, gradient = directions.normal(residuals)
+    precision = problem.prior_precision()
+    quadratic = Quadratic(
+        directions.layout,
+        matrix,
+        gradient,
+        squares,
+        x,
+        precision,
+        np.ones(x.size, dtype=bool),
+        even=np.zeros(x.size, dtype=bool),
+        offsets=np.zeros(directions.layout.size),
+        count=2 * sum(g.data.size for g in problem.groups),
+    )
+    rows = directions.flat()
+    residual = np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])
+
+    def dense(s: Sizes) -> float:
+        scaled = rows * directions.layout.scale(s)[:, None]
+        return float(stats.multivariate_normal(cov=np.eye(residual.size) + scaled.T @ scaled).logpdf(residual))
+
+    other = Sizes(1e-3, 3e-4)
+    assert quadratic.log_evidence(sizes) - quadratic.log_evidence(other) == pytest.approx(
+        dense(sizes) - dense(other), abs=1e-3
+    )
+
+
+def test_a_structure_that_drifts_between_records_has_no_gap() -> None:
+    structure = example_structure()
+    drifting = entries(structure, 5e-3)
+    found = fit(structure, Records(drifting), Hypothesis())
+    assert found.spread.sizes.drift in (3e-3, 1e-2)
+    assert 0.8 < found.chi2 / found.count < 1.1
+    steady = fit(structure, Records(entries(structure, 0.0)), Hypothesis())
+    assert steady.spread.sizes.drift < 1e-3
+    stated = replace(structure, tolerance=replace(structure.tolerance, drift=1e-9))
+    assert fit(stated, Records(drifting), Hypothesis()).chi2 > 5 * found.count
+
+
+def test_a_record_of_another_session_is_judged_with_the_drift_it_may_have() -> None:
+    structure = example_structure()
+    *known, last = entries(structure, 5e-3, seed=4)
+    records = Records(tuple(known))
+    fitted = fit(structure, records, Hypothesis())
+    problem = Problem(structure, records.merged, Hypothesis())
+    judged = cross_validation.judged(
+        last, cross_validation.predicted(last, fitted.model, 0.0, problem, fitted.x), problem, fitted
+    )
+    plain = cross_validation.judged(last, cross_validation.predicted(last, fitted.model, 0.0, problem, fitted.x))
+    assert np.all(plain.chi2 > 3.0)
+    assert np.all(judged.chi2 < 2.0)
+
+
+class Dense:
+    """
+    Two records as one Gaussian vector: covariance of tuning, drift, discrepancy and noise, nothing factored.
+
+    Derivatives are differences of `response`; the discrepancy is the full process over frequency.
+    """
+
+    def __init__(self, structure: Structure, x: np.ndarray, sizes: Sizes) -> None:
+        t = structure.tolerance
+        self.here = dict(zip("mck", np.exp(np.array([t.mass, t.damping, t.stiffness]) * x), strict=True))
+        self.plain = response(structure, **self.here)
+        by = {}
+        for name, value in self.here.items():
+            up, down = (response(structure, **{**self.here, name: value * (1 + h)}) for h in (1e-6, -1e-6))
+            by[name] = (up - down) / 2e-6
+        # Tuning by its tolerances, about where it was found; damping drifts by as many tolerances as the stiffness.
+        self.x = x
+        self.tuning = [t.mass * by["m"], t.damping * by["c"], t.stiffness * by["k"]]
+        self.drift = [sizes.drift * by["k"], sizes.drift * t.damping / t.stiffness * by["c"]]
+        for channel in range(2):
+            alone = sizes.drift * self.plain * (np.arange(2) == channel)[:, None]
+            self.drift += [alone, 1j * alone]
+        u = np.log(FREQ)
+        factor = np.linalg.cholesky(np.exp(-0.5 * ((u[:, None] - u) / LENGTH) ** 2) + 1e-10 * np.eye(u.size))
+        self.wrong = [part * sizes.nominal * by["k"] * shape for shape in factor.T for part in (1.0, 1j)]
+
+    def left(self, known: Entry, other: Entry, same_session: bool) -> np.ndarray:
+        """χ² a datum of each channel of one record, given the other."""
+
+        def flat(rows: list[np.ndarray]) -> np.ndarray:
+            return np.array([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in rows])
+
+        shared, drift = flat([*self.tuning, *self.wrong]), flat(self.drift)
+        mean = -self.x @ flat(self.tuning)
+        both = shared.T @ shared
+        own = both + drift.T @ drift
+        noise = np.diag(flat([known.variance / 2 + 0j])[0] + np.append(np.zeros(known.data.size), known.variance / 2))
+        first = own + noise
+        cross = own if same_session else both
+        gain = cross @ np.linalg.inv(first)
+        r_known, r_other = (flat([e.data - self.plain])[0] for e in (known, other))
+        left = r_other - mean - gain @ (r_known - mean)
+        covariance = own + noise - gain @ cross.T
+        out = []
+        for channel in range(2):
+            at = np.flatnonzero(np.tile(np.repeat(np.arange(2) == channel, FREQ.size), 2))
+            out.append(left[at] @ np.linalg.solve(covariance[np.ix_(at, at)], left[at]) / at.size)
+        return np.array(out)
+
+
+@pytest.mark.parametrize("session", ["first", "second"])
+@pytest.mark.parametrize("drift", [1e-4, 1e-3])
+def test_a_held_out_record_is_judged_by_its_dense_conditional(drift: float, session: str) -> None:
+    plain = example_structure()
+    # Damped, and moved by little beside a resonance's width: the algebra is linear.
+    damped = replace(plain.system, damping=10.0 * plain.system.damping)
+    structure = replace(plain, system=damped, tolerance=replace(plain.tolerance, calibration=0.0, drift=drift))
+    known, other = (replace(e, session="first") for e in entries(structure, 2e-4, seed=3, count=2))
+    other = replace(other, session=session)
+    records = Records((known,))
+    fitted = fit(structure, records, Hypothesis())
+    problem = Problem(structure, records.merged, Hypothesis())
+    shown = cross_validation.predicted(other, fitted.model, 0.0, problem, fitted.x)
+    found = cross_validation.judged(other, shown, problem, fitted).chi2
+    dense = Dense(structure, fitted.x, fitted.spread.sizes)
+    np.testing.assert_allclose(found, dense.left(known, other, session == "first"), rtol=0.02)
+    # Neither noise alone nor another session's knowledge would say that.
+    assert np.all(np.abs(cross_validation.judged(other, shown).chi2 / found - 1) > 0.1)
+    assert np.all(np.abs(dense.left(known, other, session != "first") / found - 1) > 0.1)

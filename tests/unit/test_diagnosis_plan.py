@@ -1,0 +1,131 @@
+"""What a planned campaign could tell, against fits to the data that it would give."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutvib_ss.cli import main
+from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.hypotheses import candidates
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.plan import PlannedCampaign, plan
+from cutvib_ss.diagnosis.records import Entry, Records
+from cutvib_ss.diagnosis.severity import runs
+from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.cross_axis import CrossAxis
+from cutvib_ss.effects.window_damping import WindowDamping
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.response.frequency import frequency_response
+
+MACHINE = published_machine()
+CAMPAIGN = PlannedCampaign((0.1, 0.4, 0.8), (50.0,), error=0.0)
+
+
+@pytest.fixture(scope="module")
+def planned():
+    return plan(MACHINE, CAMPAIGN, laws=False)
+
+
+def cause(found, name):
+    return next(c for c in found.causes if c.name == name)
+
+
+@pytest.mark.parametrize(
+    ("name", "build"),
+    [
+        ("added_mass head", lambda v: AddedMass("head", v)),  # up to the bound of m1
+        ("cross_axis measurement", lambda v: CrossAxis("measurement", v)),
+        ("window_damping measurement", lambda v: WindowDamping("measurement", v)),
+    ],
+)
+def test_what_is_just_seen_brings_the_evidence_that_is_asked(planned, name, build):
+    effect = build(cause(planned, name).seen)
+    freq = np.arange(15.0, 450.0, 0.5)
+    machine = effect.apply(MACHINE)
+    # Accelerometer noise over a half sine of one period of 450 Hz; three blows of two seconds each.
+    x = 2 * freq / 450.0
+    blow = 50.0 * 2 / (np.pi * 450.0) * np.abs(np.cos(np.pi * x / 2) / (1 - x**2 + 1e-9))
+    variance = np.tile(CAMPAIGN.noise**2 * 2.0 / 2 / blow**2 / 3, (3, 1))
+    entries = tuple(
+        Entry(
+            k, y, 50.0, frequency_response(machine, [y], freq).data[0, :, 0], variance, freq, CAMPAIGN.channels,
+            ("acceleration",) * 3, np.inf, np.nan, 0.0, False,
+        )
+        for k, y in enumerate(CAMPAIGN.positions)
+    )  # fmt: skip
+    records = Records(entries)
+    none = fit(MACHINE, records, Hypothesis())
+    with_it = fit(MACHINE, records, Hypothesis((effect,)))
+    # Evidence goes with the square of a severity, or faster beyond a bound.
+    assert 0.5 < (none.objective - with_it.objective) / 2 / planned.threshold < 3.0
+
+
+def test_more_blows_show_less_severe_causes(planned):
+    more = plan(MACHINE, replace(CAMPAIGN, blows=48), laws=False)
+    assert cause(more, "cross_axis measurement").seen == pytest.approx(
+        cause(planned, "cross_axis measurement").seen / 4, rel=0.2
+    )
+    for few, many in zip(planned.causes, more.causes, strict=True):
+        if few.seen is not None and few.weak_end == "zero":
+            assert many.seen <= 1.01 * few.seen
+
+
+def test_tuning_hides_a_value_up_to_its_bounds(planned):
+    # Tolerances of 1 % and 10 %: the prior alone brings the threshold at sqrt(2 threshold) = 3.7 of them.
+    assert 1.04 < cause(planned, "parameter_shift joint2 k2").seen < 1.1
+    assert 1.3 < cause(planned, "parameter_shift joint2 c2").seen < 1.5
+
+
+def test_one_position_and_channel_tell_less(planned):
+    poor = plan(MACHINE, PlannedCampaign((0.5,), (50.0,), ("tool_x",), error=0.0), laws=False)
+    assert sum(c.named is not None for c in poor.causes) < sum(c.named is not None for c in planned.causes)
+    confused = {frozenset(p[:2]) for p in poor.pairs}
+    assert frozenset(("local_resonator tool", "local_resonator head")) in confused
+    assert all(factor > 1.0 for _, _, factor in poor.pairs)
+
+
+def test_laws_are_seen_only_where_their_place_moves():
+    campaign = PlannedCampaign((0.4,), (20.0, 100.0), block=1.0)
+    found = plan(MACHINE, campaign)
+    joint2 = cause(found, "cubic_stiffness joint2").seen
+    assert 0.0 < joint2 < 8e9
+    at1 = cause(found, "cubic_stiffness joint1").seen
+    assert at1 is None or at1 > 1e3 * joint2
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"positions": ()},
+        {"channels": ("tool_q",)},
+        {"levels": (-1.0,)},
+        {"band": (100.0, 100.5)},
+        {"noise": 0.0},
+    ],
+)
+def test_impossible_plans_are_refused(wrong):
+    with pytest.raises(ParameterError):
+        plan(MACHINE, replace(CAMPAIGN, **wrong), laws=False)
+
+
+def test_every_candidate_has_a_severity_that_runs_from_none():
+    for shapes in runs(candidates(MACHINE, (15.0, 450.0), ("tool_x", "tool_z", "base_x"))):
+        for run in shapes:
+            assert run.size(0.5) == pytest.approx(0.5 * run.size(1.0)) or run.whole
+
+
+def test_command_gives_table_and_json(tmp_path, capsys):
+    file = tmp_path / "plan.json"
+    options = ["plan", "--position", "0.3", "--channel", "tool_x", "--no-laws"]
+    assert main([*options, "--json", str(file)]) == 0
+    told = capsys.readouterr().out
+    assert "seen from" in told
+    assert "Longest confused" in told
+    data = json.loads(file.read_text())
+    assert data["schema"] == "cutvib-plan/1"
+    assert data["campaign"]["positions"] == [0.3]
+    assert {"seen", "named", "rival", "told_apart"} <= set(data["causes"][0])
+    assert main(["plan", "--position", "1.3"]) == 2

@@ -1,0 +1,132 @@
+"""The campaign's estimator, predicted: against a simulation in time, and derivatives against differences."""
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from cutvib_ss.diagnosis.prediction import Prediction
+from cutvib_ss.diagnosis.records import Group
+from cutvib_ss.effects.local_resonator import LocalResonator
+from cutvib_ss.effects.window_damping import WindowDamping
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.paths import value_at, with_value
+
+CHANNELS = ("tool_x", "tool_z", "base_x")
+BLOCK, BLOW_AT = 2.0, 0.0525
+
+
+def group(blow_at=BLOW_AT, decay_rate=0.0, positions=(0.17, 0.5), quantity="acceleration"):
+    freq = np.arange(15.0, 400.0, 0.5)
+    shape = (len(positions), len(CHANNELS), freq.size)
+    full = np.full(len(positions), BLOCK)
+    return Group(
+        np.array(positions), freq, CHANNELS, (quantity,) * 3, np.zeros(shape, complex), np.ones(shape),
+        full, np.full(len(positions), blow_at), np.full(len(positions), decay_rate),
+    )  # fmt: skip
+
+
+def simulated(machine, position, decay_rate=0.0, fs=4000.0):
+    """FRF of a simulated blow in a boxcar block: the response by the plant's own matrix exponential."""
+    plant = machine.plant(position, outputs=CHANNELS, quantity="displacement")
+    time = np.arange(round(BLOCK * fs)) / fs
+    # A blow of one sample is a rectangle from sample to sample for a zero-order hold.
+    force = np.zeros(time.size)
+    force[round(BLOW_AT * fs)] = 1000.0
+    discrete = signal.cont2discrete((plant.A, plant.B, plant.C, plant.D), 1 / fs)[:4]
+    _, response, _ = signal.dlsim((*discrete, 1 / fs), force)
+    window = np.exp(-decay_rate * time)
+    spectrum = np.fft.rfft(response.T * window) / np.fft.rfft(force)
+    freq = np.fft.rfftfreq(time.size, 1 / fs)
+    # The rectangle lasts one sample more than its own transform says: its delay and sinc, taken out.
+    s = decay_rate + 2j * np.pi * freq
+    with np.errstate(invalid="ignore", divide="ignore"):
+        hold = np.where(s == 0, 1.0, (1 - np.exp(-s / fs)) / (s / fs))
+    return freq, spectrum / hold
+
+
+@pytest.mark.parametrize("decay_rate", [0.0, 2.0])
+def test_truncated_block_is_predicted(decay_rate):
+    machine = published_machine()
+    g = group(decay_rate=decay_rate, quantity="displacement")
+    plain = Prediction(machine, g)
+    predicted = plain.data
+    assert plain.circles.points.size > 0
+    for i, position in enumerate(g.positions):
+        freq, spectrum = simulated(machine, position, decay_rate)
+        lines = np.searchsorted(freq, g.freq)
+        low = g.freq < 60.0
+        for c in range(3):
+            scale = np.abs(spectrum[c, lines][low]).max()
+            error = np.abs(predicted[i, c] - spectrum[c, lines])[low].max() / scale
+            assert error < 1e-3
+    if decay_rate == 0.0:
+        # Without the correction the slow mode would be off by percents.
+        untouched = plain.untruncated
+        assert np.abs(untouched - predicted).max() / np.abs(predicted[:, 2]).max() > 0.01
+
+
+def test_nothing_is_cut_off_an_endless_block():
+    g = group()
+    endless = Group(**{**vars(g), "block": np.full(2, np.inf)})
+    prediction = Prediction(published_machine(), endless)
+    assert prediction.circles.points.size == 0
+    np.testing.assert_array_equal(prediction.data, prediction.untruncated)
+
+
+PATHS = [
+    ("head", "k1"),
+    ("head", "l2"),
+    ("rail", "parameters", "mass"),
+    ("rail", "parameters", "first_frequency"),
+    ("rail", "parameters", "damping_ratio"),
+]
+
+
+@pytest.mark.parametrize("path", PATHS, ids=lambda p: ".".join(p))
+def test_derivative_includes_what_is_cut_off(path):
+    machine, g = published_machine(), group()
+    derivative = Prediction(machine, g).derivative(((path, 1.0),))
+    value = value_at(machine, path)
+    step = 1e-6 * value
+    up, down = (Prediction(with_value(machine, path, value + h), g).data for h in (step, -step))
+    difference = (up - down) / (2 * step)
+    assert np.abs(derivative - difference).max() < 1e-5 * np.abs(difference).max()
+
+
+def test_derivative_to_an_unknown_blow():
+    machine, g = published_machine(), group(blow_at=np.nan, decay_rate=1.0)
+    derivative = Prediction(machine, g, 0.05).by_blow_at()
+    up, down = (Prediction(machine, g, 0.05 + h).data for h in (1e-6, -1e-6))
+    assert np.abs(derivative - (up - down) / 2e-6).max() < 1e-6 * np.abs(derivative).max()
+
+
+def test_circles_of_a_model_close_by_serve():
+    machine, g = published_machine(), group()
+    first = Prediction(machine, g)
+    close = with_value(machine, ("rail", "parameters", "first_frequency"), 31.705)
+    far = with_value(machine, ("rail", "parameters", "first_frequency"), 33.0)
+    assert Prediction(close, g, circles=first.circles).circles is first.circles
+    moved = Prediction(far, g, circles=first.circles)
+    assert moved.circles is not first.circles
+    exact = Prediction(close, g).data
+    scale = np.abs(exact).max()
+    assert np.abs(Prediction(close, g, circles=first.circles).data - exact).max() < 1e-5 * scale
+
+
+@pytest.mark.parametrize(
+    "effect", [LocalResonator("head", 1.0, 200.0, 0.02), WindowDamping("measurement", 3.0)], ids=lambda e: e.effect
+)
+def test_effects_are_seen_through_the_estimator(effect):
+    machine, g = published_machine(), group()
+    applied = effect.apply(machine)
+    moves = effect.moved_by(machine, applied)
+    base = Prediction(applied, g)
+    for name, carried in moves.items():
+        value = getattr(effect, name)
+        step = 1e-6 * value
+        fields = dict(vars(effect))
+        up, down = (
+            Prediction(type(effect)(**{**fields, name: value + h}).apply(machine), g).data for h in (step, -step)
+        )
+        difference = (up - down) / (2 * step)
+        assert np.abs(base.derivative(carried) - difference).max() < 1e-5 * np.abs(difference).max()

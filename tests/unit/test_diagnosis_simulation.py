@@ -1,0 +1,207 @@
+"""Causes that depend on the level: simulation through the estimator, its derivatives, forces that are guessed, second causes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutvib_ss.diagnosis.cross_validation import judged, predicted
+from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.likelihood import Directions
+from cutvib_ss.diagnosis.prediction import Prediction
+from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.scan import Scan
+from cutvib_ss.diagnosis.simulation import LOUDNESS, SimulatedProblem, _window, problem_for, simulated
+from cutvib_ss.effects.channel_delay import ChannelDelay
+from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.effects.freeplay import Freeplay
+from cutvib_ss.effects.quadratic_damping import QuadraticDamping
+from cutvib_ss.effects.rail_added_mass import RailAddedMass
+from cutvib_ss.effects.window_damping import WindowDamping
+from cutvib_ss.measurement.replay import assumed_blow
+from cutvib_ss.model.machine import published_machine
+
+MACHINE = published_machine()
+FREQ = np.arange(20.0, 400.0, 2.0)
+CHANNELS = ("tool_x", "tool_z", "base_x")
+NOISE = 1e-3
+
+
+def records(*levels, position=0.5):
+    """Records without histories, whose responses are still to be filled in."""
+    entries = []
+    for i, level in enumerate(levels):
+        empty = np.zeros((len(CHANNELS), FREQ.size), dtype=complex)
+        entries.append(
+            Entry(
+                i,
+                position,
+                level,
+                empty,
+                np.full(empty.shape, NOISE**2),
+                FREQ,
+                CHANNELS,
+                ("acceleration",) * 3,
+                0.5,
+                0.05,
+                0.0,
+                False,
+                assumed_blow(FREQ, 0.5, 0.05, level),
+            )
+        )
+    return Records(tuple(entries))
+
+
+def measured(empty, model, loudness=None, seed=0):
+    """The same with what a model shows, and noise."""
+    (group,) = empty.apart
+    shown = simulated(model, group, loudness=loudness).data
+    rng = np.random.default_rng(seed)
+    noise = NOISE / np.sqrt(2) * (rng.standard_normal(shown.shape) + 1j * rng.standard_normal(shown.shape))
+    return Records(tuple(replace(e, data=d) for e, d in zip(empty.entries, shown + noise, strict=True)))
+
+
+def test_without_a_law_the_simulation_is_the_closed_form():
+    (group,) = merged(records(30.0).entries, apart=True)
+    closed, stepped = Prediction(MACHINE, group, 0.05).data, simulated(MACHINE, group).data
+    assert np.abs(stepped - closed).max() < 2e-3 * np.abs(closed).max()
+
+
+@pytest.mark.parametrize("law", [CubicStiffness("joint2", 4e9), QuadraticDamping("joint2", 2.0)])
+def test_derivatives_lead_where_differences_do(law):
+    seen = records(10.0, 60.0)
+    problem = problem_for(MACHINE, seen, Hypothesis((law,)))
+    assert isinstance(problem, SimulatedProblem)
+    x = problem.start()
+    predictions, left, _ = problem.residuals(x)
+    rows = Directions(problem, x, predictions, spread=False).flat()
+
+    def flat(residuals):
+        return np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])
+
+    for i in (*range(problem.n_tuning), *range(problem.first_effect - len(problem.loud), problem.size)):
+        moved = x.copy()
+        moved[i] += 0.02 if i < problem.n_tuning else 1e-3
+        change = (flat(left) - flat(problem.residuals(moved)[1])) / (moved[i] - x[i])
+        size = np.linalg.norm(change)
+        if size > 1e-3 * np.linalg.norm(rows, axis=1).max():
+            # Tuning moves the equivalent linear model, which holds the law's own stiffness still.
+            alike = 0.95 if i < problem.n_tuning else 0.999
+            assert change @ rows[i] > alike * size * np.linalg.norm(rows[i])
+
+
+def test_a_guessed_force_is_found_with_the_law():
+    louder = np.array([1.25, 0.8])
+    truth = CubicStiffness("joint2", 4e9)
+    seen = measured(records(20.0, 60.0), truth.apply(MACHINE), louder)
+    found = fit(MACHINE, seen, Hypothesis((CubicStiffness("joint2", 2e9),), {"joint2": 1e-4}))
+    problem = problem_for(MACHINE, seen, found.hypothesis)
+    assert len(problem.loud) == 2
+    assert found.chi2 / found.count < 1.05
+    # The law's size and all forces together cannot be told apart; their ratio can.
+    x = found.x[found.first_effect - 2 : found.first_effect]
+    assert LOUDNESS * (x[0] - x[1]) == pytest.approx(np.log(louder[0] / louder[1]), abs=0.02)
+    assert found.hypothesis.effects[0].stiffness3 == pytest.approx(4e9, rel=0.35)
+    assert abs(found.hypothesis.effects[0].stiffness3 - 4e9) < 4 * found.stds["0.stiffness3"]
+
+
+def test_a_held_out_record_lends_its_force_alone():
+    law = CubicStiffness("joint2", 4e9).apply(MACHINE)
+    (entry,) = measured(records(60.0), law, np.array([1.3])).entries
+    problem = problem_for(MACHINE, Records((entry,)), Hypothesis())
+    by_force = predicted(entry, law, 0.05, problem, problem.start())
+    assert np.mean(np.abs(entry.data - by_force.data) ** 2) < 1.1 * NOISE**2
+    # A smooth law does nearly the same under any blow of that size: what it changes cannot hide behind the force.
+    changed = np.mean(np.abs(by_force.data - simulated(MACHINE, merged([entry])[0]).data[0]) ** 2)
+    assert 0.0 < np.mean(by_force.variance) < 0.01 * changed
+    certain = by_force._replace(variance=np.zeros(by_force.variance.shape))
+    assert judged(entry, by_force).chi2.mean() < judged(entry, certain).chi2.mean()
+    as_stated = simulated(law, merged([entry])[0]).data[0]
+    assert np.mean(np.abs(entry.data - as_stated) ** 2) > 10 * NOISE**2
+
+
+def test_linear_hypotheses_have_no_loudness():
+    seen = records(10.0, 60.0)
+    assert problem_for(MACHINE, seen, Hypothesis()).loud == ()
+    apart = problem_for(MACHINE, seen, Hypothesis(), apart=True)
+    assert isinstance(apart, SimulatedProblem)
+    assert apart.loud == ()
+
+
+def test_forces_belong_to_their_records_however_these_are_grouped():
+    one, two = (records(20.0, 60.0, position=y).entries for y in (0.2, 0.8))
+    mixed = Records(tuple(replace(e, record=k) for k, e in enumerate((one[0], two[0], one[1], two[1]))))
+    law, x = Hypothesis((CubicStiffness("joint2", 4e9),)), np.arange(4) / 10
+    for by_session in (False, True):
+        problem = problem_for(MACHINE, mixed, law, by_session=by_session)
+        unknowns = problem.start()
+        unknowns[problem.first_effect - 4 : problem.first_effect] = x
+        factors = problem._loudness(unknowns)
+        found = {problem.groups[i].entries[row][0].record: factors[i][row] for i, row in problem.loud}
+        assert [found[k] for k in range(4)] == pytest.approx(np.exp(LOUDNESS * x))
+
+
+def test_the_second_cause_promises_most():
+    first, second = RailAddedMass("rail", 0.3, 3.0, 1.0), ChannelDelay("measurement", channel="all", delay=2e-4)
+    seen = Records(
+        tuple(e for y in (0.2, 0.5, 0.8) for e in measured(records(30.0, position=y), second.apply(first.apply(MACHINE))).entries)
+    )  # fmt: skip
+    base = fit(MACHINE, seen, Hypothesis((RailAddedMass("rail", 0.35, 2.0, 0.0),)))
+    scan = Scan(MACHINE, seen, base.hypothesis, base.x, {}, apart=False)
+    # A delay of nothing does nothing: it is moved off its start.
+    promised, both = scan.promise([ChannelDelay("measurement", channel="all", delay=0.0)])
+    other, _ = scan.promise([RailAddedMass("rail", 0.6, 1.0, 0.0)])
+    assert both.effect == "rail_added_mass+channel_delay"
+    assert promised > 3 * other
+    together = fit(MACHINE, seen, both, scan.warm)
+    # What is left is how far the sampled blow is from the closed form.
+    assert together.chi2 / together.count < 2.0
+    assert base.chi2 / base.count > 10.0
+    assert together.hypothesis.effects[1].delay == pytest.approx(2e-4, rel=0.02)
+
+
+def test_a_clearance_is_found_from_values_far_from_it():
+    seen = measured(records(20.0, 60.0), Freeplay("joint2", 2.2e-5).apply(MACHINE))
+    motion = {"joint2": 1e-4}
+    from_afar = Hypothesis((Freeplay("joint2", 6e-6),), motion)
+    caught = fit(MACHINE, seen, from_afar)
+    assert caught.chi2 > 10 * caught.count  # steps alone do not lead there
+    scan = Scan(MACHINE, seen, Hypothesis(), None, motion, apart=True)
+    tried = scan.promise([Freeplay("joint2", gap) for gap in (1e-6, 6e-6, 1.5e-5, 4e-5)])
+    best = scan.refined(tried)
+    assert best.gain > tried.gain
+    assert best.hypothesis.effects[0].gap == pytest.approx(2.2e-5, rel=0.1)
+    found = fit(MACHINE, seen, best.hypothesis)
+    assert found.chi2 < 2.0 * found.count
+    assert found.hypothesis.effects[0].gap == pytest.approx(2.2e-5, rel=0.02)
+
+
+def test_a_law_is_promised_below_its_starts_and_with_the_other_sign():
+    seen = measured(records(20.0, 60.0), CubicStiffness("joint2", -4e8).apply(MACHINE))
+    scan = Scan(MACHINE, seen, Hypothesis(), None, {"joint2": 1e-4}, apart=True)
+    starts = [CubicStiffness("joint2", k) for k in (1.2e9, 6e9)]
+    assert all(scan.as_it_stands(e).gain < 0 for e in starts)
+    best = scan.promise(starts)
+    assert best.gain > 0.9 * (scan.leaves - scan.left.size)
+    assert best.hypothesis.effects[0].stiffness3 == pytest.approx(-4e8, rel=0.2)
+    # Damping that feeds energy is no law of the catalogue: turned round it promises nothing.
+    undamped = scan.promise([QuadraticDamping("joint2", 0.5)])
+    assert undamped.gain < best.gain
+
+
+@pytest.mark.parametrize("assumed", [True, False])
+def test_a_window_that_nobody_took_out_acts_on_what_is_simulated(assumed):
+    windowed = WindowDamping("measurement", 8.0).apply(MACHINE)
+    entries = records(30.0).entries
+    group = merged([replace(e, replay=replace(e.replay, assumed=assumed)) for e in entries], apart=True)[0]
+    closed, stepped = Prediction(windowed, group, 0.05).data, simulated(windowed, group).data
+    assert np.abs(stepped - closed).max() < 1e-2 * np.abs(closed).max()
+
+
+def test_a_window_leaves_continuous_recordings_alone():
+    entry = records(30.0).entries[0]
+    continuous = replace(entry.replay, block=entry.replay.forces[0].size // 4)
+    gain, window = _window(WindowDamping("measurement", 40.0).apply(MACHINE), continuous)
+    assert gain == 1.0
+    assert (window == 1.0).all()
