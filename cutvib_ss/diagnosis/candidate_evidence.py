@@ -19,7 +19,7 @@ def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool
     r : Ranked
         The hypothesis.
     held_reduced_chi2 : float
-        What it leaves on held-out records.
+        Its residual on held-out records.
     judged : bool
         Whether it was judged on them.
 

@@ -1,4 +1,4 @@
-"""What a diagnosis means for the machine: the vibration now and with the cause mended, and a controller on both models."""
+"""Consequences of a diagnosis for the machine: the vibration now and with the cause fixed, and a controller on both models."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Consequence:
     """
-    A figure now and with the cause mended.
+    A figure now and with the cause fixed.
 
     Parameters
     ----------
@@ -18,12 +18,12 @@ class Outcome:
         Estimate.
     now_interval : tuple of float
         Its 95 % interval, tuning and effect drawn from the fit's covariance.
-    mended : float
-        Estimate with the cause mended.
-    mended_interval : tuple of float
+    fixed : float
+        Estimate with the cause fixed.
+    fixed_interval : tuple of float
         Its 95 % interval.
     ratio_interval : tuple of float
-        95 % interval of mended over now.
+        95 % interval of fixed over now.
     measured : float or None
         The measurement at the nearest line, where the position was measured.
     """
@@ -31,8 +31,8 @@ class Outcome:
     position: float | None
     now: float
     now_interval: tuple[float, float]
-    mended: float
-    mended_interval: tuple[float, float]
+    fixed: float
+    fixed_interval: tuple[float, float]
     ratio_interval: tuple[float, float]
     measured: float | None = None
 
@@ -63,7 +63,7 @@ class Loop:
 
 
 @dataclass(frozen=True)
-class Meaning:
+class Consequences:
     """
     What the diagnosis means for the machine.
 
@@ -73,7 +73,7 @@ class Meaning:
         Working frequency [Hz].
     channel, unit : str
         What is looked at, and its unit.
-    outcomes : tuple of Outcome
+    vibration : tuple of Consequence
         At each position.
     controller : str
         Which controller was checked; empty where none was.
@@ -86,7 +86,7 @@ class Meaning:
     frequency: float
     channel: str
     unit: str
-    outcomes: tuple[Outcome, ...]
+    vibration: tuple[Consequence, ...]
     controller: str = ""
     loops: tuple[Loop, ...] = ()
     warnings: tuple[str, ...] = ()

@@ -1,5 +1,5 @@
 """
-What a diagnosis means: the vibration at the tool's frequency now and with the cause mended, and a controller on both models.
+Consequences of a diagnosis: the vibration at the tool's frequency now and with the cause fixed, and a controller on both models.
 
 Tuning and effect are drawn from the fit's covariance; each draw gives one machine as it is and one with the effect taken off, so
 that what both share cancels in their ratio. A cause that depends on the level is taken at the motion that the records had.
@@ -14,7 +14,7 @@ import numpy as np
 
 from cutvib_ss.absorber import WORKING_FREQUENCY
 from cutvib_ss.control_design import check_controller, prototype, schedule
-from cutvib_ss.diagnosis.consequence_result import Loop, Meaning, Outcome
+from cutvib_ss.diagnosis.consequence_result import Consequence, Consequences, Loop
 from cutvib_ss.diagnosis.findings import finite_or_none
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.linearity import motions
@@ -40,9 +40,9 @@ MODES = 8
 """Modes of the rail on which it is checked, at least."""
 
 
-def meaning(
+def consequences(
     nominal: Model, fit: Fit, records: Records, observed: Observations, verdict: Verdict, seed: int
-) -> Meaning | None:
+) -> Consequences | None:
     """
     What the chosen cause means for the machine.
 
@@ -63,7 +63,7 @@ def meaning(
 
     Returns
     -------
-    Meaning or None
+    Consequences or None
         None where no response can be computed.
     """
     channel = "tool_x" if "tool_x" in nominal.channels else observed.channels[0]
@@ -82,30 +82,30 @@ def meaning(
         draws = _draws(problem, fit, FEW_DRAWS if by_level else DRAWS, seed)
         pairs = np.array([_pair(problem, x, positions, frequency, channel, force) for x in draws])
     except CutvibError as error:
-        return Meaning(frequency, channel, observed.unit, (), warnings=(*warnings, str(error)))
+        return Consequences(frequency, channel, observed.unit, (), warnings=(*warnings, str(error)))
     scale = 1.0 / observed.per_unit
     # Records of all levels are merged: no measure of what depends on the level.
     measured = [None] * positions.size if by_level else _measured(records, positions, frequency, channel)
-    outcomes = []
+    vibration = []
     for i, position in enumerate(positions):
-        now, mended = (scale * pairs[:, side, i] for side in (0, 1))
-        outcomes.append(
-            Outcome(
+        now, fixed = (scale * pairs[:, side, i] for side in (0, 1))
+        vibration.append(
+            Consequence(
                 position=finite_or_none(position),
                 now=float(now[0]),
                 now_interval=_interval(now[1:]),
-                mended=float(mended[0]),
-                mended_interval=_interval(mended[1:]),
-                ratio_interval=_interval(mended[1:] / now[1:]),
+                fixed=float(fixed[0]),
+                fixed_interval=_interval(fixed[1:]),
+                ratio_interval=_interval(fixed[1:] / now[1:]),
                 measured=None if (value := measured[i]) is None else scale * value,
             )
         )
     loops, told = _loops(nominal, fit.model, positions)
-    return Meaning(
+    return Consequences(
         frequency=frequency,
         channel=channel,
         unit=observed.unit,
-        outcomes=tuple(outcomes),
+        vibration=tuple(vibration),
         controller=f"{CONTROLLER}, scheduled over the positions, designed on the nominal model" if loops else "",
         loops=loops,
         warnings=(*warnings, *told),
@@ -156,7 +156,7 @@ def _force(fit: Fit, records: Records, positions: FloatArray, frequency: float) 
 
 
 def _draws(problem: Problem, fit: Fit, count: int, seed: int) -> FloatArray:
-    """The fit's unknowns, then others within their bounds, from the covariance widened by what the fit leaves."""
+    """The fit's unknowns, then others within their bounds, from the covariance widened by the fit's reduced χ²."""
     low, high = problem.bounds()
     # Without the forces of single records, which say nothing of the machine.
     kept = np.r_[: problem.first_effect, fit.first_effect : fit.x.size]

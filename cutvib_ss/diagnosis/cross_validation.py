@@ -1,7 +1,7 @@
 """
-How far: what a fit on some records leaves on others.
+How far: the residual on held-out records of a fit on the others.
 
-Positions are left out by turns (where there are none, levels, then records); records marked ``use = "check"`` are only judged.
+Positions are left out in folds (where there are none, levels, then records); records marked ``use = "check"`` are only judged.
 Tuning, calibration and the cause are fitted on the rest, and every record is judged at its own level.
 """
 
@@ -20,7 +20,14 @@ from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.prediction import Predicted, Prediction
 from cutvib_ss.diagnosis.problem import WITHIN, Problem
 from cutvib_ss.diagnosis.records import Entry, Group, Records, merged, session_of
-from cutvib_ss.diagnosis.simulation import LOUDNESS, LOUDNESS_STEP, Simulated, SimulatedProblem, problem_for, simulated
+from cutvib_ss.diagnosis.simulation import (
+    FORCE_SCALE,
+    FORCE_SCALE_STEP,
+    Simulated,
+    SimulatedProblem,
+    problem_for,
+    simulated,
+)
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -28,9 +35,9 @@ from cutvib_ss.results import ComplexArray, FloatArray
 AGAIN, AGAIN_LAWS = 15, 3
 """Steps of a fit on some records from the fit on all: that lies within its own uncertainty of it."""
 LOUDNESS_STEPS = 3
-"""Steps to the loudness of a held-out record whose force is guessed."""
+"""Steps to the force scale of a held-out record whose force is guessed."""
 UNLIKE = 0.5
-"""By how much, in its unit, the loudness of single blows of such a record may differ from their mean …"""
+"""By how much, in its unit, the force scale of single blows of such a record may differ from their mean …"""
 LENGTH = 0.1
 """… and by which part of itself a blow's length from its guess."""
 BOOTSTRAPS = 2000
@@ -40,7 +47,7 @@ BOOTSTRAPS = 2000
 @dataclass(frozen=True)
 class Fold:
     """
-    One turn of leaving out.
+    One fold of the cross-validation.
 
     Parameters
     ----------
@@ -64,13 +71,13 @@ class Judged:
     error : ndarray, shape (channel,)
         Mean modulus of the error over the band, SI.
     noise : ndarray, shape (channel,)
-        What noise alone leaves.
+        Mean modulus of the error by noise alone.
     chi2 : ndarray, shape (channel,)
         χ² a degree of freedom.
     predicted : ndarray, shape (channel, frequency)
         What was predicted of it.
     squares, floor : float
-        Mean square of the error, and of what noise and drift leave of a right model; over channels and lines.
+        Mean square of the error, and of the error of a right model by noise and drift; over channels and lines.
     """
 
     entry: Entry
@@ -84,21 +91,21 @@ class Judged:
 
 def folds(observations: Observations, fraction: float | None, seed: int) -> tuple[Fold, ...]:
     """
-    Turns of leaving out.
+    Folds of the cross-validation.
 
     Parameters
     ----------
     observations : Observations
         All records.
     fraction : float or None
-        Part of the positions left out at a turn; a third by default.
+        Part of the positions left out in a fold; a third by default.
     seed : int
         Of the order in which positions are dealt.
 
     Returns
     -------
     tuple of Fold
-        One turn where records are marked for checking; else as many as it takes to judge every record once. A single record
+        One fold where records are marked for checking; else as many as it takes to judge every record once. A single record
         is judged on itself, for want of another.
     """
     entries = observations.entries
@@ -109,14 +116,14 @@ def folds(observations: Observations, fraction: float | None, seed: int) -> tupl
     if len(distinct) == 1:
         return (Fold(entries, entries),)
     out_at_once = max(1, round((1 / 3 if fraction is None else fraction) * len(distinct)))
-    turns = -(-len(distinct) // min(out_at_once, len(distinct) - 1))
+    n_folds = -(-len(distinct) // min(out_at_once, len(distinct) - 1))
     order = np.random.default_rng(seed).permutation(len(distinct))
-    # Dealt like cards, so that a turn does not lose a whole side of the rail.
-    turn_of = {distinct[k]: i % turns for i, k in enumerate(order)}
+    # Dealt like cards, so that a fold does not lose a whole side of the rail.
+    fold_of = {distinct[k]: i % n_folds for i, k in enumerate(order)}
     made = []
-    for turn in range(turns):
-        judged = tuple(e for e, k in zip(entries, keys, strict=True) if turn_of[k] == turn)
-        fitted = tuple(e for e, k in zip(entries, keys, strict=True) if turn_of[k] != turn)
+    for k_fold in range(n_folds):
+        judged = tuple(e for e, k in zip(entries, keys, strict=True) if fold_of[k] == k_fold)
+        fitted = tuple(e for e, k in zip(entries, keys, strict=True) if fold_of[k] != k_fold)
         made.append(Fold(fitted, judged))
     return tuple(made)
 
@@ -129,7 +136,7 @@ def _key(e: Entry, entries: Sequence[Entry]) -> float:
     return float(e.record)
 
 
-def judge(nominal: Model, turns: Sequence[Fold], start: Fit, workers: Workers) -> tuple[Judged, ...]:
+def judge(nominal: Model, folds: Sequence[Fold], start: Fit, workers: Workers) -> tuple[Judged, ...]:
     """
     Errors of a hypothesis on held-out records.
 
@@ -137,10 +144,10 @@ def judge(nominal: Model, turns: Sequence[Fold], start: Fit, workers: Workers) -
     ----------
     nominal : Machine or Structure
         The nominal model.
-    turns : sequence of Fold
-        The turns.
+    folds : sequence of Fold
+        The folds.
     start : Fit
-        The hypothesis fitted on all records, from which each turn starts.
+        The hypothesis fitted on all records, from which each fold starts.
     workers : Workers
         Who fits.
 
@@ -149,19 +156,19 @@ def judge(nominal: Model, turns: Sequence[Fold], start: Fit, workers: Workers) -
     tuple of Judged
         Each held-out record, in the records' order.
     """
-    out = workers.map(partial(_one_turn, nominal, start), turns)
-    return tuple(sorted((j for turn in out for j in turn), key=lambda j: j.entry.record))
+    out = workers.map(partial(_one_fold, nominal, start), folds)
+    return tuple(sorted((j for fold in out for j in fold), key=lambda j: j.entry.record))
 
 
-def _one_turn(nominal: Model, start: Fit, turn: Fold) -> list[Judged]:
-    records = Records(turn.fitted)
+def _one_fold(nominal: Model, start: Fit, fold: Fold) -> list[Judged]:
+    records = Records(fold.fitted)
     again = fit(
         nominal, records, start.hypothesis, start.x, AGAIN if start.hypothesis.linear else AGAIN_LAWS, near=start
     )
     problem = problem_for(nominal, records, again.hypothesis)
     blow_at = problem.blow_at(again.x)
-    shown = [predicted(e, again.model, blow_at, problem, again.x) for e in turn.judged]
-    return [judged(e, s, problem, again) for e, s in zip(turn.judged, shown, strict=True)]
+    shown = [predicted(e, again.model, blow_at, problem, again.x) for e in fold.judged]
+    return [judged(e, s, problem, again) for e, s in zip(fold.judged, shown, strict=True)]
 
 
 def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tuple[Judged, ...]:
@@ -247,7 +254,7 @@ def predicted(
         fitted = (
             np.zeros(1)
             if problem is None or x is None
-            else x[problem.first_effect - len(problem.loud) : problem.first_effect]
+            else x[problem.first_effect - len(problem.force_scaled) : problem.first_effect]
         )
         return _by_its_force(model, group, error, float(np.mean(fitted)) if fitted.size else 0.0)
     seen: Predicted = simulated(model, group) if simulate else Prediction(model, group, blow_at)
@@ -256,11 +263,11 @@ def predicted(
 
 def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) -> Shown:
     """
-    A record whose force is guessed: its loudness, one unknown against all its data, is taken from the record itself, about the
+    A record whose force is guessed: its force scale, one unknown against all its data, is taken from the record itself, about the
     mean of those that were fitted.
 
     What else the force may have been, blows that differ among themselves and are shorter or longer than guessed, makes the
-    prediction uncertain: by how it moves beyond what another loudness would do.
+    prediction uncertain: by how it moves beyond what another force scale would do.
     """
     ((entry,),) = group.entries
     replay = entry.replay
@@ -270,14 +277,14 @@ def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) 
 
     def shown(x: float, longer: float = 1.0) -> ComplexArray:
         behind = group if longer == 1.0 else replace(group, entries=((replace(entry, replay=replay.longer(longer)),),))
-        data: ComplexArray = simulated(model, behind, loudness=np.exp([LOUDNESS * x])).data[0] * error
+        data: ComplexArray = simulated(model, behind, force_scale=np.exp([FORCE_SCALE * x])).data[0] * error
         return data
 
     here = shown(x)
-    seen = simulated(model, group, loudness=np.exp([LOUDNESS * x]))
+    seen = simulated(model, group, force_scale=np.exp([FORCE_SCALE * x]))
     slope = np.zeros(here.shape, dtype=np.complex128)
     for _ in range(LOUDNESS_STEPS):
-        slope = (shown(x + LOUDNESS_STEP) - here) / LOUDNESS_STEP
+        slope = (shown(x + FORCE_SCALE_STEP) - here) / FORCE_SCALE_STEP
         left, along = (group.data[0] - here) * weight, slope * weight
         x += float((np.vdot(along, left).real - (x - mean)) / (1.0 + np.vdot(along, along).real))
         x = float(np.clip(x, -WITHIN, WITHIN))
@@ -362,7 +369,7 @@ def reduced_chi2(records: Sequence[Judged]) -> float:
     Returns
     -------
     float
-        About 1 where only noise is left.
+        About 1 where the residual is noise alone.
     """
     return float(np.mean([j.chi2.mean() for j in records]))
 

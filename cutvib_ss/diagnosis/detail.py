@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cutvib_ss.diagnosis.bands import bands
-from cutvib_ss.diagnosis.consequences import meaning
+from cutvib_ss.diagnosis.consequences import consequences
 from cutvib_ss.diagnosis.findings import Findings
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.metrics import Sides, metrics, scales_of
@@ -29,7 +29,7 @@ def found(
     seed: int,
 ) -> Findings:
     """
-    Distances, bands, places and their free functions.
+    Distances, bands, places and their unknown dynamic stiffnesses.
 
     Parameters
     ----------
@@ -66,5 +66,5 @@ def found(
         bands=bands(stand_out, observed.band, sides, observed.per_unit),
         place_scores=located.scores,
         stiffness=located.stiffness,
-        meaning=meaning(nominal, chosen, records, observed, verdict, seed),
+        consequences=consequences(nominal, chosen, records, observed, verdict, seed),
     )

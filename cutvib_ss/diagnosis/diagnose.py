@@ -14,7 +14,7 @@ from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import level_stands_out
-from cutvib_ss.diagnosis.mains_interference import hums, mains
+from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
 from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
@@ -41,12 +41,12 @@ STANDS_OUT = 1.1
 BAND_WIDTH = 5.0
 """Width over which the error is averaged to find the bands that stand out [Hz]."""
 
-HUMS = "all that the re-tuned model leaves lies on multiples of {:g} Hz: the mains hum in the measurement"
+MAINS_INTERFERENCE = "the re-tuned model's residual lies on multiples of {:g} Hz: mains interference in the measurement"
 
 
 @dataclass(frozen=True)
 class _Held:
-    """A hypothesis and what it leaves on held-out records."""
+    """A hypothesis and its residual on held-out records."""
 
     ranked: Ranked
     records: tuple[cross_validation.Judged, ...]
@@ -74,7 +74,7 @@ def diagnose(
     machine : Machine or Structure, optional
         The nominal model; by default the campaign's own.
     hold_out : float, optional
-        Part of the positions left out at a turn, between 0 and 1; a third by default.
+        Part of the positions left out in a fold, between 0 and 1; a third by default.
     seed : int
         Of the order in which positions are left out, and of the bootstrap.
     jobs : int
@@ -113,12 +113,12 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     observed = observe(campaign, nominal)
     fitted = [e for e in observed.entries if not e.check] or list(observed.entries)
     records = Records(tuple(fitted))
-    turns = cross_validation.folds(observed, hold_out, seed)
+    folds = cross_validation.folds(observed, hold_out, seed)
     judgements: dict[str, _Held] = {}
 
     def judged(r: Ranked) -> _Held:
         if r.name not in judgements:
-            judgements[r.name] = _Held(r, cross_validation.judge(nominal, turns, r.fit, workers))
+            judgements[r.name] = _Held(r, cross_validation.judge(nominal, folds, r.fit, workers))
         return judgements[r.name]
 
     ranked = search(nominal, records, observed, lambda r: judged(r).reduced, workers)
@@ -153,11 +153,11 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     after = held[first.name]
     levels = where.level_dependence(fitted)
     by_level = bool(levels > where.LEVEL_EXCESS) or level_stands_out(records)
-    located, hum = Located(), None
+    located, interference = Located(), None
     if by_level or none.reduced > ENOUGH:
         located = locate(nominal, none.fit, fitted, problem.blow_at(none.fit.x), by_level)
-        hum = mains(nominal, none.fit, records)
-        located = located if hum is None else hums(located, hum)
+        interference = mains(nominal, none.fit, records)
+        located = located if interference is None else with_mains_interference(located, interference)
     rows = _causes(none, shown, odds, located.best, held, before, observed)
     interval = cross_validation.shrinkage_interval(before, after.records, seed)
     stands_out = none.reduced > STANDS_OUT or first is not none
@@ -190,7 +190,11 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         ambiguity_set=ambiguity_set(rows),
         next_test=test,
         title=campaign.title,
-        warnings=(*campaign.warnings, *([] if hum is None else [HUMS.format(hum)]), *at_their_ends(chosen)),
+        warnings=(
+            *campaign.warnings,
+            *([] if interference is None else [MAINS_INTERFERENCE.format(interference)]),
+            *at_their_ends(chosen),
+        ),
         nominal=nominal,
         corrected_machine=chosen.model,
         comparisons=_comparisons(nominal, none.fit, chosen, fitted),

@@ -1,5 +1,5 @@
 """
-The law that the shape of a free function suggests, before any cause is fitted.
+The law that the shape of an unknown dynamic stiffness suggests, before any cause is fitted.
 
 A few laws are fitted to the function by weighted least squares: mass, spring and damper, hysteretic spring, sprung mass
 (Eq. 24), a constant gain, a delay. The simplest that leaves little more than the best is named; none is where even the best
@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutvib_ss.diagnosis.findings import Family
+from cutvib_ss.diagnosis.findings import ElementType
 from cutvib_ss.results import ComplexArray, FloatArray
 
 EXPLAINS = 0.9
 """Part of a function's weighted squares that a law has to explain to be named."""
 SIMPLER = 0.5
-"""A law of more parameters has to leave less than this part of what a simpler one leaves."""
+"""A law of more parameters has to have a residual below this part of a simpler one's."""
 FLOOR = 0.02
 """Relative error of a function that no fit to it is asked to beat."""
 RESONANCES = 60
@@ -51,9 +51,9 @@ _LINEAR = (
 )
 
 
-def family_of(quantity: str, freq: FloatArray, value: ComplexArray, std: FloatArray) -> Family | None:
+def element_type_of(quantity: str, freq: FloatArray, value: ComplexArray, std: FloatArray) -> ElementType | None:
     """
-    The simplest law that explains a free function.
+    The simplest law that explains an unknown dynamic stiffness.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def family_of(quantity: str, freq: FloatArray, value: ComplexArray, std: FloatAr
 
     Returns
     -------
-    Family or None
+    ElementType or None
         None where no law known is close.
     """
     usable = np.isfinite(value) & np.isfinite(std) & (std > 0)
@@ -90,21 +90,21 @@ def family_of(quantity: str, freq: FloatArray, value: ComplexArray, std: FloatAr
         tried = [*whole, _mode(s, z, spread)]
     else:
         tried = [_fitted(_Law("constant", "constant", ("change",), lambda s: [1 + 0 * s]), s, z, spread)]
-    best: Family | None = None
-    for family in sorted(tried, key=lambda f: len(f.parameters)):
-        left = 1.0 - family.share
-        if best is None or left < (1.0 - best.share) * SIMPLER ** (len(family.parameters) - len(best.parameters)):
-            best = family
+    best: ElementType | None = None
+    for element_type in sorted(tried, key=lambda f: len(f.parameters)):
+        left = 1.0 - element_type.share
+        if best is None or left < (1.0 - best.share) * SIMPLER ** (len(element_type.parameters) - len(best.parameters)):
+            best = element_type
     return best if best is not None and best.share >= EXPLAINS else None
 
 
-def family_value(family: Family, quantity: str, freq: FloatArray) -> ComplexArray:
+def element_type_value(element_type: ElementType, quantity: str, freq: FloatArray) -> ComplexArray:
     """
     A named law over frequency, as the function that it was found in.
 
     Parameters
     ----------
-    family : Family
+    element_type : ElementType
         The law.
     quantity : str
         What the function is.
@@ -117,16 +117,16 @@ def family_value(family: Family, quantity: str, freq: FloatArray) -> ComplexArra
         The function.
     """
     s: ComplexArray = np.asarray(2j * np.pi * freq, dtype=np.complex128)
-    values = list(family.parameters.values())
-    if family.name == "delay":
+    values = list(element_type.parameters.values())
+    if element_type.name == "delay":
         return np.asarray(np.exp(-s * values[0]) - 1.0, dtype=np.complex128)
-    if family.name == "gain":
+    if element_type.name == "gain":
         return np.asarray(values[0] - 1.0 + 0 * s, dtype=np.complex128)
-    if family.name == "sprung mass":
+    if element_type.name == "sprung mass":
         return values[0] * _sprung_shape(s, 2 * np.pi * values[1], values[2])
-    if family.name == "mode":
+    if element_type.name == "mode":
         return _mode_shape(s, 2 * np.pi * values[1], values[2]) / values[0]
-    law = next((x for x in _LINEAR if x.name == family.name), None)
+    law = next((x for x in _LINEAR if x.name == element_type.name), None)
     columns = [1 + 0 * s] if law is None else law.columns(s)
     total: ComplexArray = sum((v * c for v, c in zip(values, columns, strict=True)), 0 * s)
     return 1.0 / total if quantity == "compliance" else total
@@ -153,9 +153,9 @@ def _solved(columns: Sequence[ComplexArray], z: ComplexArray, spread: FloatArray
     return found / size, 1.0 - float(left @ left / max(float(flat @ flat), 1e-300))
 
 
-def _fitted(law: _Law, s: ComplexArray, z: ComplexArray, spread: FloatArray) -> Family:
+def _fitted(law: _Law, s: ComplexArray, z: ComplexArray, spread: FloatArray) -> ElementType:
     found, share = _solved(law.columns(s), z, spread)
-    return Family(law.name, law.law, dict(zip(law.parameters, found.tolist(), strict=True)), share)
+    return ElementType(law.name, law.law, dict(zip(law.parameters, found.tolist(), strict=True)), share)
 
 
 def _over_resonances(
@@ -179,21 +179,21 @@ def _over_resonances(
     return best
 
 
-def _sprung(s: ComplexArray, z: ComplexArray, spread: FloatArray) -> Family:
+def _sprung(s: ComplexArray, z: ComplexArray, spread: FloatArray) -> ElementType:
     f, zeta, mass, share = _over_resonances(_sprung_shape, s, z, spread)
-    return Family(
+    return ElementType(
         "sprung mass", "ms²(ω₀² + 2ζω₀s)/(s² + 2ζω₀s + ω₀²)",
         {"mass": mass, "frequency": f, "damping_ratio": zeta}, share,
     )  # fmt: skip
 
 
-def _mode(s: ComplexArray, z: ComplexArray, spread: FloatArray) -> Family:
+def _mode(s: ComplexArray, z: ComplexArray, spread: FloatArray) -> ElementType:
     f, zeta, factor, share = _over_resonances(_mode_shape, s, z, spread)
     parameters = {"inertia": 1 / factor if factor else np.inf, "frequency": f, "damping_ratio": zeta}
-    return Family("mode", "1/(m(ω₀² + 2ζω₀s + s²))", parameters, share)
+    return ElementType("mode", "1/(m(ω₀² + 2ζω₀s + s²))", parameters, share)
 
 
-def _gains(s: ComplexArray, u: ComplexArray, spread: FloatArray) -> list[Family]:
+def _gains(s: ComplexArray, u: ComplexArray, spread: FloatArray) -> list[ElementType]:
     """A gain is 1 + u: constant, late, or both."""
     plain = _Law("gain", "g", ("gain",), lambda s: [1 + 0 * s])
     found = [_fitted(plain, s, u, spread)]
@@ -202,7 +202,7 @@ def _gains(s: ComplexArray, u: ComplexArray, spread: FloatArray) -> list[Family]
     late = float(-np.sum(np.unwrap(np.angle(1 + u)) * s.imag / spread**2) / np.sum(s.imag**2 / spread**2))
     left = np.sum(np.abs(1 + u - np.exp(-s * late)) ** 2 / spread**2)
     share = 1.0 - float(left / np.sum(np.abs(u) ** 2 / spread**2))
-    found.append(Family("delay", "e^(-iωτ)", {"delay": late}, share))
+    found.append(ElementType("delay", "e^(-iωτ)", {"delay": late}, share))
     return found
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cutvib_ss.diagnosis.consequence_result import Meaning
+from cutvib_ss.diagnosis.consequence_result import Consequences
 from cutvib_ss.results import ComplexArray, FloatArray
 
 
@@ -52,7 +52,7 @@ class Metric:
     second : Distances or None
         The same with the second-best cause.
     noise_modulus, noise_nu_gap : float
-        What noise alone leaves: its mean modulus, and the distance that it exceeds in one of twenty records.
+        Of noise alone: its mean modulus, and the distance that it exceeds in one of twenty records.
     """
 
     position: float | None
@@ -154,9 +154,9 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Family:
+class ElementType:
     """
-    A law that the shape of a free function suggests.
+    A law that the shape of an unknown dynamic stiffness suggests.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ class Family:
 @dataclass(frozen=True)
 class DynamicStiffness:
     """
-    One free function of frequency at a place: what the records ask for there, whatever its law.
+    One unknown dynamic stiffness z(ω) at a place: what the records ask for there, whatever its law.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ class DynamicStiffness:
         The function.
     std : ndarray, shape (level, frequency)
         Standard deviation of its real and of its imaginary part, from the curvature at each line.
-    family : Family or None
+    element_type : ElementType or None
         The law that its shape suggests; None where none of those known is close.
     with_level : str
         How it changes with the level, in words; empty where it does not.
@@ -213,7 +213,7 @@ class DynamicStiffness:
     levels: tuple[float | None, ...]
     value: ComplexArray
     std: FloatArray
-    family: Family | None = None
+    element_type: ElementType | None = None
     with_level: str = ""
 
     def to_dict(self) -> dict[str, Any]:
@@ -238,7 +238,7 @@ class DynamicStiffness:
             "shape": self.shape,
             "freq_hz": self.freq.tolist(),
             "rows": rows,
-            "family": None if self.family is None else asdict(self.family),
+            "element_type": None if self.element_type is None else asdict(self.element_type),
             "with_level": self.with_level,
         }
 
@@ -246,7 +246,7 @@ class DynamicStiffness:
 @dataclass(frozen=True)
 class PlaceScore:
     """
-    What free functions at a place leave.
+    Residual with unknown dynamic stiffnesses at a place.
 
     Parameters
     ----------
@@ -279,10 +279,10 @@ class Findings:
     bands : tuple of Band
         The error by bands.
     place_scores : tuple of PlaceScore
-        What free functions leave at each place, best first; empty where nothing is left to locate.
+        Residual with unknown dynamic stiffnesses at each place, best first; empty where the residual is noise.
     stiffness : tuple of DynamicStiffness
-        The free functions at the likeliest places.
-    meaning : Meaning or None
+        The unknown dynamic stiffnesses at the likeliest places.
+    consequences : Consequences or None
         What it means.
     """
 
@@ -291,7 +291,7 @@ class Findings:
     bands: tuple[Band, ...] = ()
     place_scores: tuple[PlaceScore, ...] = ()
     stiffness: tuple[DynamicStiffness, ...] = ()
-    meaning: Meaning | None = field(default=None)
+    consequences: Consequences | None = field(default=None)
 
     def where(self) -> dict[str, Any]:
         """
@@ -312,14 +312,14 @@ class Findings:
 
     def means(self) -> dict[str, Any] | None:
         """
-        What belongs under ``meaning`` in the JSON.
+        What belongs under ``consequences`` in the JSON.
 
         Returns
         -------
         dict or None
             None where nothing can be said.
         """
-        return None if self.meaning is None else asdict(self.meaning)
+        return None if self.consequences is None else asdict(self.consequences)
 
 
 def finite_or_none(value: float) -> float | None:

@@ -128,7 +128,7 @@ def fit(
     Notes
     -----
     Levenberg-Marquardt on the normal equations: 40 unknowns against 10⁴ to 10⁵ data make their forming the only cost, and a
-    general least squares solver's factorisation of the full Jacobian twenty times dearer. Effects' unknowns are kept
+    general least squares solver's factorisation of the full Jacobian twenty times more expensive. Effects' unknowns are kept
     within their ranges by projection. Evidence: χ²/2 + Σ prior²/2 + ½ ln det(JᵀWJ + P), the even priors being one in unit
     coordinates.
     """
@@ -138,7 +138,7 @@ def fit(
     if hypothesis.linear and not records.rough and near is None:
         search.start_from(_from_afar(nominal, records, hypothesis, search))
     if not hypothesis.linear and search.spread and max_iterations > FEW_STEPS:
-        # What a law far from its optimum leaves would pass for a large discrepancy, in whose side minima the steps end.
+        # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
         plain = _Search(problem, search.at.x, False, search.beside)
         plain.climb(max_iterations, tolerance)
         search.start_from(plain)
@@ -300,7 +300,7 @@ class _Search:
             before = self.at.objective
             damping = self._step(damping, self.at.quadratic)
             gain = before - self.at.objective
-            # What leaves many times the noise needs no exact optimum.
+            # A residual of many times the noise needs no exact optimum.
             far = self.at.chi2 > HOPELESS * self.count
             least = max(tolerance, HOPELESS_GAIN) if far else tolerance
             if gain < GAIN + least * max(self.at.objective - 0.9 * self.count, 0.0):

@@ -133,7 +133,7 @@ class Space:
             return out
         if self.still is None:
             self.still = simulated(self.model, self.group).data
-        # Against a simulation without it, so that what the stepping leaves is in both.
+        # Against a simulation without it, so that the stepping's error is in both.
         shown: ComplexArray = simulated(model, self.group).data - self.still
         return shown
 
@@ -222,7 +222,7 @@ class Space:
 
 def left_over(gram: FloatArray, mine: int, theirs: Sequence[int], most: int) -> float:
     """
-    What is left of a change after the best that another cause could make of it.
+    Residual of a change after the best fit of another cause.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def left_over(gram: FloatArray, mine: int, theirs: Sequence[int], most: int) -> 
     Returns
     -------
     float
-        χ² that is left.
+        χ² of the residual.
     """
     chosen: list[int] = []
     left = float(gram[mine, mine])

@@ -1,5 +1,5 @@
 """
-Repeatability and discrepancy: what a right model leaves beyond sensor noise, as low-rank Gaussian directions.
+Repeatability and discrepancy: the residual of a right model beyond sensor noise, as low-rank Gaussian directions.
 
     measured = H(x)·(1 + ε) + D_s z_s + Q v + noise,    z_s, v ~ N(0, 1) times their sizes
 
@@ -50,8 +50,8 @@ AMPLITUDE_LENGTH = 1.0
 """Correlation length of a restoring force's discrepancy over the natural logarithm of the amplitude of its motion."""
 SAMPLED, LEFT, MOST_PIVOTS = 25, 0.02, 40
 """Points of a record, variance left and number of pivots for the process behind a cause's discrepancy."""
-SMALL, TURNS = 1e-4, 6
-"""Drift that moves a response in proportion, and turns in which a larger one of a held-out session is found."""
+SMALL, ITERATIONS = 1e-4, 6
+"""Drift that moves a response in proportion, and iterations in which a larger one of a held-out session is found."""
 MOST_LAGS, CORRELATED = 60, 0.1
 """Lags over which residuals are correlated at most, and the correlation that stands out."""
 MARGIN = 1e-9
@@ -328,12 +328,12 @@ class Spread:
             at = slice(first, first + moved.size)
             z[at], mean[at] = mean[at], 0.0
         new = name not in self.layout.sessions and own.sizes.drift > SMALL
-        for turn in range(TURNS if new else 1):
+        for iteration in range(ITERATIONS if new else 1):
             there = x.copy()
             there[moved] += drift[moved] * own.sizes.drift * z[at] if at.stop else 0.0
             shown, residual = show(there)
             chunks = list(Directions(problem, there, [shown], like=lay).chunks())
-            if turn < TURNS - 1 and new:
+            if iteration < ITERATIONS - 1 and new:
                 matrix, pulled = own.precision.copy(), np.zeros(lay.size)
                 for _, _, c, index, part in chunks:
                     flat = _real(part) * scale[index, None]

@@ -1,4 +1,4 @@
-"""Mains hum: whether all that the re-tuned model leaves lies on multiples of 50 or 60 Hz."""
+"""Mains interference: whether the re-tuned model's residual lies on multiples of 50 or 60 Hz."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cutvib_ss.results import FloatArray
 MAINS = (50.0, 60.0)
 """Frequencies of the world's mains [Hz]."""
 LINES, BESIDE = 1.5, 3.0
-"""To either side hum takes so many lines, or so much [Hz], whichever is more: windows give it skirts."""
+"""To either side the interference takes so many lines, or so much [Hz], whichever is more: windows give it skirts."""
 FEW = 0.3
 """Part of all lines beyond which its lines could not be told from any others."""
 MOST = 0.5
@@ -35,7 +35,7 @@ SURE = 0.95
 
 def mains(nominal: Model, none: Fit, records: Records) -> float | None:
     """
-    The mains whose multiples hold all that the re-tuned model leaves.
+    The mains whose multiples hold the re-tuned model's residual.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def mains(nominal: Model, none: Fit, records: Records) -> float | None:
     Returns
     -------
     float or None
-        50 or 60 Hz; None where something is left beside their multiples too, or nothing at all.
+        50 or 60 Hz; None where the residual lies elsewhere too, or is noise.
     """
     problem = Problem(nominal, records.merged, Hypothesis())
     _, residuals, _ = problem.residuals(none.x)
@@ -70,14 +70,14 @@ def mains(nominal: Model, none: Fit, records: Records) -> float | None:
     return None
 
 
-def hums(located: Located, frequency: float) -> Located:
+def with_mains_interference(located: Located, frequency: float) -> Located:
     """
-    Places, where the measurement hums.
+    Places, where the measurement carries mains interference.
 
     Parameters
     ----------
     located : Located
-        Places by what free functions leave, which know no tones.
+        Places by their residual with unknown dynamic stiffnesses, which do not know of discrete tones.
     frequency : float
         Of the mains [Hz].
 

@@ -117,10 +117,10 @@ class _Family:
     def around(self, bases: Sequence[_Base], seconds: Sequence[Second]) -> list[tuple[Candidate, Fit]]:
         """Pairs on top of each base, and of the best second cause that was found; best first, fitted to few lines as measured."""
         tried: list[tuple[Candidate, Fit]] = []
-        for turn in range(len(bases) + 1):
-            if turn == len(bases) and not self.linear and tried[0][1].chi2 > ASTRAY * tried[0][1].count:
+        for round_ in range(len(bases) + 1):
+            if round_ == len(bases) and not self.linear and tried[0][1].chi2 > ASTRAY * tried[0][1].count:
                 break
-            base = bases[turn] if turn < len(bases) else _second_of(*tried[0])
+            base = bases[round_] if round_ < len(bases) else _second_of(*tried[0])
             tried += self._with_second(base, seconds)
             tried.sort(key=lambda pair: pair[1].objective)
             if not tried or (not self.linear and _enough_on_few(tried)):
@@ -150,7 +150,7 @@ class _Family:
             step = partial(first_steps, self.nominal, fitted_on, warm=scan.warm, steps=steps)
             fits = self.workers.map(step, hypotheses)
             rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
-        # As measured the steps of a law are as dear again: its two best are enough.
+        # As measured the steps of a law are as expensive again: its two best are enough.
         ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if self.linear else 2]
         step = partial(first_steps, self.nominal, self.sharp, steps=steps)
         fits = self.workers.map(step, [f.hypothesis for _, f in ahead], [f.x for _, f in ahead])

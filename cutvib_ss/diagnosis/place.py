@@ -1,5 +1,5 @@
 """
-The place of a gap without a hypothesis: the one whose free functions of frequency explain the records best.
+The place of a gap without a hypothesis: the one whose unknown dynamic stiffnesses explain the records best.
 
 Every way in which a place can be at fault is fitted with the tuning around it (`cutvib_ss.diagnosis.projection`), from the model as
 given and as re-tuned, for tuning without the element may have absorbed part of it. What counts is what the functions leave for
@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutvib_ss.diagnosis.element_type import family_of, with_level
+from cutvib_ss.diagnosis.element_type import element_type_of, with_level
 from cutvib_ss.diagnosis.findings import DynamicStiffness, PlaceScore, finite_or_none
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.projection import Free, Outer
@@ -36,15 +36,15 @@ CLIMBED = 2
 """Ways of each place that are fitted with all steps …"""
 CLIMBS = 4
 """… of the tuning."""
-TURNS = 3
-"""Turns in which positions are left out."""
+FOLDS = 3
+"""Folds in which positions are left out."""
 SHARPNESS = 0.2
 """Weight of a datum's evidence, for lines of one resonance tell the same thing several times …"""
 DOUBT = 0.01
 """… and part of all probability that is spread evenly. Both from simulated campaigns of known place, one in three of a law outside
 the catalogue."""
 HELD = 0.25
-"""Weight of what is left at positions left out, against what is left of all."""
+"""Weight of the residual at held-out positions, against that at all."""
 SMOOTH = 0.5
 """Weight of what smooth functions leave where every record has its own, against what any functions leave …"""
 BY_RECORD = 2 / 3
@@ -58,12 +58,12 @@ KEPT = 2
 @dataclass(frozen=True)
 class Located:
     """
-    Places by what free functions there leave.
+    Places by their residual with unknown dynamic stiffnesses.
 
     Parameters
     ----------
     scores : tuple of PlaceScore
-        Best first; empty where nothing is left to locate.
+        Best first; empty where the residual is noise.
     stiffness : tuple of DynamicStiffness
         The functions at the likeliest.
     """
@@ -73,7 +73,7 @@ class Located:
 
     @property
     def odds(self) -> dict[str, float]:
-        """Probability of each place, most probable first; all on none where nothing is left to locate."""
+        """Probability of each place, most probable first; all on none where the residual is noise."""
         return {s.place: s.probability for s in self.scores} or {"none": 1.0}
 
     @property
@@ -108,7 +108,7 @@ def locate(nominal: Model, none: Fit, entries: Sequence[Entry], blow_at: float, 
     -----
     The evidence of a line with n data, of which functions leave the mean square q a degree of freedom, is n ln(1 + q): the
     likelihood of errors with heavy tails, so that a line that no place explains does not decide. Probabilities go with
-    e^(-w Σ n ln(1 + q)), q being of all records and, by a quarter, of those left out by turns; where records have functions of
+    e^(-w Σ n ln(1 + q)), q being of all records and, by a quarter, of those left out in folds; where records have functions of
     their own, of any functions and of smooth ones.
     """
     groups = merged(entries, apart=by_level)
@@ -169,7 +169,7 @@ def _levels(g: Group) -> tuple[FloatArray, np.ndarray]:
 def _by_place(
     outer: Outer, nominal: Model, channels: Sequence[str], tuned: FloatArray, by_level: bool
 ) -> dict[str, list[Free]]:
-    """Each place's ways of being at fault after a first step, from either tuning, best first."""
+    """Each place's variants of a fault after a first step, from either tuning, best first."""
     out: dict[str, list[Free]] = {}
     for variant in variants(nominal, channels):
         # With a gain of its own in every record a lone channel shows anything.
@@ -192,7 +192,7 @@ def _freedom(outer: Outer, free: Free) -> float:
 
 
 def _judged(outer: Outer, free: Free, by_record: bool) -> tuple[float, float]:
-    """Evidence against a place, and the mean square that is left of what counts most: of records left out, where there are any."""
+    """Evidence against a place, and the mean square of the residual that counts most: of records left out, where there are any."""
     against, means = 0.0, []
     parts = zip(outer.rows, outer.modifications(free.variant, free.x, free.shape), outer.gains(free.x), strict=True)
     for i, (rows, m, gain) in enumerate(parts):
@@ -204,9 +204,9 @@ def _judged(outer: Outer, free: Free, by_record: bool) -> tuple[float, float]:
         if by_record:
             other, share = (squares + smoothing_cost(rows, m, gain, functions)).sum(axis=0) / per_line, SMOOTH
         elif places.size > 1:
-            other, turns = np.zeros(left.size), min(TURNS, places.size)
-            for k in range(turns):
-                off = np.isin(rows.group.positions, places[k::turns])
+            other, folds = np.zeros(left.size), min(FOLDS, places.size)
+            for k in range(folds):
+                off = np.isin(rows.group.positions, places[k::folds])
                 again, _ = fitted_functions(rows, m, gain, rows.but(off), functions)
                 other = other + squares_left(rows, m, gain, again, rows.but(~off)).sum(axis=0) / per_line
         against += per_line * float(np.sum((1.0 - share) * np.log1p(left) + share * np.log1p(other)))
@@ -247,7 +247,7 @@ def _in_full(
                 levels=tuple(finite_or_none(v) for v in distinct) if apart else (None,),
                 value=z,
                 std=spread,
-                family=family_of(free.variant.kind, group.freq, z[middle], spread[middle]),
+                element_type=element_type_of(free.variant.kind, group.freq, z[middle], spread[middle]),
                 with_level=with_level(group.freq, distinct, z, spread) if apart else "",
             )
         )

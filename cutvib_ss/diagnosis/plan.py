@@ -7,7 +7,7 @@ counted: with J their derivatives and P their prior precision, the χ² that a f
     g = dᵀW d - dᵀW J (JᵀW J + P)⁻¹ JᵀW d.
 
 A cause is seen when half of that exceeds the evidence that the verdict asks of a cause, or when tuning would have to go beyond its
-bounds to hide it; it is named when enough is left after the best that any other cause could make of it. Changes are taken
+bounds to hide it; it is named when the residual after the best fit of any other cause is large enough. Changes are taken
 where they are small and in proportion to the severity, for tuning follows a resonance however far it moves. Causes that depend
 on the level are simulated blow by blow.
 """

@@ -4,7 +4,7 @@ From evidence to probabilities: evidence times prior, normalised over all hypoth
 Half of the prior lies on no cause. Known causes share theirs equally by effect and place, however many variants each has; an
 unknown element shares its by place; sums of two share theirs as if all were tried. What was not fitted
 on all lines counts nothing. Where even the best hypothesis leaves more than noise, its likelihood is wrong everywhere:
-differences of log evidence are then divided by what it leaves a datum (quasi-likelihood, McCullagh and Nelder 1989, chapter 9),
+differences of log evidence are then divided by its reduced χ² (quasi-likelihood, McCullagh and Nelder 1989, chapter 9),
 and by the number of neighbouring lines whose residuals go together: so many tell the same thing.
 """
 

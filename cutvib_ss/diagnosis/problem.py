@@ -64,10 +64,10 @@ class Problem:
         shapes = CALIBRATION_SHAPES if self.calibration > 0 else 0
         self.n_calibration = 2 * shapes * len(self.channels)
         self.n_blow = int(self.free_blow)
-        self.loud = self._loud()
+        self.force_scaled = self._force_scaled()
         self._blow = self.n_tuning + self.n_calibration
         self._shared_by_all = self._blow + self.n_blow
-        self.first_effect = self._shared_by_all + len(self.loud)
+        self.first_effect = self._shared_by_all + len(self.force_scaled)
         self.size = self.first_effect + len(self.parameters)
         self._n_shapes = shapes
         self.band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
@@ -76,7 +76,7 @@ class Problem:
         self._circles: list[Circles | None] = [None] * len(self.groups)
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
 
-    def _loud(self) -> tuple[tuple[int, int], ...]:
+    def _force_scaled(self) -> tuple[tuple[int, int], ...]:
         """Records, by group and row, whose force is known only roughly: none matters where the response is linear."""
         return ()
 

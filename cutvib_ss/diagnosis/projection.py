@@ -1,5 +1,5 @@
 """
-The tuning around free functions: variable projection.
+The tuning around unknown dynamic stiffnesses: variable projection.
 
 Tuning, calibration and a variant's shape are common to all lines. A step in them is taken in what the functions cannot follow:
 the part of the derivatives that is normal to the functions' own, line by line. The functions then follow.
@@ -46,7 +46,7 @@ class Free:
     functions : tuple of ndarray, shape (set, function, frequency)
         The functions, one array a group.
     objective : float
-        χ² that is left, with the priors' squares.
+        χ² of the residual, with the priors' squares.
     """
 
     variant: Variant
@@ -237,7 +237,7 @@ class Outer:
             shown, slopes = m.sloped(rows.of_rows(free.functions[i]))
             with np.errstate(all="ignore"):
                 left = rows.group.data - gain * shown
-                normal, right = _what_is_left(rows, self._outer(free, unit, i), slopes * gain, left)
+                normal, right = _residual_rows(rows, self._outer(free, unit, i), slopes * gain, left)
             matrix += normal
             gradient += right
         return matrix, gradient
@@ -274,7 +274,7 @@ class Outer:
         return out
 
 
-def _what_is_left(
+def _residual_rows(
     rows: Rows, outer: Sequence[ComplexArray], inner: ComplexArray, left: ComplexArray
 ) -> tuple[FloatArray, FloatArray]:
     """Normal matrix and gradient of the outer unknowns, the inner ones projected out line by line and set by set."""

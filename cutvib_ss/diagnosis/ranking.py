@@ -30,7 +30,7 @@ FAR = 400.0
 LATER_STEPS, LAW_STEPS = 10, 6
 """Steps on few lines, from the best start of a cause; those of a law."""
 MOST_STEPS, MOST_LAW_STEPS = 40, 15
-"""Steps on all lines: those of a law are dear, and the last of many gain little."""
+"""Steps on all lines: those of a law are expensive, and the last of many gain little."""
 SCANNED = 5
 """Records that are all scanned."""
 HOPELESS = 3.0
@@ -95,7 +95,7 @@ def on_all_lines(
         So many are fitted at least, unless they are far behind.
     rival : tuple of float
         Objective of another cause, or none, on the same few lines, and its evidence on all: what stays far behind it there is not
-        worth the dearer fit.
+        worth the more expensive fit.
     workers : Workers
         Who fits.
     most : int

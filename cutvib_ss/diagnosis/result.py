@@ -29,7 +29,7 @@ class GapFigures:
     unit : str
         ``"g/N"``, or the channel's own.
     before, tuned, after, noise_floor : float
-        Nominal model as given; re-tuned within tolerance; with the cause added; what estimator noise alone leaves.
+        Nominal model as given; re-tuned within tolerance; with the cause added; estimator noise alone.
     band_hz : tuple of float
         The band [Hz].
     shrinkage : float
@@ -58,7 +58,7 @@ class ErrorFigure:
     label : float or str or None
         Position y_b / L, or name of the channel.
     error, noise : float
-        Mean modulus of the re-tuned nominal model's error, and what noise alone leaves, in the gap's unit.
+        Mean modulus of the re-tuned nominal model's error, and that of noise alone, in the gap's unit.
     """
 
     label: float | str | None
@@ -382,7 +382,7 @@ class Diagnosis(Drawn):
             "likelihood": dict(self.sizes),
             "ambiguity_set": list(self.ambiguity_set),
             "next_test": None if self.next_test is None else dict(vars(self.next_test)),
-            "meaning": self.findings.means(),
+            "consequences": self.findings.means(),
             "title": self.title,
             "warnings": list(self.warnings),
             "evidence": {

@@ -1,10 +1,10 @@
 """
-What one more cause could explain of what a fit leaves, before anything is fitted.
+What one more cause could explain of a fit's residual, before anything is fitted.
 
-The residual with the cause in place is freed of what the unknowns of the fit could take up, to first order. For a linear cause one
-change of the prediction tells the rest. A law is tried at many values and refined without derivatives: with
+The directions of the fit's unknowns are projected out of the residual, to first order. For a linear cause one change of the
+prediction tells the rest. A law is tried at many values and refined without derivatives: with
 clearance or friction the response to a blow depends on its parameters roughly, and Gauss-Newton steps from afar are caught at once,
-while the squares of what is left fall evenly to where the truth is.
+while the residual's squares fall evenly to where the truth is.
 """
 
 from __future__ import annotations
@@ -244,8 +244,8 @@ class Scan:
 
     def _change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
         """
-        Of a change of the prediction, freed of what the fit's unknowns could take up: its product with what is left, minus infinity
-        where the model cannot take it; its squares; and those before it was freed.
+        Of a change of the prediction, the directions of the fit's unknowns projected out: its product with the residual, minus
+        infinity where the model cannot take it; its squares; and those before the projection.
         """
         try:
             change = self.left - _flat(problem.residuals(x)[1])

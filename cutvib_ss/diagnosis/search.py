@@ -154,7 +154,7 @@ def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], f
     best = max(ranked, key=lambda r: r.fit.log_evidence)
     if best.fit.log_evidence <= none.fit.log_evidence or not best.refined:
         return False
-    # What a law leaves tells only beside what is not known of the force; a linear one leaves as much elsewhere.
+    # A law's residual tells only beside what is not known of the force; a linear one leaves as much elsewhere.
     left = best.reduced if best.fit.hypothesis.linear else leaves(best)
     return left < LEFT + LEFT_OF_GAP * max(none.reduced - 1.0, 0.0)
 
@@ -227,7 +227,7 @@ def _scouted(nominal: Model, few: Records, scan: Scan, candidate: Candidate) -> 
 def _rough_laws(
     nominal: Model, outlook: Records, found: Sequence[Candidate], motion: Mapping[str, float], workers: Workers
 ) -> list[tuple[Candidate, Fit]]:
-    """The same for laws, whose steps are dear: each is scanned, and those that promise most take some."""
+    """The same for laws, whose steps are expensive: each is scanned, and those that promise most take some."""
     scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True)
     promising = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))[:MOST_REFINED]
     refined = workers.map(scan.refined, [s for _, s in promising])

@@ -35,9 +35,9 @@ LAW_STEP = 2e-4
 """Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
 HARMONICS = 3
 """Highest harmonic in which sine sweeps are balanced: what is compared is the first."""
-LOUDNESS = 0.2
+FORCE_SCALE = 0.2
 """Relative error of the force behind a record that holds responses alone: hands scatter, and the blow's length is a guess."""
-LOUDNESS_STEP = 0.02
+FORCE_SCALE_STEP = 0.02
 """Step of such a record's unknown in a difference of two simulations."""
 JUMP = 0.2
 """Step between lines, against the largest response, from which a sweep may have jumped."""
@@ -83,7 +83,7 @@ def simulated(
     group: Group,
     wanted: np.ndarray | None = None,
     steps: float = STEPS,
-    loudness: FloatArray | None = None,
+    force_scale: FloatArray | None = None,
 ) -> Simulated:
     """
     Run each record's force through a model in time, and its estimator on the responses.
@@ -98,7 +98,7 @@ def simulated(
         Records to simulate; all by default, the others are left zero.
     steps : float
         Steps in a period of the motion at the laws' ports.
-    loudness : ndarray, shape (record,), optional
+    force_scale : ndarray, shape (record,), optional
         Factors on the forces; one by default.
 
     Returns
@@ -128,9 +128,9 @@ def simulated(
             )
         form = forms[position]
         # All records at a position in one call: they share the modal sum.
-        louder = np.ones(len(data)) if loudness is None else loudness
+        scales = np.ones(len(data)) if force_scale is None else force_scale
         windows = [_window(model, r) for r in replays]
-        size = {row: louder[row] * gain for row, (gain, _) in zip(rows, windows, strict=True)}
+        size = {row: scales[row] * gain for row, (gain, _) in zip(rows, windows, strict=True)}
         forces = np.concatenate([size[row] * np.stack(r.forces) for row, r in zip(rows, replays, strict=True)])
         run = step(form, forces, replays[0].fs, elements, dynamic_below=still, steps=steps)
         if model.chain.decay_rate:
@@ -240,24 +240,24 @@ class SimulatedProblem(Problem):
             One a group.
         """
         each = self.each(x)
-        louder = self._loudness(each[0])
+        scales = self._force_scales(each[0])
         models = self._models(each)
-        return [simulated(m, g, None, self.steps, k) for m, g, k in zip(models, self.groups, louder, strict=True)]
+        return [simulated(m, g, None, self.steps, k) for m, g, k in zip(models, self.groups, scales, strict=True)]
 
-    def _loud(self) -> tuple[tuple[int, int], ...]:
+    def _force_scaled(self) -> tuple[tuple[int, int], ...]:
         # What a linear model shows does not depend on the force.
         if self.hypothesis.linear:
             return ()
         found = ((g.entries[row][0], i, row) for i, g in enumerate(self.groups) for row in range(len(g.data)))
         # In the records' order, however they are grouped: unknowns are handed from fit to fit.
-        loud = sorted((e.record, i, row) for e, i, row in found if e.replay is not None and e.replay.assumed)
-        return tuple((i, row) for _, i, row in loud)
+        scaled = sorted((e.record, i, row) for e, i, row in found if e.replay is not None and e.replay.assumed)
+        return tuple((i, row) for _, i, row in scaled)
 
-    def _loudness(self, x: FloatArray) -> list[FloatArray]:
+    def _force_scales(self, x: FloatArray) -> list[FloatArray]:
         """Factors on the forces of each group's records."""
         out = [np.ones(len(g.data)) for g in self.groups]
-        for k, (i, row) in enumerate(self.loud):
-            out[i][row] = np.exp(LOUDNESS * x[self._shared_by_all + k])
+        for k, (i, row) in enumerate(self.force_scaled):
+            out[i][row] = np.exp(FORCE_SCALE * x[self._shared_by_all + k])
         return out
 
     def _slopes(self, x: FloatArray, p: Simulated) -> list[ComplexArray]:
@@ -278,7 +278,7 @@ class SimulatedProblem(Problem):
             else:
                 by_law[i] = self._by_law(x, i, p)
         out: dict[int, ComplexArray] = dict(by_law)
-        out.update(self._by_loudness(x, index, p))
+        out.update(self._by_force_scale(x, index, p))
         if self.n_blow:
             # The assumed blow has its instant.
             out[self._blow] = np.zeros(p.data.shape, dtype=np.complex128)
@@ -296,8 +296,8 @@ class SimulatedProblem(Problem):
         moved = x.copy()
         moved[i] += LAW_STEP if x[i] + LAW_STEP <= 1.0 else -LAW_STEP
         index = self._fitted(p)
-        louder = None if index is None else self._loudness(x)[index]
-        there = simulated(self.applied(moved), p.group, None, self.steps, louder)
+        scales = None if index is None else self._force_scales(x)[index]
+        there = simulated(self.applied(moved), p.group, None, self.steps, scales)
         change: ComplexArray = (there.data - p.data) / (moved[i] - x[i])
         return change
 
@@ -305,19 +305,19 @@ class SimulatedProblem(Problem):
         """Which of the groups a prediction is of; None if it is of records that are not fitted."""
         return next((i for i, g in enumerate(self.groups) if g is p.group), None)
 
-    def _by_loudness(self, x: FloatArray, index: int | None, p: Simulated) -> dict[int, ComplexArray]:
+    def _by_force_scale(self, x: FloatArray, index: int | None, p: Simulated) -> dict[int, ComplexArray]:
         """All records' forces moved at once: each moves its own record alone."""
         if index is None:
             nothing = np.zeros(p.data.shape, dtype=np.complex128)
             return dict.fromkeys(range(self._shared_by_all, self.first_effect), nothing)
-        if not self.loud:
+        if not self.force_scaled:
             return {}
         moved = x.copy()
-        moved[self._shared_by_all : self.first_effect] += LOUDNESS_STEP
-        there = simulated(p.model, p.group, None, self.steps, self._loudness(moved)[index])
-        change = (there.data - p.data) / LOUDNESS_STEP
+        moved[self._shared_by_all : self.first_effect] += FORCE_SCALE_STEP
+        there = simulated(p.model, p.group, None, self.steps, self._force_scales(moved)[index])
+        change = (there.data - p.data) / FORCE_SCALE_STEP
         out = {}
-        for k, (i, row) in enumerate(self.loud):
+        for k, (i, row) in enumerate(self.force_scaled):
             own = np.zeros(p.data.shape, dtype=np.complex128)
             if i == index:
                 own[row] = change[row]

@@ -1,8 +1,8 @@
 """
-The ways in which each place can be at fault, each with one or two unknown functions of frequency.
+The variants of a fault at each place, each with one or two unknown functions of frequency.
 
-A place of the catalogue may be at fault in several ways: the tool in X alone or in X and Z, the rail at a point, in a value
-that all its modes share, in twist, in a mode that the model lacks, its ends in deflection or in slope, one channel or all.
+A place of the catalogue may be at fault in several directions or forms: the tool in X alone or in X and Z, the rail at a point, in
+a value that all its modes share, in twist, in a mode that the model lacks, its ends in deflection or in slope, one channel or all.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Variant:
     place : str
         Place of the catalogue, or port of a structure.
     name : str
-        Tells the ways of a place apart.
+        Distinguishes the variants of a place.
     kind : str
         What the unknown functions are: ``"dynamic stiffness"``, ``"compliance"``, ``"gain"``, ``"relative stiffness"`` or
         ``"relative mass"``.
@@ -81,7 +81,7 @@ class Variant:
 
 def variants(model: Model, channels: Sequence[str]) -> tuple[Variant, ...]:
     """
-    Every place of a model, each with the ways in which it can be at fault.
+    Every place of a model, each with the variants of its fault.
 
     Parameters
     ----------

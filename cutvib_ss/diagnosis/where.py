@@ -16,7 +16,7 @@ from cutvib_ss.diagnosis.result import ErrorFigure
 from cutvib_ss.results import ComplexArray
 
 STANDS_OUT = 4.0
-"""Standard deviations by which a band's mean square has to exceed what noise leaves."""
+"""Standard deviations by which a band's mean square has to exceed that of noise."""
 LEVEL_EXCESS = 1.15
 """Reduced χ² between levels from which a response is called level-dependent."""
 

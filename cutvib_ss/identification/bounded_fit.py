@@ -1,5 +1,5 @@
 """
-Bounded fit of the head's ten parameters to measured responses XX and ZX (Section 5, Eqs. 21 and 22, mended).
+Bounded fit of the head's ten parameters to measured responses XX and ZX (Section 5, Eqs. 21 and 22, corrected).
 
 Eq. 21 as printed, C_X (k_X² α_XX² - H_XX²) + C_Z (k_Z² α_ZX² - H_ZX²), is a signed difference of squares: nothing
 bounds it from below, and its least value is not where model and measurement agree. What is minimised here is

@@ -50,7 +50,7 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
     Raises
     ------
     DataFormatError
-        If a file or value cannot be used; the message names the file, what is wrong and how to mend it.
+        If a file or value cannot be used; the message names the file, what is wrong and how to fix it.
     """
     path = Path(path)
     file = path / "campaign.toml" if path.is_dir() else path

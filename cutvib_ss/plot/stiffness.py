@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cutvib_ss.diagnosis.element_type import family_value
+from cutvib_ss.diagnosis.element_type import element_type_value
 from cutvib_ss.diagnosis.findings import DynamicStiffness
 from cutvib_ss.plot.style import CORRECTED, INK, NOMINAL, TUNED, drawing, unit_text
 from cutvib_ss.results import FloatArray
@@ -19,7 +19,7 @@ _SEEN = 0.6
 
 
 def stiffness_grid(functions: Sequence[DynamicStiffness]) -> Figure:
-    """Free functions over frequency, real beside imaginary part, with the law that their shape suggests."""
+    """Unknown dynamic stiffnesses over frequency, real beside imaginary part, with the law that their shape suggests."""
     with drawing(9.6, 0.5 + 2.2 * len(functions)) as figure:
         panels = figure.subplots(len(functions), 2, sharex=True, squeeze=False)
         for row, z in zip(panels, functions, strict=True):
@@ -45,9 +45,9 @@ def _part(axes: Axes, z: DynamicStiffness, part: str) -> None:
         label = "the records ask for" if level is None else f"at {level:.3g} N"
         axes.fill_between(z.freq, value - std, value + std, color=colour, alpha=0.25, lw=0)
         axes.plot(z.freq, value, ".", ms=2.2, color=colour, label=label)
-    if z.family is not None and len(z.levels) == 1:
-        law = getattr(family_value(z.family, z.quantity, z.freq), part)
-        axes.plot(z.freq, law, color=NOMINAL, lw=1.2, label=f"{z.family.name}, {z.family.law}")
+    if z.element_type is not None and len(z.levels) == 1:
+        law = getattr(element_type_value(z.element_type, z.quantity, z.freq), part)
+        axes.plot(z.freq, law, color=NOMINAL, lw=1.2, label=f"{z.element_type.name}, {z.element_type.law}")
     axes.set_ylim(*_limits(getattr(z.value, part), z.std))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cutvib_ss.diagnosis.consequence_result import Loop, Meaning, Outcome
+from cutvib_ss.diagnosis.consequence_result import Consequence, Consequences, Loop
 from cutvib_ss.diagnosis.findings import Band, Distances, DynamicStiffness, Metric, NuGap
 from cutvib_ss.diagnosis.metrics import ALL
 from cutvib_ss.diagnosis.result import Diagnosis, FittedParameter
@@ -44,20 +44,20 @@ def sentences(d: Diagnosis) -> list[str]:
     Returns
     -------
     list of str
-        What the free functions look like, what the choice is worth, whether a controller would notice, what it means.
+        What the unknown dynamic stiffnesses look like, what the choice is worth, whether a controller would notice, what it means.
     """
     f = d.findings
     said = [*stiffness_sentences(f.stiffness), second_best_sentence(d)]
     if f.nu_gap is not None:
         said.append(nu_gap_sentence(f.nu_gap))
-    if f.meaning is not None:
-        said += [meaning_sentence(f.meaning), *(f"Mind: {w}." for w in f.meaning.warnings)]
+    if f.consequences is not None:
+        said += [consequences_sentence(f.consequences), *(f"Mind: {w}." for w in f.consequences.warnings)]
     return [s for s in said if s]
 
 
 def stiffness_sentences(functions: Sequence[DynamicStiffness]) -> list[str]:
     """
-    What the shape of each free function says.
+    What the shape of each unknown dynamic stiffness says.
 
     Parameters
     ----------
@@ -72,13 +72,13 @@ def stiffness_sentences(functions: Sequence[DynamicStiffness]) -> list[str]:
     out = []
     for z in functions:
         what = f"{place_name(z.place)} ({z.label})" if z.label != z.place else place_name(z.place)
-        if z.family is not None and len(z.levels) == 1:
+        if z.element_type is not None and len(z.levels) == 1:
             units = _UNITS.get(z.unit, {}) | _PLAIN
             values = ", ".join(
                 f"{name} {parameter_text(FittedParameter(value, float('nan'), units.get(name, '')))}"
-                for name, value in z.family.parameters.items()
+                for name, value in z.element_type.parameters.items()
             )
-            said = f"looks like a {z.family.name} ({z.family.law}: {values}; {100 * z.family.share:.0f} % of it)"
+            said = f"looks like a {z.element_type.name} ({z.element_type.law}: {values}; {100 * z.element_type.share:.0f} % of it)"
         elif z.with_level:
             said = f"shows {z.with_level}"
         else:
@@ -254,13 +254,13 @@ def second_best_sentence(d: Diagnosis) -> str:
     )
 
 
-def mends(meaning: Meaning) -> bool:
+def changes_vibration(consequences: Consequences) -> bool:
     """
     Whether mending a cause changes the vibration: not without a cause, nor where it lies in the measurement.
 
     Parameters
     ----------
-    meaning : Meaning
+    consequences : Consequences
         What the diagnosis means.
 
     Returns
@@ -268,31 +268,33 @@ def mends(meaning: Meaning) -> bool:
     bool
         True where some figure differs.
     """
-    return any(o.mended != o.now for o in meaning.outcomes)
+    return any(o.fixed != o.now for o in consequences.vibration)
 
 
-def outcome_rows(meaning: Meaning) -> list[Row]:
+def consequence_rows(consequences: Consequences) -> list[Row]:
     """
-    The vibration now and with the cause mended.
+    The vibration now and with the cause fixed.
 
     Parameters
     ----------
-    meaning : Meaning
+    consequences : Consequences
         What the diagnosis means.
 
     Returns
     -------
     list of tuple of str
-        Position; measured; now with its interval; and where mending changes it, the same mended, and the change.
+        Position; measured; now with its interval; and where fixing the cause changes it, the same fixed, and the change.
     """
     rows = []
-    for o in meaning.outcomes:
+    for o in consequences.vibration:
         row: Row = (
             "-" if o.position is None else figure(o.position),
             "-" if o.measured is None else figure(o.measured),
             _with_interval(o.now, o.now_interval),
         )
-        rows.append((*row, _with_interval(o.mended, o.mended_interval), _change(o)) if mends(meaning) else row)
+        rows.append(
+            (*row, _with_interval(o.fixed, o.fixed_interval), _change(o)) if changes_vibration(consequences) else row
+        )
     return rows
 
 
@@ -303,9 +305,9 @@ def _with_interval(value: float, interval: tuple[float, float]) -> str:
     return f"{value:.{digits}g} ({low:.{digits}g} to {high:.{digits}g})"
 
 
-def _change(o: Outcome) -> str:
+def _change(o: Consequence) -> str:
     low, high = (100 * (ratio - 1.0) for ratio in o.ratio_interval)
-    return f"{100 * (o.mended / o.now - 1.0):+.1f} % ({low:+.1f} to {high:+.1f} %)"
+    return f"{100 * (o.fixed / o.now - 1.0):+.1f} % ({low:+.1f} to {high:+.1f} %)"
 
 
 def loop_rows(loops: Sequence[Loop]) -> list[Row]:
@@ -334,38 +336,37 @@ def loop_rows(loops: Sequence[Loop]) -> list[Row]:
     ]
 
 
-def meaning_sentence(meaning: Meaning) -> str:
+def consequences_sentence(consequences: Consequences) -> str:
     """
     The figures that matter most, in one sentence.
 
     Parameters
     ----------
-    meaning : Meaning
+    consequences : Consequences
         What the diagnosis means.
 
     Returns
     -------
     str
-        Vibration now and with the cause mended over the positions; what becomes of the controller. Empty where nothing is known.
+        Vibration now and with the cause fixed over the positions; what becomes of the controller. Empty where nothing is known.
     """
-    if not meaning.outcomes:
+    if not consequences.vibration:
         return ""
 
-    def over(pick: Callable[[Outcome], float]) -> str:
-        values = [pick(o) for o in meaning.outcomes]
+    def over(pick: Callable[[Consequence], float]) -> str:
+        values = [pick(o) for o in consequences.vibration]
         low, high = figure(min(values)), figure(max(values))
         return low if low == high else f"{low} to {high}"
 
-    said = (
-        f"At {figure(meaning.frequency)} Hz {meaning.channel} answers with {over(lambda o: o.now)} {meaning.unit} now"
-    )
-    said += f", and with the cause mended with {over(lambda o: o.mended)}." if mends(meaning) else "."
-    if meaning.loops:
-        unstable = sum(not loop.stable for loop in meaning.loops)
-        worst = min((loop.corrected_attenuation_db for loop in meaning.loops if loop.stable), default=float("nan"))
-        meant = min(loop.nominal_attenuation_db for loop in meaning.loops)
+    said = f"At {figure(consequences.frequency)} Hz {consequences.channel} responds with {over(lambda o: o.now)}"
+    said += f" {consequences.unit} now"
+    said += f", and with the cause fixed with {over(lambda o: o.fixed)}." if changes_vibration(consequences) else "."
+    if consequences.loops:
+        unstable = sum(not loop.stable for loop in consequences.loops)
+        worst = min((loop.corrected_attenuation_db for loop in consequences.loops if loop.stable), default=float("nan"))
+        meant = min(loop.nominal_attenuation_db for loop in consequences.loops)
         if unstable:
-            said += f" A controller designed on the nominal model is unstable at {unstable} of {len(meaning.loops)} positions."
+            said += f" A controller designed on the nominal model is unstable at {unstable} of {len(consequences.loops)} positions."
         else:
             said += f" A controller designed on the nominal model takes off {worst:.1f} dB at worst, of {meant:.1f} dB meant."
     return said

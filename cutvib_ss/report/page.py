@@ -141,10 +141,10 @@ def _details(d: Diagnosis) -> dict[str, Any]:
         "bands_of": details.band_rows(f.bands),
         "metrics": [(by, details.metric_rows(f.metrics, by)) for by in ("channel", "position", "level")],
         "second_best": details.second_best_sentence(d),
-        "meaning": f.meaning,
-        "means": "" if f.meaning is None else details.meaning_sentence(f.meaning),
-        "outcomes": [] if f.meaning is None else details.outcome_rows(f.meaning),
-        "loops": [] if f.meaning is None else details.loop_rows(f.meaning.loops),
+        "consequences": f.consequences,
+        "means": "" if f.consequences is None else details.consequences_sentence(f.consequences),
+        "vibration": [] if f.consequences is None else details.consequence_rows(f.consequences),
+        "loops": [] if f.consequences is None else details.loop_rows(f.consequences.loops),
     }
 
 

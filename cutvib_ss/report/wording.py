@@ -126,7 +126,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     name = cause_name(best.effect, best.place, best.parameters)
     if diagnosis.verdict == "no_gap":
         return (
-            "Model and machine agree: once the model's values are tuned within their tolerances, what is left on "
+            "Model and machine agree: once the model's values are tuned within their tolerances, the residual on "
             f"held-out records is noise ({figure(gap.tuned)} against {figure(gap.noise_floor)} {gap.unit})."
         )
     if diagnosis.verdict == "explained":

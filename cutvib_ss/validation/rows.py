@@ -259,7 +259,7 @@ def excess_closed(case: Case) -> float:
     Returns
     -------
     float
-        1 where only noise is left; NaN where there is hardly anything to close.
+        1 where the residual is noise alone; NaN where there is hardly anything to close.
     """
     stated = stated_closed(case)
     return float("nan") if stated is None else min(stated[0], 1.0)

@@ -122,13 +122,13 @@ def test_labelled_campaigns(shared, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["c02", "c03", "c04", "c07", "c08", "c09"])
+@pytest.mark.parametrize("name", ["c02", "c03", "c04", "c07", "c08", "c09", "c10", "c11"])
 def test_more_labelled_campaigns(shared, name):
     assert is_right(*labelled(shared, name))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["c05", "c06"])
+@pytest.mark.parametrize("name", ["c05", "c06", "c12"])
 def test_labelled_nonlinear_campaigns(shared, name):
     label, diagnosis = labelled(shared, name)
     assert is_right(label, diagnosis)

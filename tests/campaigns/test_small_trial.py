@@ -14,6 +14,7 @@ pytest.importorskip("exudyn")
 SEED = "37"
 
 
+@pytest.mark.slow
 def test_a_small_trial(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "trial"
     run = [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.bands import bands
-from cutvib_ss.diagnosis.consequences import meaning
+from cutvib_ss.diagnosis.consequences import consequences
 from cutvib_ss.diagnosis.cross_validation import judged, predicted
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -45,28 +45,28 @@ def told():
     records = Records(entries())
     observed = Observations(records.entries, (20.0, 399.0), CHANNELS, "g/N", STANDARD_GRAVITY)
     found = fit(NOMINAL, records, Hypothesis((replace(SOFT, factor=0.93),)))
-    return meaning(NOMINAL, found, records, observed, "explained", 0)
+    return consequences(NOMINAL, found, records, observed, "explained", 0)
 
 
 def test_vibration_now_and_mended_lies_within_its_interval(told):
-    for o in told.outcomes:
-        now, mended = (
+    for o in told.vibration:
+        now, fixed = (
             np.abs(frequency_response(m, [o.position], [217.0], outputs=["tool_x"]).data.item()) / STANDARD_GRAVITY
             for m in (MACHINE, NOMINAL)
         )
-        for value, estimate, (low, high) in ((now, o.now, o.now_interval), (mended, o.mended, o.mended_interval)):
+        for value, estimate, (low, high) in ((now, o.now, o.now_interval), (fixed, o.fixed, o.fixed_interval)):
             room = high - low
             assert low - room < value < high + room
             assert low <= estimate <= high
             assert room < 0.2 * estimate
         # How much of k2 is tuning, how much the fault, no record tells: what mending leaves is less certain than what is there.
-        assert np.ptp(o.mended_interval) > 3 * np.ptp(o.now_interval)
+        assert np.ptp(o.fixed_interval) > 3 * np.ptp(o.now_interval)
         assert o.measured == pytest.approx(now, rel=0.1)
     assert not told.warnings
 
 
 def test_controller_of_the_nominal_model_does_worse_on_the_corrected_one(told):
-    assert [loop.position for loop in told.loops] == [o.position for o in told.outcomes]
+    assert [loop.position for loop in told.loops] == [o.position for o in told.vibration]
     assert all(loop.nominal_attenuation_db > 10.0 for loop in told.loops)
     assert min(loop.corrected_attenuation_db - loop.nominal_attenuation_db for loop in told.loops) < -1.0
 
@@ -75,7 +75,7 @@ def test_extrapolation_is_said():
     records = Records(entries(positions=(0.3,)))
     observed = Observations(records.entries, (20.0, 200.0), CHANNELS, "g/N", STANDARD_GRAVITY)
     found = fit(NOMINAL, records, Hypothesis())
-    said = " ".join(meaning(NOMINAL, found, records, observed, "unknown", 0).warnings)
+    said = " ".join(consequences(NOMINAL, found, records, observed, "unknown", 0).warnings)
     assert "outside the measured band" in said
     assert "fewer than three positions" in said
     assert "not known" in said

@@ -12,7 +12,7 @@ from cutvib_ss.diagnosis.likelihood import Directions
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.scan import Scan
-from cutvib_ss.diagnosis.simulation import LOUDNESS, SimulatedProblem, _window, problem_for, simulated
+from cutvib_ss.diagnosis.simulation import FORCE_SCALE, SimulatedProblem, _window, problem_for, simulated
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.freeplay import Freeplay
@@ -53,10 +53,10 @@ def records(*levels, position=0.5):
     return Records(tuple(entries))
 
 
-def measured(empty, model, loudness=None, seed=0):
+def measured(empty, model, force_scale=None, seed=0):
     """The same with what a model shows, and noise."""
     (group,) = empty.apart
-    shown = simulated(model, group, loudness=loudness).data
+    shown = simulated(model, group, force_scale=force_scale).data
     rng = np.random.default_rng(seed)
     noise = NOISE / np.sqrt(2) * (rng.standard_normal(shown.shape) + 1j * rng.standard_normal(shown.shape))
     return Records(tuple(replace(e, data=d) for e, d in zip(empty.entries, shown + noise, strict=True)))
@@ -80,7 +80,7 @@ def test_derivatives_lead_where_differences_do(law):
     def flat(residuals):
         return np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])
 
-    for i in (*range(problem.n_tuning), *range(problem.first_effect - len(problem.loud), problem.size)):
+    for i in (*range(problem.n_tuning), *range(problem.first_effect - len(problem.force_scaled), problem.size)):
         moved = x.copy()
         moved[i] += 0.02 if i < problem.n_tuning else 1e-3
         change = (flat(left) - flat(problem.residuals(moved)[1])) / (moved[i] - x[i])
@@ -92,16 +92,16 @@ def test_derivatives_lead_where_differences_do(law):
 
 
 def test_a_guessed_force_is_found_with_the_law():
-    louder = np.array([1.25, 0.8])
+    scales = np.array([1.25, 0.8])
     truth = CubicStiffness("joint2", 4e9)
-    seen = measured(records(20.0, 60.0), truth.apply(MACHINE), louder)
+    seen = measured(records(20.0, 60.0), truth.apply(MACHINE), scales)
     found = fit(MACHINE, seen, Hypothesis((CubicStiffness("joint2", 2e9),), {"joint2": 1e-4}))
     problem = problem_for(MACHINE, seen, found.hypothesis)
-    assert len(problem.loud) == 2
+    assert len(problem.force_scaled) == 2
     assert found.chi2 / found.count < 1.05
     # The law's size and all forces together cannot be told apart; their ratio can.
     x = found.x[found.first_effect - 2 : found.first_effect]
-    assert LOUDNESS * (x[0] - x[1]) == pytest.approx(np.log(louder[0] / louder[1]), abs=0.02)
+    assert FORCE_SCALE * (x[0] - x[1]) == pytest.approx(np.log(scales[0] / scales[1]), abs=0.02)
     assert found.hypothesis.effects[0].stiffness3 == pytest.approx(4e9, rel=0.35)
     assert abs(found.hypothesis.effects[0].stiffness3 - 4e9) < 4 * found.stds["0.stiffness3"]
 
@@ -121,12 +121,12 @@ def test_a_held_out_record_lends_its_force_alone():
     assert np.mean(np.abs(entry.data - as_stated) ** 2) > 10 * NOISE**2
 
 
-def test_linear_hypotheses_have_no_loudness():
+def test_linear_hypotheses_have_no_force_scale():
     seen = records(10.0, 60.0)
-    assert problem_for(MACHINE, seen, Hypothesis()).loud == ()
+    assert problem_for(MACHINE, seen, Hypothesis()).force_scaled == ()
     apart = problem_for(MACHINE, seen, Hypothesis(), apart=True)
     assert isinstance(apart, SimulatedProblem)
-    assert apart.loud == ()
+    assert apart.force_scaled == ()
 
 
 def test_forces_belong_to_their_records_however_these_are_grouped():
@@ -137,9 +137,9 @@ def test_forces_belong_to_their_records_however_these_are_grouped():
         problem = problem_for(MACHINE, mixed, law, by_session=by_session)
         unknowns = problem.start()
         unknowns[problem.first_effect - 4 : problem.first_effect] = x
-        factors = problem._loudness(unknowns)
-        found = {problem.groups[i].entries[row][0].record: factors[i][row] for i, row in problem.loud}
-        assert [found[k] for k in range(4)] == pytest.approx(np.exp(LOUDNESS * x))
+        factors = problem._force_scales(unknowns)
+        found = {problem.groups[i].entries[row][0].record: factors[i][row] for i, row in problem.force_scaled}
+        assert [found[k] for k in range(4)] == pytest.approx(np.exp(FORCE_SCALE * x))
 
 
 def test_the_second_cause_promises_most():

@@ -1,4 +1,4 @@
-"""Probabilities, ambiguity sets and verdicts; turns of leaving out; bands and levels."""
+"""Probabilities, ambiguity sets and verdicts; folds of leaving out; bands and levels."""
 
 import dataclasses
 
@@ -46,25 +46,25 @@ def test_verdicts(rows, expected, members):
 
 def test_every_position_is_judged_once_and_never_fitted_in_its_turn():
     entries = tuple(entry(i, position=p) for i, p in enumerate(np.repeat([0.1, 0.2, 0.3, 0.4, 0.5], 2)))
-    turns = cross_validation.folds(Observations(entries, (10.0, 200.0), ("tool_x",), "g/N", 9.8), None, 0)
-    assert sorted(e.record for t in turns for e in t.judged) == list(range(10))
-    for t in turns:
+    folds = cross_validation.folds(Observations(entries, (10.0, 200.0), ("tool_x",), "g/N", 9.8), None, 0)
+    assert sorted(e.record for t in folds for e in t.judged) == list(range(10))
+    for t in folds:
         assert {e.position for e in t.fitted}.isdisjoint({e.position for e in t.judged})
         assert t.fitted
 
 
 def test_levels_are_left_out_where_there_is_one_position():
     entries = tuple(entry(i, level=level) for i, level in enumerate([10.0, 10.0, 50.0, 150.0]))
-    turns = cross_validation.folds(Observations(entries, (10.0, 200.0), ("tool_x",), "g/N", 9.8), None, 0)
-    for t in turns:
+    folds = cross_validation.folds(Observations(entries, (10.0, 200.0), ("tool_x",), "g/N", 9.8), None, 0)
+    for t in folds:
         assert {e.level for e in t.fitted}.isdisjoint({e.level for e in t.judged})
 
 
 def test_records_marked_for_checking_are_only_judged():
     entries = (entry(0), entry(1, position=0.3), entry(2, position=0.2, check=True))
-    (turn,) = cross_validation.folds(Observations(entries, (10.0, 200.0), ("tool_x",), "g/N", 9.8), None, 0)
-    assert [e.record for e in turn.judged] == [2]
-    assert [e.record for e in turn.fitted] == [0, 1]
+    (fold,) = cross_validation.folds(Observations(entries, (10.0, 200.0), ("tool_x",), "g/N", 9.8), None, 0)
+    assert [e.record for e in fold.judged] == [2]
+    assert [e.record for e in fold.fitted] == [0, 1]
 
 
 def test_judging_noise_gives_one():

@@ -1,14 +1,14 @@
-"""The place of elements that no catalogue knows, from free functions of frequency; the laws that these suggest."""
+"""The place of elements that no catalogue knows, from unknown dynamic stiffnesses; the laws that these suggest."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from cutvib_ss.diagnosis.element_type import family_of, with_level
+from cutvib_ss.diagnosis.element_type import element_type_of, with_level
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.mains_interference import hums, mains
+from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
 from cutvib_ss.diagnosis.place import locate
 from cutvib_ss.diagnosis.records import Entry, Records
 from cutvib_ss.effects.support_compliance import SupportCompliance
@@ -138,21 +138,21 @@ def test_place_of_a_trigger_that_jitters():
 
 
 @pytest.mark.parametrize(("tones", "found"), [(60.0, 60.0), (57.0, None), (None, None)])
-def test_mains_hum_is_told_by_its_multiples(tones, found):
+def test_mains_interference_is_told_by_its_multiples(tones, found):
     rng, entries = np.random.default_rng(9), []
     for k, y in enumerate(POSITIONS):
         elements = {} if tones else {"joint2": 40.0 * S**0.5}
         e = entry(k, y, np.nan, dense(published_machine(), y, elements), rng)
-        hum = np.zeros_like(e.data)
+        interference = np.zeros_like(e.data)
         if tones:
             on = np.abs(FREQ - np.round(FREQ / tones) * tones) < 2.5
-            hum[:, on] = 30.0 * np.sqrt(e.variance[:, on]) * np.exp(2j * np.pi * rng.random((3, on.sum())))
-        entries.append(replace(e, data=e.data + hum))
+            interference[:, on] = 30.0 * np.sqrt(e.variance[:, on]) * np.exp(2j * np.pi * rng.random((3, on.sum())))
+        entries.append(replace(e, data=e.data + interference))
     records = Records(tuple(entries))
     none = fit(OFF, records, Hypothesis())
     assert none.chi2 > 2.0 * none.count
     assert mains(OFF, none, records) == found
-    places = hums(located(entries), 50.0).odds
+    places = with_mains_interference(located(entries), 50.0).odds
     assert next(iter(places)) == "measurement"
     assert sum(places.values()) == pytest.approx(1.0)
 
@@ -170,16 +170,16 @@ def test_shape_names_the_family(name):
     rng = np.random.default_rng(5)
     std = np.full(FREQ.size, 0.02 * np.median(np.abs(Z[name])))
     blurred = Z[name] + std * (rng.standard_normal(FREQ.size) + 1j * rng.standard_normal(FREQ.size))
-    family = family_of("dynamic stiffness", FREQ, blurred, std)
-    assert family is not None
-    assert family.name == name
+    law = element_type_of("dynamic stiffness", FREQ, blurred, std)
+    assert law is not None
+    assert law.name == name
 
 
 def test_shape_of_a_late_channel():
-    family = family_of("gain", FREQ, np.exp(-S * 2e-4) - 1, np.full(FREQ.size, 1e-3))
-    assert family is not None
-    assert family.name == "delay"
-    assert family.parameters["delay"] == pytest.approx(2e-4, rel=1e-3)
+    law = element_type_of("gain", FREQ, np.exp(-S * 2e-4) - 1, np.full(FREQ.size, 1e-3))
+    assert law is not None
+    assert law.name == "delay"
+    assert law.parameters["delay"] == pytest.approx(2e-4, rel=1e-3)
 
 
 @pytest.mark.parametrize(

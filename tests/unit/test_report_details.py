@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutvib_ss.diagnosis.consequence_result import Loop, Meaning, Outcome
+from cutvib_ss.diagnosis.consequence_result import Consequence, Consequences, Loop
 from cutvib_ss.diagnosis.findings import (
     Band,
     ChannelGap,
     Distances,
     DynamicStiffness,
-    Family,
+    ElementType,
     Findings,
     Metric,
     NuGap,
@@ -30,7 +30,7 @@ def stiffness(**changes):
     plain = DynamicStiffness(
         place="head", variant="head_x", label="head_x", quantity="dynamic stiffness", unit="N/m", shape=None, freq=FREQ,
         levels=(None,), value=z[None], std=np.full((1, FREQ.size), 1e4),
-        family=Family("spring and damper", "k + iωc", {"stiffness": 2e5, "damping": 150.0}, 0.97),
+        element_type=ElementType("spring and damper", "k + iωc", {"stiffness": 2e5, "damping": 150.0}, 0.97),
     )  # fmt: skip
     return replace(plain, **changes)
 
@@ -48,11 +48,11 @@ FINDINGS = Findings(
     ),
     place_scores=(PlaceScore("head", "head_x", 0.7, 0.95), PlaceScore("joint1", "joint1", 1.4, 0.05)),
     stiffness=(stiffness(),),
-    meaning=Meaning(
+    consequences=Consequences(
         frequency=217.0,
         channel="tool_x",
         unit="g/N",
-        outcomes=(Outcome(0.5, 0.21, (0.2, 0.22), 0.15, (0.14, 0.17), (0.67, 0.78), 0.209),),
+        vibration=(Consequence(0.5, 0.21, (0.2, 0.22), 0.15, (0.14, 0.17), (0.67, 0.78), 0.209),),
         controller="resonant",
         loops=(Loop(0.5, True, 1.4, 0.6, 12.0, 4.5),),
         warnings=("one level was measured",),
@@ -102,9 +102,9 @@ def test_sentence_follows_the_distance(distance, said):
 
 
 def test_unstable_loop_is_said():
-    meaning = replace(FINDINGS.meaning, loops=(Loop(0.5, False, 1.4, 0.0, 12.0, float("nan")),))
-    assert "unstable at 1 of 1" in details.meaning_sentence(meaning)
-    assert details.loop_rows(meaning.loops)[0][-2:] == ("unstable", "-")
+    consequences = replace(FINDINGS.consequences, loops=(Loop(0.5, False, 1.4, 0.0, 12.0, float("nan")),))
+    assert "unstable at 1 of 1" in details.consequences_sentence(consequences)
+    assert details.loop_rows(consequences.loops)[0][-2:] == ("unstable", "-")
 
 
 def test_picture_shows_each_level_and_the_law():
@@ -112,7 +112,7 @@ def test_picture_shows_each_level_and_the_law():
     assert len(real.lines) == len(imaginary.lines) == 3  # zero, the function, the law
     np.testing.assert_allclose(imaginary.lines[2].get_ydata(), 150 * 2 * np.pi * FREQ)
     value = np.array([[1.0], [2.0]]) * stiffness().value
-    two = stiffness(levels=(15.0, 60.0), value=value, std=np.full(value.shape, 1e4), family=None)
+    two = stiffness(levels=(15.0, 60.0), value=value, std=np.full(value.shape, 1e4), element_type=None)
     assert [line.get_label() for line in stiffness_grid([two]).axes[0].lines[1:]] == ["at 15 N", "at 60 N"]
 
 
@@ -121,5 +121,5 @@ def test_json_has_it_all_and_no_nan():
     assert data["where"]["metrics"][0]["before"]["nu_gap"] == 0.5
     assert data["where"]["bands"][0]["coherence"] is None
     assert data["where"]["dynamic_stiffness"][0]["rows"][0]["imag"][0] == pytest.approx(150 * 2 * np.pi * 20)
-    assert data["meaning"]["outcomes"][0]["ratio_interval"] == [0.67, 0.78]
+    assert data["consequences"]["vibration"][0]["ratio_interval"] == [0.67, 0.78]
     assert "NaN" not in DIAGNOSIS.to_json()

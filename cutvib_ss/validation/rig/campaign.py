@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cutvib_ss.validation.rig.assembly import assembled
 from cutvib_ss.validation.rig.blows import BLOCK, FS, Blow, antialiased, draw_blow
-from cutvib_ss.validation.rig.chain import frequencies, hum, recorded, sensed, smooth_error, windowed
+from cutvib_ss.validation.rig.chain import frequencies, mains_interference, recorded, sensed, smooth_error, windowed
 from cutvib_ss.validation.rig.conditions import Conditions
 from cutvib_ss.validation.rig.motion import STEPS, converged_answer, linear_answer
 from cutvib_ss.validation.rig.multibody import Linearised
@@ -276,8 +276,8 @@ def quiet_response(campaign: Campaign, record: int, freq: Array) -> Complex:
     count = round(BLOCK * FS)
     late = np.random.default_rng([campaign.seed, _LATE, record, 0]).standard_normal() * chain.jitter
     shown = sensed(chain, campaign.names, force, response, late)
-    if chain.hum:
-        shown = shown + hum(chain, len(shown), np.random.default_rng([campaign.seed, _NOISE, record, 0]))
+    if chain.mains:
+        shown = shown + mains_interference(chain, len(shown), np.random.default_rng([campaign.seed, _NOISE, record, 0]))
     on_force, on_responses = windowed(chain.window, np.arange(count) / FS)
     lines = np.round(freq * BLOCK).astype(int)
     f, a = (np.fft.rfft(x, axis=-1)[..., lines] for x in (force[:count] * on_force, shown * on_responses))

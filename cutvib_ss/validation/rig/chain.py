@@ -146,12 +146,12 @@ def frequencies() -> Array:
     return np.asarray(np.fft.rfftfreq(_PADDED, 1 / FS))
 
 
-def hum(chain: Chain, channels: int, rng: np.random.Generator) -> Array:
-    """Mains hum on one blow, (channel, sample) over BLOCK; its phase is where the blow happened to fall."""
+def mains_interference(chain: Chain, channels: int, rng: np.random.Generator) -> Array:
+    """Mains interference on one blow, (channel, sample) over BLOCK; its phase is where the blow happened to fall."""
     time = np.arange(round(BLOCK * FS)) / FS
     start, mains = rng.uniform(0, 1), 50.0 * (1 + 4e-4 * rng.standard_normal())
     total = np.zeros((channels, time.size))
-    for k, amplitude in enumerate(chain.hum, start=1):
+    for k, amplitude in enumerate(chain.mains, start=1):
         wave = np.sin(2 * np.pi * k * (mains * time + start) + 1.7 * k)
         total += amplitude * np.resize([1.0, 0.7, 1.2], channels)[:, None] * wave
     return total
@@ -213,7 +213,7 @@ def recorded(
     """
     One blow as the digitiser gives it: force (sample,) [N] and responses (channel, sample).
 
-    Noise, hum, the coupling of the inputs, range and rounding; at last the window, where one is never taken out.
+    Noise, mains interference, the coupling of the inputs, range and rounding; at last the window, where one is never taken out.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def recorded(
     count = round(BLOCK * FS)
     force = force[:count] + noise(rng, conditions.force_noise, conditions.wander, count)
     force = digitised(_coupled(force, conditions.coupling[0]), conditions.force_range, conditions.bits)
-    responses = responses + (hum(chain, len(responses), rng) if chain.hum else 0.0)
+    responses = responses + (mains_interference(chain, len(responses), rng) if chain.mains else 0.0)
     loudest = int(np.argmax((np.abs(responses) / np.array(conditions.noise)[:, None]).max(axis=1)))
     shown = np.empty((len(responses), count))
     for i, deviation in enumerate(conditions.noise):

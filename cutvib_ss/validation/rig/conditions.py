@@ -185,14 +185,14 @@ def draw_conditions(rng: np.random.Generator) -> Conditions:
     if rng.random() < 0.5:
         grid[0] = rng.uniform(0.015, 0.04)  # over a pillar, as the paper's BR
     levels = {1: (50.0,), 2: (20.0, 100.0), 3: (15.0, 50.0, 150.0)}[int(rng.choice([1, 2, 3, 3, 3]))]
-    loudness = float(np.exp(0.15 * rng.standard_normal()))
+    force_scale = float(np.exp(0.15 * rng.standard_normal()))
     channels = [("tool_x",), ("tool_x", "tool_z"), ("tool_x", "base_x"), ("tool_x", "tool_z", "base_x")]
     floor = float(np.exp(rng.uniform(np.log(0.02), np.log(0.06))))
     bits = int(rng.choice([24, 24, 24, 16]))
-    top = max(levels) * loudness
+    top = max(levels) * force_scale
     return Conditions(
         positions=tuple(float(round(y, 4)) for y in grid),
-        levels=tuple(float(f"{level * loudness:.3g}") for level in levels),
+        levels=tuple(float(f"{level * force_scale:.3g}") for level in levels),
         blows=3,
         channels=channels[int(rng.choice(4, p=[0.08, 0.27, 0.15, 0.5]))],
         file_format=str(rng.choice(FORMATS, p=[0.42, 0.08, 0.15, 0.22, 0.05, 0.08])),

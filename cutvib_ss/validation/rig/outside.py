@@ -51,11 +51,11 @@ def _names(machine: AnyMachine) -> tuple[str, ...]:
     return tuple(c.name for c in machine.channels)
 
 
-def _mains_hum(machine: AnyMachine, severity: float, rng: np.random.Generator) -> Made:
+def _mains_interference(machine: AnyMachine, severity: float, rng: np.random.Generator) -> Made:
     """50 Hz and harmonics on the responses."""
     size = about(rng, 0.4) * severity
     p = {f"amplitude{k}": size * float(rng.uniform(0.3, 1.0)) / k**0.5 for k in range(1, 8)}
-    return machine.measured(hum=tuple(p.values())), "measurement", p
+    return machine.measured(mains=tuple(p.values())), "measurement", p
 
 
 def _fractional_damper(machine: AnyMachine, severity: float, rng: np.random.Generator) -> Made:
@@ -283,7 +283,7 @@ def _leaning_blows(machine: AnyMachine, severity: float, rng: np.random.Generato
 
 
 OUTSIDE: Mapping[str, Kind] = {
-    "mains_hum": Kind(_mains_hum),
+    "mains_interference": Kind(_mains_interference),
     "fractional_damper": Kind(_fractional_damper, frames=True),
     "rattling_support": Kind(_rattling_support),
     "warming": Kind(_warming),

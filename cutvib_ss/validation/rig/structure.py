@@ -169,7 +169,7 @@ class Chain:
         A window that is never taken out.
     jitter : float
         Standard deviation of how late the responses of a blow are [s].
-    hum : tuple of float
+    mains : tuple of float
         Amplitudes of 50 Hz and its harmonics [m/s^2].
     feedthrough : float
         Part of the force's signal that the responses pick up [m/s^2/N].
@@ -188,7 +188,7 @@ class Chain:
     tilts: tuple[tuple[str, str, float, float], ...] = ()
     window: Window | None = None
     jitter: float = 0.0
-    hum: tuple[float, ...] = ()
+    mains: tuple[float, ...] = ()
     feedthrough: float = 0.0
     clock: float = 0.0
     shift: tuple[float, float] = (0.0, 1.0)
