@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import traceback
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import typer
 
 from cutvib_ss.cli.absorber_design import absorber_design_command
 from cutvib_ss.cli.absorbers import absorber_check_command
-from cutvib_ss.cli.blind import blind_run_command, blind_score_command
+from cutvib_ss.cli.blind import blind_real_command, blind_run_command, blind_score_command
 from cutvib_ss.cli.campaign_files import campaign_init_command, campaign_show_command
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.control import control_check_command, control_design_command
@@ -128,6 +130,7 @@ blind.command("run", epilog="Example: cutvib blind run --cases 12 --seed 1 --out
 blind.command("score", epilog="Example: cutvib blind score my-trial --json score.json --report score.html")(
     blind_score_command
 )
+blind.command("real", epilog="Example: cutvib blind real measured-rigs --json table.json")(blind_real_command)
 
 app.command("serve", epilog="Example: cutvib serve my-campaign --port 8080 --no-open")(serve_command)
 
@@ -150,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Notes of third-party code between the lines help no one who did not ask for them with -W.
         warnings.simplefilter("ignore")
     try:
-        command = typer.main.get_command(app)
+        command = _with_units(typer.main.get_command(app))
         status = command.main(None if arguments is None else list(arguments), prog_name="cutvib", standalone_mode=False)
         sys.stdout.flush()
         return status if isinstance(status, int) else 0
@@ -171,6 +174,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         traceback.print_exc()
         sys.stderr.write("cutvib: a fault of the program, not of the input; please report it with the lines above\n")
         return 1
+
+
+def _with_units(command: Any) -> Any:
+    """The command with units in its help: rich takes [s] and [m/s] for markup unless they are escaped."""
+    for p in command.params:
+        if getattr(p, "help", None):
+            p.help = re.sub(r"(?<!\\)\[(?=[a-z#/@])", r"\[", p.help)
+    for inner in getattr(command, "commands", {}).values():
+        _with_units(inner)
+    return command
 
 
 def _refuse(message: str) -> int:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
+from dataclasses import replace
 from enum import StrEnum
+from fnmatch import fnmatchcase
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,13 +15,16 @@ import typer
 
 from cutvib_ss.cli.options import JsonOption, MachineOption, SaveMachineOption
 from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, working, write_all
-from cutvib_ss.errors import ParameterError
+from cutvib_ss.cli.progress import progress
+from cutvib_ss.errors import DataFormatError, ParameterError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from cutvib_ss.diagnosis.result import Diagnosis
+    from cutvib_ss.effects.base import Model
     from cutvib_ss.identification.identify import IdentificationResult
+    from cutvib_ss.measurement.records import Campaign
 
 _CampaignArgument = Annotated[
     Path, typer.Argument(metavar="CAMPAIGN", help="Folder of the campaign, or its campaign.toml.")
@@ -42,17 +50,38 @@ def diagnose_command(
         float | None,
         typer.Option("--hold-out", metavar="FRACTION", help="Part of the records that is judged on, never fitted."),
     ] = None,
+    band: Annotated[
+        str | None, typer.Option("--band", metavar="LO:HI", help="Lines to use, of all records [Hz].")
+    ] = None,
+    records: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--records",
+            metavar="GLOB",
+            help="Use only records whose file matches, such as 'records/p[12]*'; may be given several times.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Same input and seed, same output.")] = 0,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes to use.")] = 1,
     machine: MachineOption = None,
     save_machine: SaveMachineOption = None,
 ) -> None:
-    """Where model and measurement differ, which cause explains it, and how much of the gap it closes."""
+    """
+    Where model and measurement differ, which cause explains it, and how much of the gap it closes.
+
+    Takes minutes. A diagnosis that is stopped cannot be resumed: it starts anew, and writes nothing before it is complete.
+    """
     if hold_out is not None and not 0.0 < hold_out < 1.0:
         raise ParameterError(f"--hold-out {hold_out:g} must lie strictly between 0 and 1")
+    lines = None if band is None else _band(band)
+    for given in (campaign, machine):
+        if given is not None and not given.exists():
+            what = "a campaign is a folder with a campaign.toml" if given is campaign else "correct --machine"
+            raise DataFormatError(f"{given}: there is no such file; {what}")
     check_outputs(json, report, save_machine)
-    found = diagnosis_of(campaign, machine, hold_out, seed, jobs)
-    give_diagnosis(found, json, report, save_machine)
+    found = diagnosis_of(campaign, machine, hold_out, seed, jobs, lines, tuple(records or ()))
+    again = _command(campaign, machine, hold_out, seed, band, records or ())
+    give_diagnosis(found, json, report, save_machine, again)
     if json != "-":
         print_diagnosis(found, results())
 
@@ -85,7 +114,9 @@ def identify_command(
         _print_identification(found, results())
 
 
-def give_diagnosis(found: Diagnosis, json: str | None, report: Path | None, save_machine: Path | None) -> None:
+def give_diagnosis(
+    found: Diagnosis, json: str | None, report: Path | None, save_machine: Path | None, command: str = ""
+) -> None:
     """Write a diagnosis as JSON, page and machine.toml: all that is asked for, or nothing."""
     writers: dict[str | Path, Any] = {}
     if json is not None and json != "-":
@@ -95,12 +126,18 @@ def give_diagnosis(found: Diagnosis, json: str | None, report: Path | None, save
         from cutvib_ss.report.page import report_html
 
         with working("writing the report"):
-            page = report_html(found)
+            page = report_html(found, command)
         writers[report] = lambda draft: draft.write_text(page, encoding="utf-8")
     if save_machine is not None:
         from cutvib_ss.model_files import write_machine
 
-        writers[save_machine] = lambda draft: write_machine(found.corrected_machine, draft)
+        model, left_out = without_unknown(found.corrected_machine)
+        writers[save_machine] = lambda draft: write_machine(model, draft)
+        if left_out:
+            say(
+                messages(),
+                f"note: {save_machine}: without the element of unknown form at {left_out}; no file can hold it",
+            )
     write_all(writers)
     if json == "-":
         typer.echo(found.to_json())
@@ -111,7 +148,7 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
     from rich.text import Text
 
     from cutvib_ss.plot.diagnosis import probability_text
-    from cutvib_ss.report import details, wording
+    from cutvib_ss.report import answer, details, wording
 
     say(console, Text(wording.VERDICTS[found.verdict], style="bold"))
     say(console, wording.verdict_sentence(found))
@@ -122,11 +159,16 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
     share, interval = wording.shrinkage_text(gap)
     facts = [
         ["where", f"{where.place} ({places})" if places else where.place],
+        *([["place set", ", ".join(where.place_set)]] if len(where.place_set) > 1 else []),
         ["bands", wording.bands_text(where.bands_hz)],
         ["before", f"{wording.figure(gap.before)} {gap.unit}: the model as given, on held-out records"],
         ["tuned", f"{wording.figure(gap.tuned)} {gap.unit}: within its tolerances"],
         ["after", f"{wording.figure(gap.after)} {gap.unit}: with the cause added"],
         ["noise", f"{wording.figure(gap.noise_floor)} {gap.unit}"],
+        [
+            "repeats",
+            "not measured" if not isfinite(found.repeatability) else f"{100 * found.repeatability:.2g} % beyond noise",
+        ],
         ["closed", share + (f" ({interval})" if interval else "")],
     ]
     show(console, "", ["", ""], facts, "ll")
@@ -140,30 +182,96 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
     rows = []
     for cause in found.causes[:_SHOWN]:
         parameters = "\n".join(f"{name} {value}" for name, value in wording.parameters_text(cause))
-        rows.append(
-            [cause.effect, cause.place, parameters, probability_text(cause.probability), wording.figure(cause.after)]
+        part = f"{100 * cause.share:.0f} %" if isfinite(cause.share) else "-"
+        probability = probability_text(cause.probability)
+        rows.append([cause.effect, cause.place, parameters, probability, part, wording.figure(cause.after)])
+    heads = ["cause", "place", "parameters", "probability", "share", f"left [{gap.unit}]"]
+    show(console, "", heads, rows, "lll")
+    if found.sizes:
+        say(console, "")
+        say(console, answer.sizes_sentence(found))
+        listed = "; ".join(f"{name} {size}" for name, size, _ in answer.size_rows(found)[2:])
+        say(console, f"Sizes in the likelihood: {listed}.")
+    limits = answer.limit_rows(found)
+    if limits:
+        say(console, "")
+        show(
+            console,
+            "Still allowed beside the answer",
+            ["cause", "size", "allowed (95 %)", "named from"],
+            limits[:_SHOWN],
+            "ll",
         )
-    show(console, "", ["cause", "place", "parameters", "probability", f"left [{gap.unit}]"], rows, "lllrr")
+    if limits[_SHOWN:]:
+        say(console, f"and {len(limits) - _SHOWN} more in the JSON and the report")
     for told in details.sentences(found):
         say(console, "")
         say(console, told)
-    if found.next_test is not None:
-        say(console, "")
-        say(console, f"Next: {wording.next_test_sentence(found.next_test)}")
+    say(console, "")
+    for step in answer.to_do(found):
+        say(console, step)
     for warning in found.warnings:
         say(messages(), f"note: {warning}")
 
 
-def diagnosis_of(campaign: Path, machine: Path | None, hold_out: float | None, seed: int, jobs: int) -> Diagnosis:
-    """The diagnosis of a campaign's files, with another nominal model where one is given."""
-    from cutvib_ss.measurement.campaign import read_campaign
+def diagnosis_of(
+    campaign: Path,
+    machine: Path | None,
+    hold_out: float | None,
+    seed: int,
+    jobs: int,
+    band: tuple[float, float] | None = None,
+    records: Sequence[str] = (),
+) -> Diagnosis:
+    """The diagnosis of a campaign's files, or of some records and lines, with another nominal model where one is given."""
+    with progress() as told:
+        told("reading the campaign")
+        from cutvib_ss.measurement.campaign import read_campaign
 
-    with working("reading the campaign"):
         measured = read_campaign(campaign, None if machine is None else _read(machine))
-    with working("diagnosing"):
+        measured = chosen(measured, band, records)
+        told("loading the diagnosis")
         from cutvib_ss.diagnosis.diagnose import diagnose
 
-        return diagnose(measured, hold_out=hold_out, seed=seed, jobs=jobs)
+        return diagnose(measured, hold_out=hold_out, seed=seed, jobs=jobs, progress=told)
+
+
+def chosen(campaign: Campaign, band: tuple[float, float] | None, records: Sequence[str]) -> Campaign:
+    """A campaign with the records that match one of the patterns, and their lines in a band."""
+    kept = campaign.records
+    if records:
+        kept = tuple(r for r in kept if any(fnmatchcase(r.name, pattern) for pattern in records))
+        if not kept:
+            names = ", ".join(r.name for r in campaign.records[:_SHOWN])
+            raise ParameterError(f"--records {' '.join(records)}: matches no record; there are {names}")
+    if band is not None:
+        kept = tuple(replace(r, band_hz=band) for r in kept)
+    return replace(campaign, records=kept)
+
+
+def without_unknown(model: Model) -> tuple[Model, str]:
+    """A corrected model without elements of unknown form, which no file can hold, and the places where they sat."""
+    unknown = [e.place for e in model.effects if e.effect == "unknown"]  # type: ignore[attr-defined]
+    if not unknown or model.bare is None:
+        return model, ""
+    known: Any = model.bare
+    for effect in model.effects:
+        if effect.effect != "unknown":  # type: ignore[attr-defined]
+            known = effect.apply(known)  # type: ignore[attr-defined]
+    return known, ", ".join(unknown)
+
+
+def _command(
+    campaign: Path, machine: Path | None, hold_out: float | None, seed: int, band: str | None, records: Sequence[str]
+) -> str:
+    """The command that gives the same diagnosis again."""
+    parts = ["cutvib", "diagnose", str(campaign)]
+    parts += [] if machine is None else ["--machine", str(machine)]
+    parts += [] if hold_out is None else ["--hold-out", f"{hold_out:g}"]
+    parts += [] if band is None else ["--band", band]
+    for pattern in records:
+        parts += ["--records", pattern]
+    return shlex.join([*parts, "--seed", str(seed), "--report", "report.html"])
 
 
 def _read(machine: Path) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
 from cutvib_ss.diagnosis.metrics import Sides
@@ -63,6 +64,7 @@ def diagnose(
     hold_out: float | None = None,
     seed: int = 0,
     jobs: int = 1,
+    progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """
     Where the sim-to-real gap lies, which unmodelled effect causes it, and how far it shrinks once that is added.
@@ -80,6 +82,8 @@ def diagnose(
     jobs : int
         Processes, among which independent fits are spread; the result does not depend on their number. With more than one a
         script needs its ``if __name__ == "__main__":``, since they are spawned.
+    progress : callable, optional
+        Is called with a line that says what is being done; what follows a colon in it is how far that has come.
 
     Returns
     -------
@@ -105,11 +109,12 @@ def diagnose(
     if not campaign.records:
         raise DiagnosisError("the campaign holds no records")
     # Small matrices in many threads wait for each other.
-    with threadpool_limits(1), Workers(jobs) as workers:
+    with threadpool_limits(1), Workers(jobs, progress) as workers:
         return _diagnosed(campaign, nominal, hold_out, seed, workers)
 
 
 def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
+    workers.say("estimating responses and noise")
     observed = observe(campaign, nominal)
     fitted = [e for e in observed.entries if not e.check] or list(observed.entries)
     records = Records(tuple(fitted))
@@ -132,8 +137,10 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             known[r.fit.hypothesis.effect, r.fit.hypothesis.place] += 1
     ports = list(ports_of(nominal).values())
     variants = {**known, **{("unknown", p): len(AMPLITUDES) * ports.count(p) for p in ports}}
-    odds = probabilities(ranked, Counts(len(known), len(set(ports))), variants)
+    counts = Counts(len(known), len(set(ports)))
+    odds = probabilities(ranked, counts, variants)
     shown = sorted(causes, key=lambda r: -odds[r.name])
+    workers.say("judging causes on held-out records")
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)
     held = {"none": tuned}
@@ -155,6 +162,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     by_level = bool(levels > where.LEVEL_EXCESS) or level_stands_out(records)
     located, interference = Located(), None
     if by_level or none.reduced > ENOUGH:
+        workers.say("locating the fault without a hypothesis")
         located = locate(nominal, none.fit, fitted, problem.blow_at(none.fit.x), by_level)
         interference = mains(nominal, none.fit, records)
         located = located if interference is None else with_mains_interference(located, interference)
@@ -170,6 +178,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         test = next_test(
             [r.fit.model for r in remaining], [r.name for r in remaining], fitted, [odds[r.name] for r in remaining]
         )
+    workers.say("computing what the result means")
     places = _places(ranked, odds)
     bands_hz = _bands(problem, none.fit)
     second = other if first is shown[0] or no_gap else shown[0]
@@ -204,6 +213,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         reduced_chi2=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
         data_count=problem.count,
         sizes=dict(vars(chosen.spread.sizes)),
+        limits=limits(nominal, chosen, records, observed, counts),
         repeatability=repeatability(fitted),
         findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
     )

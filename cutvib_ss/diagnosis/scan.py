@@ -144,7 +144,7 @@ class Scan:
         """
         if best.hypothesis.effects[-1].linear or not np.isfinite(best.gain):
             return best
-        _, problem, x = self._both(best.hypothesis.effects[-1])
+        _, problem, x = self.with_cause(best.hypothesis.effects[-1])
         own = np.flatnonzero([p[0] == len(self.effects) for p in problem.parameters]) + problem.first_effect
 
         def loss(values: FloatArray) -> float:
@@ -173,7 +173,8 @@ class Scan:
         effects = problem.effects(x)
         return Scanned(float(-found.fun), Hypothesis((*self.effects, *effects[len(self.effects) :]), self.motion))
 
-    def _both(self, effect: Effect) -> tuple[Hypothesis, Problem, FloatArray]:
+    def with_cause(self, effect: Effect) -> tuple[Hypothesis, Problem, FloatArray]:
+        """The fit underneath with a cause at its start: both, their problem, and its unknowns."""
         both = Hypothesis((*self.effects, effect), self.motion)
         problem = problem_for(self.nominal, self.records, both, self.apart)
         return both, problem, problem.start(self.warm)
@@ -204,7 +205,7 @@ class Scan:
         Scanned
             Its gain is minus infinity where the model cannot take it.
         """
-        both, problem, x = self._both(effect)
+        both, problem, x = self.with_cause(effect)
         return Scanned(self._gain_at(problem, x), both)
 
     def _in_proportion(self, starts: Sequence[Effect]) -> Scanned:
@@ -212,8 +213,8 @@ class Scan:
         [parameter] = parameter_fields(type(starts[0]))
         sizes = [abs(getattr(e, parameter.name)) for e in starts]
         weakest = starts[int(np.argmin(sizes))]
-        both, problem, x = self._both(weakest)
-        along, size, _ = self._change(problem, x)
+        both, problem, x = self.with_cause(weakest)
+        along, size, _ = self.change(problem, x)
         scale = along / size if size > 0.0 else 0.0
         if not 0.0 < abs(scale) < EXTRAPOLATED:
             return Scanned(-np.inf, both)
@@ -225,7 +226,7 @@ class Scan:
 
     def _scaled(self, effect: Effect) -> Scanned:
         """By the change of the prediction at a start, scaled as it is best."""
-        both, problem, x = self._both(effect)
+        both, problem, x = self.with_cause(effect)
         gain, moved_by = self._along(problem, x)
         if moved_by > NOTHING * self.left.size or gain == -np.inf:
             return Scanned(gain, both)
@@ -239,10 +240,10 @@ class Scan:
 
     def _along(self, problem: Problem, x: FloatArray) -> tuple[float, float]:
         """χ² that a change of the prediction would take away, negative if turned round; and the change's own squares."""
-        along, size, moved_by = self._change(problem, x)
+        along, size, moved_by = self.change(problem, x)
         return along * abs(along) / size if size > 0.0 else along, moved_by
 
-    def _change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
+    def change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
         """
         Of a change of the prediction, the directions of the fit's unknowns projected out: its product with the residual, minus
         infinity where the model cannot take it; its squares; and those before the projection.

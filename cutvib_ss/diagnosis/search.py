@@ -95,10 +95,12 @@ def search(
     tuple of Ranked
         The tuned nominal model first, then the causes by evidence.
     """
+    workers.say("tuning the nominal model")
     few = records.coarse(COARSE_LINES, COARSE_ERROR)
     scout = fit(nominal, few, Hypothesis(), None, LATER_STEPS, ROUGH)
     none = Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True)
     linear = candidates(nominal, observed.band, observed.channels)
+    workers.say(f"fitting {len(linear)} linear causes")
     rough = _rough(nominal, few, linear, workers)
     alone = {c.name: f.hypothesis.effects[0] for c, f in rough}
     ranked = on_all_lines(
@@ -127,12 +129,15 @@ def search(
         if compared and not by_level:
             # Levels that agree leave only what depends on the sign of the motion, not on its size.
             dependent = [c for c in dependent if c.starts[0].scale_free]
+        workers.say(f"fitting {len(dependent)} causes that depend on the level")
         rough = _rough_laws(nominal, outlook, dependent, motion, workers)
         ranked += on_all_lines(nominal, records, rough, 2, _rival(nominal, outlook, ranked), workers, MOST_LAWS)
     if pairs and none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
+        workers.say("fitting causes that act together")
         seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
         ranked += fit_pairs(nominal, records, ranked, seconds, motion, workers)
     if none.reduced > ENOUGH and not _enough(ranked, none, leaves):
+        workers.say("fitting elements of unknown form")
         ranked += _unknown(nominal, records, few, observed, ranked, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import copyreg
 import os
+import signal
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
-from threading import Thread
+from threading import Thread, current_thread, main_thread
 from types import MappingProxyType, TracebackType
 from typing import Any, TypeVar
 
@@ -61,6 +63,19 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
+@contextmanager
+def _not_interrupted() -> Iterator[None]:
+    """Processes started here inherit that they ignore Ctrl-C: the parent ends them, without a traceback of each."""
+    if current_thread() is not main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
+
+
 class Workers:
     """
     A pool of processes that starts when it is first needed.
@@ -69,6 +84,8 @@ class Workers:
     ----------
     jobs : int
         Processes; with one the work is done here.
+    progress : callable, optional
+        Is told what is being done.
 
     Notes
     -----
@@ -77,8 +94,10 @@ class Workers:
     back, does not depend on their number.
     """
 
-    def __init__(self, jobs: int = 1) -> None:
+    def __init__(self, jobs: int = 1, progress: Callable[[str], None] | None = None) -> None:
         self.jobs = jobs
+        self._progress = progress
+        self._step = ""
         self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> Workers:
@@ -87,8 +106,28 @@ class Workers:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+        if self._pool is None:
+            return
+        if error is not None and not isinstance(error, Exception):
+            # Stopped from the keyboard: what still runs is wanted by nobody.
+            for process in list((getattr(self._pool, "_processes", None) or {}).values()):
+                process.terminate()
+        self._pool.shutdown(cancel_futures=True)
+
+    def say(self, step: str) -> None:
+        """Tell what is being done from here on."""
+        self._step = step
+        if self._progress is not None:
+            self._progress(step)
+
+    def _counted(self, results: Iterable[ResultT], total: int) -> list[ResultT]:
+        """Results as they come, each told."""
+        out = []
+        for result in results:
+            out.append(result)
+            if self._progress is not None:
+                self._progress(f"{self._step}: {len(out)} of {total}")
+        return out
 
     def map(self, work: Callable[..., ResultT], *columns: Iterable[Any]) -> list[ResultT]:
         """
@@ -108,10 +147,12 @@ class Workers:
         """
         rows = list(zip(*columns, strict=True))
         if self.jobs == 1 or len(rows) < 2:
-            return [work(*row) for row in rows]
+            return self._counted((work(*row) for row in rows), len(rows))
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
                 self.jobs, mp_context=get_context("spawn"), initializer=_start, initargs=(_registered(),)
             )
         # What the work shares goes along with every chunk: few chunks, yet some to even out.
-        return list(self._pool.map(work, *zip(*rows, strict=True), chunksize=max(1, len(rows) // (3 * self.jobs))))
+        with _not_interrupted():
+            results = self._pool.map(work, *zip(*rows, strict=True), chunksize=max(1, len(rows) // (3 * self.jobs)))
+        return self._counted(results, len(rows))

@@ -29,9 +29,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import comb
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -43,6 +42,9 @@ from cutvib_ss.model.rail import Rail, rail, rail_rows, rail_rows_bound
 from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.parameters import HeadParameters, check_position, control_name
 from cutvib_ss.results import FloatArray, Quantity
+
+if TYPE_CHECKING:
+    import control
 
 Matrices: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 _MATRICES = ("mass", "damping", "stiffness")
@@ -264,6 +266,8 @@ class Coupling:
         self, position: float, inputs: Mapping[str, str], outputs: Mapping[str, tuple[str, Quantity]]
     ) -> control.StateSpace:
         """The two `parts` closed; states in the order of `state_scales`."""
+        import control  # late: it takes long to load
+
         upper, lower = self.parts(position, inputs, outputs)
         meets = len(self.base)
         # Motions are exchanged in units of acceleration: a stiff guide's force per displacement would hide the loop's rank.

@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Literal
-
-import control
+from typing import TYPE_CHECKING, Any, Literal
 
 from cutvib_ss.model.coupling import Assembly, Changes, Coupling, Matrices, coupling, head_assembly, head_core_changes
 from cutvib_ss.model.elements import Attachment, Guide
@@ -34,6 +32,9 @@ from cutvib_ss.parameters import (
 from cutvib_ss.results import FloatArray, Quantity
 from cutvib_ss.results.display import Displayed, Table
 from cutvib_ss.units import DERIVATIVE_ORDER
+
+if TYPE_CHECKING:
+    import control
 
 CUTTING_CHANNELS: Mapping[str, Channel] = MappingProxyType(
     {

@@ -17,14 +17,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.parameters import check_number, control_name
 from cutvib_ss.results import ComplexArray, FloatArray
+
+if TYPE_CHECKING:
+    import control
 
 CROSS_AXIS = ("tool_z", "tool_x")
 """The channel into which the tool's motion leaks, and the motion that leaks into it."""
@@ -136,6 +139,8 @@ class MeasurementChain:
         for (k, signal), weight in zip(self._terms(names), self._weights(names), strict=True):
             mix[k, unique.index(signal)] += weight * chains[k].gain
         inputs, states = out.input_labels, out.state_labels
+        import control  # late: it takes long to load
+
         out = control.ss(out.A, out.B, mix @ out.C, mix @ out.D)
         if any(late):
             if pade_order is None:

@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
@@ -21,6 +20,9 @@ from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.parameters import control_name
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity, read_only
 from cutvib_ss.units import DERIVATIVE_ORDER
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,8 @@ class SecondOrder:
             found.append((-np.sum([c for c, _ in parts], axis=0), pushes[i] - np.sum([d for _, d in parts], axis=0)))
         names = [self.dofs[i] for i in f]
         c, d = (np.reshape(x, (len(found), -1)) for x in zip(*found, strict=True)) if found else (a[:0], b[:0])
+        import control  # late: it takes long to load
+
         return control.ss(
             a, b, c, d,
             inputs=[*map(control_name, inputs), *(f"{d}_{q}" for d in driven for q in DERIVATIVE_ORDER)],

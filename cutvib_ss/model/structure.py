@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import control
 import numpy as np
 
 from cutvib_ss.errors import CouplingError, ParameterError
@@ -21,6 +20,9 @@ from cutvib_ss.parameters import StructureTolerances, check_choice, names_of
 from cutvib_ss.results import FloatArray, Quantity
 from cutvib_ss.results.display import Displayed, Table
 from cutvib_ss.units import DERIVATIVE_ORDER
+
+if TYPE_CHECKING:
+    import control
 
 
 @dataclass(frozen=True)

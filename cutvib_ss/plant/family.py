@@ -23,8 +23,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
-import control
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
@@ -37,6 +37,9 @@ from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
 from cutvib_ss.results.display import Displayed, Table, span
 from cutvib_ss.units import DERIVATIVE_ORDER
+
+if TYPE_CHECKING:
+    import control
 
 _OUTPUTS = ("tool_x", "tool_z", "base_x", "head_x", "head_z")
 
@@ -236,6 +239,8 @@ class PlantSchedule(Displayed):
         c, d = np.hstack([m.outputs / scale, np.zeros_like(m.outputs)]), np.zeros((len(m.outputs), len(self.inputs)))
         for _ in range(self._order):
             c, d = c @ a, c @ b
+
+        import control  # late: it takes long, and few commands need it
 
         def build(signals: Sequence[str]) -> control.StateSpace:
             # The table holds what the chain's outputs need.

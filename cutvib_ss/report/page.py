@@ -1,4 +1,4 @@
-"""The report as one HTML page: pictures inside it, nothing loaded from anywhere."""
+"""The report as one HTML page: charts and the library that draws them inside it, nothing loaded from anywhere."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
-from cutvib_ss.diagnosis.result import Comparison, Diagnosis, GapFigures
+from cutvib_ss import __version__
+from cutvib_ss.diagnosis.result import Comparison, Diagnosis, FittedParameter, GapFigures
 from cutvib_ss.interchange.files import staged
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map, probability_text
-from cutvib_ss.plot.stiffness import stiffness_grid
+from cutvib_ss.plot.diagnosis import comparison_grid, probability_text
 from cutvib_ss.plot.style import png
-from cutvib_ss.report import details, wording
+from cutvib_ss.report import answer, details, wording
+from cutvib_ss.report.charts import MODELS, charts_data, charts_script, plotly_script, record_name
+from cutvib_ss.report.drawing import machine_drawing
 
 _SHOWN_RECORDS = 8
 """Rows of the picture of responses; a campaign of more positions and levels shows one record a position."""
@@ -66,7 +68,7 @@ def write_report(diagnosis: Diagnosis, path: str | os.PathLike[str]) -> None:
         draft.write_text(page, encoding="utf-8")
 
 
-def report_html(diagnosis: Diagnosis) -> str:
+def report_html(diagnosis: Diagnosis, command: str = "") -> str:
     """
     The report of a diagnosis as HTML.
 
@@ -74,11 +76,13 @@ def report_html(diagnosis: Diagnosis) -> str:
     ----------
     diagnosis : Diagnosis
         The diagnosis.
+    command : str
+        The command that gives the same diagnosis again, where one is known.
 
     Returns
     -------
     str
-        One page with its pictures inside; the same diagnosis gives the same page.
+        One page with charts inside; the same diagnosis gives the same page.
     """
     environment = Environment(
         loader=PackageLoader("cutvib_ss.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
@@ -89,27 +93,23 @@ def report_html(diagnosis: Diagnosis) -> str:
         "probability": probability_text,
         "place": wording.place_name,
     }
-    return environment.get_template("report.html.j2").render(**_content(diagnosis))
+    return environment.get_template("report.html.j2").render(**_content(diagnosis, command))
 
 
-def _content(d: Diagnosis) -> dict[str, Any]:
+def _content(d: Diagnosis, command: str) -> dict[str, Any]:
     listed = [
         c for i, c in enumerate(d.causes) if i < _LISTED or c.probability >= _WORTH_LISTING or i in d.ambiguity_set
     ]
     likely = [d.causes[i] for i in d.ambiguity_set]
-    pictures = {"causes": _picture(cause_bars(d.causes, [_short(c.effect, c.place) for c in d.causes]))}
-    if d.findings.stiffness:
-        pictures["stiffness"] = _picture(stiffness_grid(d.findings.stiffness))
-    if d.comparisons:
-        pictures["map"] = _picture(error_map(d.comparisons))
-        pictures["responses"] = _picture(comparison_grid(_chosen(d.comparisons)))
     return {
         "d": d,
         "verdict": wording.VERDICTS[d.verdict],
         "sentence": wording.verdict_sentence(d),
+        "why": answer.why_sentences(d),
+        "steps": answer.to_do(d),
+        "drawing": machine_drawing(d),
         "shrinkage": wording.shrinkage_text(d.gap),
         "bands": wording.bands_text(d.where.bands_hz),
-        "next_test": "" if d.next_test is None else wording.next_test_sentence(d.next_test),
         "bars": _bars(d.gap),
         "excess": wording.excess_text(d.gap),
         "places": [row for i, row in enumerate(d.where.places) if i < 3 or row[1] >= _WORTH_LISTING],
@@ -117,17 +117,40 @@ def _content(d: Diagnosis) -> dict[str, Any]:
             {
                 "cause": c,
                 "name": wording.cause_name(c.effect, c.place, c.parameters),
-                "parameters": wording.parameters_text(c),
-                "inspect": wording.inspection_text(c.effect, c.place, c.parameters) if c in likely else "",
+                "parameters": [(name, wording.parameter_text(p), _interval(p)) for name, p in c.parameters.items()],
                 "likely": c in likely,
+                "percent": f"{100 * c.probability:.1f}",
+                "share": f"{100 * c.share:.0f} %" if np.isfinite(c.share) else "-",
             }
             for c in listed
         ],
-        "pictures": pictures,
+        "records": [record_name(c) for c in d.comparisons],
+        "channels": list(dict.fromkeys(name for c in d.comparisons for name in c.measured.outputs)),
+        "models": list(zip(MODELS, ("nominal model", "re-tuned within tolerance", "corrected model"), strict=True))[
+            ::-1
+        ],
+        "sizes": answer.size_rows(d),
+        "sizes_sentence": answer.sizes_sentence(d),
+        "limits": answer.limit_rows(d),
+        "command": command,
+        "version": __version__,
+        "plotly": plotly_script(),
+        "charts": charts_script(),
+        "data": charts_data(d),
+        "picture": _picture(comparison_grid(_chosen(d.comparisons))) if d.comparisons else "",
         **_details(d),
         "changes": _changes(d),
         "shown": len(_chosen(d.comparisons)),
     }
+
+
+def _interval(p: FittedParameter) -> str:
+    """95 % interval of a fitted value."""
+    if isinstance(p.value, str) or not np.isfinite(p.std) or p.std <= 0:
+        return ""
+    unit = "" if p.unit in ("", "1", "-") else f" {p.unit}"
+    low, high = p.value - 1.96 * p.std, p.value + 1.96 * p.std
+    return f"{low:.4g} to {high:.4g}{unit}"
 
 
 def _details(d: Diagnosis) -> dict[str, Any]:
@@ -150,10 +173,6 @@ def _details(d: Diagnosis) -> dict[str, Any]:
 
 def _picture(figure: Figure) -> str:
     return "data:image/png;base64," + base64.b64encode(png(figure)).decode("ascii")
-
-
-def _short(effect: str, place: str) -> str:
-    return effect if effect == "none" else f"{effect} ({place})"
 
 
 def _bars(gap: GapFigures) -> list[tuple[str, float, float]]:

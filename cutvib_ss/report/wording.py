@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from cutvib_ss.diagnosis.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
 from cutvib_ss.effects.base import identifying_names
 from cutvib_ss.effects.catalogue import EFFECTS, is_alias
+from cutvib_ss.units import STANDARD_GRAVITY
 
 PLACES = {
     "none": "nowhere",
@@ -25,6 +28,7 @@ PLACES = {
 VERDICTS = {
     "no_gap": "No gap",
     "explained": "Explained",
+    "partly_explained": "Partly explained",
     "ambiguous": "Ambiguous",
     "unknown": "Unknown cause",
 }
@@ -80,6 +84,10 @@ def cause_name(effect: str, place: str, parameters: Mapping[str, FittedParameter
     """
     if effect == "none":
         return "nothing: the model is right within its tolerances"
+    known, _, last = effect.rpartition("+")
+    if known and last == "unknown":
+        at, _, where = place.rpartition("+")
+        return f"{cause_name(known, at, parameters)}; together with: an element of unknown form at {place_name(where)}"
     if effect == "unknown":
         return "a cause outside the catalogue" + ("" if place == "none" else f", at {place_name(place)}")
     parts = []
@@ -129,11 +137,24 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
             "Model and machine agree: once the model's values are tuned within their tolerances, the residual on "
             f"held-out records is noise ({figure(gap.tuned)} against {figure(gap.noise_floor)} {gap.unit})."
         )
-    if diagnosis.verdict == "explained":
-        return (
-            f"The gap is explained: {name}. With that in the model, the mean error on held-out records falls from "
-            f"{figure(gap.before)} to {figure(gap.after)} {gap.unit}; noise alone leaves {figure(gap.noise_floor)}."
-        )
+    if diagnosis.verdict in ("explained", "partly_explained"):
+        if diagnosis.verdict == "explained":
+            said = f"Mainly one cause: {name}. With it the mean error on held-out records"
+        else:
+            effect, _, _ = best.effect.rpartition("+")
+            at, _, rest = best.place.rpartition("+")
+            said = (
+                f"Mainly one known cause: {cause_name(effect, at, best.parameters)}. With it and an element of unknown form, "
+                f"most probably at {place_name(rest)}, the mean error on held-out records"
+            )
+        said += f" falls from {figure(gap.before)} to {figure(gap.after)} {gap.unit}"
+        repeats = repeatability_in_gap(diagnosis)
+        if math.isfinite(repeats) and repeats > 0.2 * gap.after:
+            return (
+                f"{said}; about {figure(min(repeats, gap.after))} of that is how badly the rig repeats, and noise alone "
+                f"leaves {figure(gap.noise_floor)}."
+            )
+        return f"{said}; noise alone leaves {figure(gap.noise_floor)}."
     if diagnosis.verdict == "ambiguous":
         few = [diagnosis.causes[i] for i in diagnosis.ambiguity_set]
         listed = "; or ".join(cause_name(c.effect, c.place, c.parameters) for c in few)
@@ -142,12 +163,28 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         if shifted is None or all(c.effect != "unknown" for c in few):
             return told
         return f"{told} Measure {shifted} by itself, since other causes at its place show as such a value."
-    known = next((c for c in diagnosis.causes if c.effect not in ("none", "unknown")), best)
+    nearest = next((c for c in diagnosis.causes if c.effect not in ("none", "unknown")), best)
     return (
         f"There is a gap, most probably at {place_name(diagnosis.where.place)}, that no cause of the catalogue "
-        f"explains: the best of them ({cause_name(known.effect, known.place, known.parameters)}) leaves "
-        f"{figure(known.after)} {gap.unit}, noise alone {figure(gap.noise_floor)}."
+        f"explains: the best of them ({cause_name(nearest.effect, nearest.place, nearest.parameters)}) leaves "
+        f"{figure(nearest.after)} {gap.unit}, noise alone {figure(gap.noise_floor)}."
     )
+
+
+def repeatability_in_gap(diagnosis: Diagnosis) -> float:
+    """
+    Mean modulus of what repetitions differ by beyond noise, in the gap's unit; NaN where nothing repeats.
+
+    A deviation in proportion to the response, complex Gaussian, of root mean square R·|H|: its mean modulus is √π/2·R·|H|.
+    """
+    r = diagnosis.repeatability
+    sizes = [
+        np.abs(c.measured.data) / (STANDARD_GRAVITY if c.measured.units[0] == "m/s^2/N" else 1.0)
+        for c in diagnosis.comparisons
+    ]
+    if not sizes or not math.isfinite(r):
+        return math.nan
+    return float(0.5 * math.sqrt(math.pi) * r * np.mean([np.mean(s) for s in sizes]))
 
 
 def _alias(cause: Cause) -> str | None:

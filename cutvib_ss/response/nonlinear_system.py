@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import control
 import numpy as np
 
 from cutvib_ss.model.machine import Machine
@@ -15,6 +14,9 @@ from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number
 from cutvib_ss.response.modal_form import row_of, system_with
 from cutvib_ss.results import FloatArray, Quantity
+
+if TYPE_CHECKING:
+    import control
 
 
 def nonlinear_system(
@@ -117,5 +119,7 @@ def nonlinear_system(
     def output(t: float, x: FloatArray, u: FloatArray, params: Any) -> FloatArray:
         inputs_ = np.concatenate([np.atleast_1d(u), -resisting(x)])
         return np.asarray(plant.C[:count] @ x[:n] + plant.D[:count] @ inputs_)
+
+    import control  # late: it takes long to load
 
     return control.nlsys(update, output, inputs=["force"], outputs=list(names), states=states, name="corrected machine")

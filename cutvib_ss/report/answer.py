@@ -1,0 +1,171 @@
+"""How sure a diagnosis is and why, what to do, and what limits it: sentences and rows for the report and the command line."""
+
+from __future__ import annotations
+
+import math
+
+from cutvib_ss.diagnosis.result import Diagnosis, Limit
+from cutvib_ss.plot.diagnosis import probability_text
+from cutvib_ss.report.wording import (
+    cause_name,
+    figure,
+    inspection_text,
+    next_test_sentence,
+    place_name,
+    repeatability_in_gap,
+    shrinkage_text,
+)
+
+Row = tuple[str, ...]
+
+
+def why_sentences(d: Diagnosis) -> list[str]:
+    """How sure the answer is, and what that rests on."""
+    best = d.causes[0]
+    rivals = [c for c in d.causes[1:] if c.probability >= 1e-3]
+    said = [
+        f"Probability {probability_text(best.probability)} among the causes of the catalogue and elements of unknown form"
+    ]
+    if rivals:
+        c = rivals[0]
+        said[0] += f"; next comes {probability_text(c.probability)}: {cause_name(c.effect, c.place, c.parameters)}"
+    said[0] += "."
+    if d.verdict != "no_gap":
+        share, interval = shrinkage_text(d.gap)
+        line = f"Of the error of the model as given {share} is closed on records that were not fitted"
+        line += f" ({interval})." if interval else "."
+        if math.isfinite(best.share):
+            taken = f"{100 * best.share:.0f} %"
+            line += f" Of what stands above noise and repeatability once the model is tuned, the cause takes {taken}."
+        said.append(line)
+        said.append(place_set_sentence(d))
+        said += independent_sentences(d)
+    if math.isfinite(best.reduced_chi2):
+        left = (
+            "no more than noise and repeatability" if best.reduced_chi2 < 1.2 else "more than noise and repeatability"
+        )
+        said.append(f"It leaves {left} (χ² a datum {figure(best.reduced_chi2)} on held-out records).")
+    return [s for s in said if s]
+
+
+def place_set_sentence(d: Diagnosis) -> str:
+    """Which places cannot be told apart."""
+    places = [p for p in d.where.place_set if p != "none"]
+    if not places:
+        return ""
+    if len(places) == 1:
+        return f"One place carries 95 % of the probability: {place_name(places[0])}."
+    return f"These places cannot be told apart, together they carry 95 %: {'; '.join(place_name(p) for p in places)}."
+
+
+def independent_sentences(d: Diagnosis) -> list[str]:
+    """Whether the search without a hypothesis points to the same place."""
+    scores = d.findings.place_scores
+    if len(scores) < 2:
+        return []
+    first, second = scores[0], scores[1]
+    figures = f"{figure(first.left)} of noise is left there, {figure(second.left)} at the next place"
+    if first.place in d.where.place.split("+"):
+        return [
+            f"A search without any law, one unknown dynamic stiffness at each place, points to the same place ({figures})."
+        ]
+    return [f"A search without any law points elsewhere, to {place_name(first.place)} ({figures}): look there too."]
+
+
+def to_do(d: Diagnosis) -> list[str]:
+    """What to inspect on the machine, and what to measure next."""
+    steps = []
+    if d.verdict == "no_gap":
+        low, high = d.gap.band_hz
+        return [
+            f"Nothing is to be inspected: the model holds from {figure(low)} to {figure(high)} Hz as far as was measured."
+        ]
+    for i in d.ambiguity_set:
+        c = d.causes[i]
+        words = inspection_text(c.effect, c.place, c.parameters)
+        if words:
+            steps.append(f"Inspect: {words}.")
+    if d.verdict in ("unknown", "partly_explained"):
+        place = d.where.place if d.verdict == "unknown" else d.causes[0].place.rpartition("+")[2]
+        steps.append(
+            f"Look at {place_name(place)} for what the model lacks; the dynamic stiffness below says what it has to do."
+        )
+    if d.next_test is not None:
+        steps.append(f"Next test: {next_test_sentence(d.next_test)}")
+    elif (check := confirming_test(d)) != "":
+        steps.append(check)
+    return list(dict.fromkeys(steps))
+
+
+def confirming_test(d: Diagnosis) -> str:
+    """The record that would confirm a fixed cause: where the re-tuned model's error was largest over the noise."""
+    rows = [r for r in d.where.by_position if r.label is not None]
+    if not d.where.by_channel:
+        return ""
+    channel = max(d.where.by_channel, key=lambda r: r.error / max(r.noise, 1e-300)).label
+    at = f" with the head at y/L = {figure(float(max(rows, key=lambda r: r.error).label))}" if rows else ""  # type: ignore[arg-type]
+    return f"Next test: once it is fixed, measure again{at} and look at {channel}: there the error was largest."
+
+
+def size_rows(d: Diagnosis) -> list[Row]:
+    """What separates a right model from the measurement: noise, repeatability, discrepancy; size and meaning of each."""
+    rows: list[Row] = []
+    unit = d.gap.unit
+    factor = d.sizes.get("noise", math.nan)
+    said = "the scatter of the blows or averages behind each estimate"
+    if math.isfinite(factor) and factor > 1.05:
+        said += f"; its variance had to be taken {figure(factor)} times larger than the records state"
+    rows.append(("noise", f"{figure(d.gap.noise_floor)} {unit}", said))
+    if math.isfinite(d.repeatability):
+        rows.append(
+            (
+                "repeatability",
+                f"{100 * d.repeatability:.2g} %, about {figure(repeatability_in_gap(d))} {unit}",
+                "by how much records of the same thing differ beyond noise",
+            )
+        )
+    else:
+        rows.append(
+            ("repeatability", "not measured", "no two records are of the same thing; measure one position twice")
+        )
+    for key, name, words in (
+        ("drift", "drift", "by how much stiffnesses and gains move between sessions (standard deviation)"),
+        ("nominal", "discrepancy, nominal", "how far the nominal elements err in dynamic stiffness once tuned"),
+        ("cause", "discrepancy, cause", "how far the named law errs in dynamic stiffness"),
+    ):
+        if math.isfinite(value := d.sizes.get(key, math.nan)):
+            least = " or less" if value <= 3e-5 else ""
+            rows.append((name, f"{100 * value:.2g} %{least}", words))
+    return rows
+
+
+def sizes_sentence(d: Diagnosis) -> str:
+    """What limits the answer, in one sentence."""
+    gap, repeats = d.gap, repeatability_in_gap(d)
+    parts = [f"noise accounts for {figure(gap.noise_floor)} {gap.unit}"]
+    if math.isfinite(repeats):
+        parts.append(f"repeatability for about {figure(repeats)}")
+    known = math.hypot(gap.noise_floor, repeats if math.isfinite(repeats) else 0.0)
+    rest = math.sqrt(max(gap.after**2 - known**2, 0.0))
+    parts.append(
+        f"what remains, about {figure(rest)}, is discrepancy of the model"
+        if rest > 0.3 * gap.after
+        else "nothing that stands out remains"
+    )
+    return f"Of the {figure(gap.after)} {gap.unit} that are left, {', '.join(parts[:-1])}; {parts[-1]} (squares add)."
+
+
+def limit_rows(d: Diagnosis) -> list[Row]:
+    """What the data still allow of causes that were not named."""
+    return [
+        (cause_name(x.effect, x.place), x.parameter, _bound(x, x.allowed), _bound(x, x.visible))
+        for x in d.limits
+    ]  # fmt: skip
+
+
+def _bound(limit: Limit, value: object) -> str:
+    """A bound, or a pair of bounds of a signed value."""
+    unit = "" if limit.unit in ("", "1") else f" {limit.unit}"
+    if isinstance(value, tuple | list):
+        return f"{figure(float(value[0]))} to {figure(float(value[1]))}{unit}"
+    return f"{figure(float(value))}{unit}"  # type: ignore[arg-type]

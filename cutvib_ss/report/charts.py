@@ -1,0 +1,165 @@
+"""Data of the report's interactive charts: responses, error map, dynamic stiffness; drawn by plotly in the page itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from cutvib_ss.diagnosis.element_type import element_type_value
+from cutvib_ss.diagnosis.findings import DynamicStiffness
+from cutvib_ss.diagnosis.result import Comparison, Diagnosis
+from cutvib_ss.plot.diagnosis import error_over_noise
+from cutvib_ss.plot.style import unit_text
+from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.units import STANDARD_GRAVITY
+
+_MOST_LINES = 4000
+"""Lines of a response that are drawn at most; more would be thinned to every second, third, …"""
+_CELLS = 260
+"""Bands of frequency in an error map: finer ones would only show the estimator's scatter."""
+_KNOWN = 0.6
+"""Part of the lines, those of least uncertainty, that an axis shows whole."""
+MODELS = ("nominal", "tuned", "corrected")
+
+
+def plotly_script() -> Markup:
+    """The plotting library, to stand in the page once."""
+    source = (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+    return Markup(source.replace("</script", "<\\/script"))
+
+
+def charts_script() -> Markup:
+    """What draws the charts."""
+    return Markup((files("cutvib_ss.report") / "templates" / "charts.js").read_text(encoding="utf-8"))
+
+
+def charts_data(d: Diagnosis) -> Markup:
+    """All that the charts show, as JSON that may stand in a script element."""
+    data = {
+        "repeatability": _number(d.repeatability),
+        "records": [_record(c) for c in d.comparisons],
+        "maps": _maps(d.comparisons),
+        "stiffness": [_stiffness(z, d) for z in d.findings.stiffness],
+        "bands": [list(b) for b in d.where.bands_hz],
+    }
+    return Markup(json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
+
+
+def scale_of(unit: str) -> tuple[float, str]:
+    """Factor and unit in which a response is shown: accelerance in g/N, as the gap is."""
+    return (1.0 / STANDARD_GRAVITY, "g/N") if unit == "m/s^2/N" else (1.0, unit_text(unit))
+
+
+def record_name(c: Comparison) -> str:
+    """What a record is called: its position, or its label."""
+    position = float(c.measured.positions[0])
+    return c.label or "the record" if np.isnan(position) else f"y/L = {position:.3g}"
+
+
+def _record(c: Comparison) -> dict[str, Any]:
+    step = -(-c.measured.freq.size // _MOST_LINES)
+    channels = []
+    for k, (name, unit) in enumerate(zip(c.measured.outputs, c.measured.units, strict=True)):
+        factor, shown = scale_of(unit)
+        one: dict[str, Any] = {"name": name, "unit": shown}
+        one["measured"] = _complex(factor * c.measured.data[0, k, 0, ::step])
+        for side in MODELS:
+            one[side] = _complex(factor * getattr(c, side).data[0, k, 0, ::step])
+        one["noise"] = _list(factor * np.sqrt(c.measured.variance[0, k, 0, ::step]))
+        coherence = c.measured.coherence[0, k, 0, ::step]
+        one["coherence"] = _list(coherence) if np.any(np.isfinite(coherence)) else None
+        channels.append(one)
+    return {"name": record_name(c), "freq": _list(c.measured.freq[::step]), "channels": channels}
+
+
+def _maps(comparisons: Sequence[Comparison]) -> dict[str, Any] | None:
+    if not comparisons:
+        return None
+    low = min(float(c.measured.freq[0]) for c in comparisons)
+    high = max(float(c.measured.freq[-1]) for c in comparisons)
+    edges = np.linspace(low, high, min(_CELLS, comparisons[0].measured.freq.size) + 1)
+    rows: dict[str, list[Comparison]] = {}
+    for c in comparisons:
+        rows.setdefault(record_name(c), []).append(c)
+    channels = list(dict.fromkeys(name for c in comparisons for name in c.measured.outputs))
+    return {
+        "freq": _list(0.5 * (edges[1:] + edges[:-1])),
+        "rows": list(rows),
+        "channels": channels,
+        "ratio": {
+            side: {name: [_list(error_over_noise(m, side, name, edges)) for m in rows.values()] for name in channels}
+            for side in MODELS
+        },
+    }
+
+
+def _stiffness(z: DynamicStiffness, d: Diagnosis) -> dict[str, Any]:
+    laws = []
+    if z.element_type is not None and len(z.levels) == 1:
+        laws.append(
+            (
+                f"element type of its shape: {z.element_type.name}",
+                element_type_value(z.element_type, z.quantity, z.freq),
+            )
+        )
+    named = _named_law(z, d)
+    if named is not None:
+        laws.append(("law of the named cause", named))
+    levels = [
+        {
+            "name": "the records ask for" if level is None else f"at {level:.3g} N",
+            "re": _list(value.real), "im": _list(value.imag), "std": _list(std),
+        }
+        for level, value, std in zip(z.levels, z.value, z.std, strict=True)
+    ]  # fmt: skip
+    return {
+        "title": f"{z.place}: {z.label}",
+        "quantity": z.quantity,
+        "unit": "" if z.unit == "1" else unit_text(z.unit),
+        "freq": _list(z.freq),
+        "levels": levels,
+        "laws": [{"name": name, **_complex(value)} for name, value in laws],
+        "limits": {part: _limits(z, [v for _, v in laws], part) for part in ("real", "imag")},
+    }
+
+
+def _named_law(z: DynamicStiffness, d: Diagnosis) -> ComplexArray | None:
+    """Dynamic stiffness of what the corrected machine carries at the function's port; None where nothing, or no such element."""
+    if z.quantity != "dynamic stiffness":
+        return None
+    s: ComplexArray = np.asarray(2j * np.pi * z.freq, dtype=np.complex128)
+    values = [
+        np.asarray(a.element.dynamic_stiffness(s), dtype=np.complex128)
+        for a in d.corrected_machine.attachments
+        if a.port == z.label and hasattr(a.element, "dynamic_stiffness")
+    ]
+    values = [v for v in values if v.shape == z.freq.shape]
+    return sum(values[1:], values[0]) if values else None
+
+
+def _limits(z: DynamicStiffness, laws: Sequence[ComplexArray], part: str) -> list[float]:
+    """Limits that hold all lines that are well known with their deviation, each law whole, and zero."""
+    known = z.std <= np.quantile(z.std, _KNOWN)
+    value = getattr(z.value, part)
+    ends = [(value - z.std)[known], (value + z.std)[known], np.zeros(1), *(getattr(v, part) for v in laws)]
+    every = np.concatenate([e[np.isfinite(e)] for e in ends])
+    low, high = float(every.min()), float(every.max())
+    room = 0.06 * max(high - low, 1e-300)
+    return [low - room, high + room]
+
+
+def _complex(values: ComplexArray) -> dict[str, list[float | None]]:
+    return {"re": _list(values.real), "im": _list(values.imag)}
+
+
+def _list(values: FloatArray) -> list[float | None]:
+    return [_number(v) for v in values.tolist()]
+
+
+def _number(value: float) -> float | None:
+    return float(f"{value:.5g}") if np.isfinite(value) else None
