@@ -96,17 +96,17 @@ def to_do(d: Diagnosis) -> list[str]:
 
 
 def confirming_test(d: Diagnosis) -> str:
-    """The record that would confirm a mended cause: where the re-tuned model's error was largest over the noise."""
+    """The record that would confirm a fixed cause: where the re-tuned model's error was largest over the noise."""
     rows = [r for r in d.where.by_position if r.label is not None]
     if not d.where.by_channel:
         return ""
     channel = max(d.where.by_channel, key=lambda r: r.error / max(r.noise, 1e-300)).label
     at = f" with the head at y/L = {figure(float(max(rows, key=lambda r: r.error).label))}" if rows else ""  # type: ignore[arg-type]
-    return f"Next test: once it is mended, measure again{at} and look at {channel}: there the error was largest."
+    return f"Next test: once it is fixed, measure again{at} and look at {channel}: there the error was largest."
 
 
 def size_rows(d: Diagnosis) -> list[Row]:
-    """What separates a right model from the measurement: noise, repeatability, discrepancy; size and meaning of each."""
+    """What separates a right model from the measurement: noise, repeatability, discrepancy; size and source of each."""
     rows: list[Row] = []
     unit = d.gap.unit
     factor = d.sizes.get("noise", math.nan)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from cutvib_ss.diagnosis.element_type import family_value
+from cutvib_ss.diagnosis.element_type import element_type_value
 from cutvib_ss.diagnosis.findings import DynamicStiffness
 from cutvib_ss.diagnosis.result import Comparison, Diagnosis
 from cutvib_ss.plot.diagnosis import error_over_noise
@@ -100,8 +100,13 @@ def _maps(comparisons: Sequence[Comparison]) -> dict[str, Any] | None:
 
 def _stiffness(z: DynamicStiffness, d: Diagnosis) -> dict[str, Any]:
     laws = []
-    if z.family is not None and len(z.levels) == 1:
-        laws.append((f"law of its shape: {z.family.name}", family_value(z.family, z.quantity, z.freq)))
+    if z.element_type is not None and len(z.levels) == 1:
+        laws.append(
+            (
+                f"element type of its shape: {z.element_type.name}",
+                element_type_value(z.element_type, z.quantity, z.freq),
+            )
+        )
     named = _named_law(z, d)
     if named is not None:
         laws.append(("law of the named cause", named))
@@ -127,7 +132,7 @@ def _named_law(z: DynamicStiffness, d: Diagnosis) -> ComplexArray | None:
     """Dynamic stiffness of what the corrected machine carries at the function's port; None where nothing, or no such element."""
     if z.quantity != "dynamic stiffness":
         return None
-    s = 2j * np.pi * z.freq
+    s: ComplexArray = np.asarray(2j * np.pi * z.freq, dtype=np.complex128)
     values = [
         np.asarray(a.element.dynamic_stiffness(s), dtype=np.complex128)
         for a in d.corrected_machine.attachments

@@ -141,10 +141,10 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         if diagnosis.verdict == "explained":
             said = f"Mainly one cause: {name}. With it the mean error on held-out records"
         else:
-            known, _, _ = best.effect.rpartition("+")
+            effect, _, _ = best.effect.rpartition("+")
             at, _, rest = best.place.rpartition("+")
             said = (
-                f"Mainly one known cause: {cause_name(known, at, best.parameters)}. With it and an element of unknown form, "
+                f"Mainly one known cause: {cause_name(effect, at, best.parameters)}. With it and an element of unknown form, "
                 f"most probably at {place_name(rest)}, the mean error on held-out records"
             )
         said += f" falls from {figure(gap.before)} to {figure(gap.after)} {gap.unit}"
