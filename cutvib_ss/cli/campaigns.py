@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from enum import StrEnum
 from fnmatch import fnmatchcase
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -147,7 +148,7 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
     from rich.text import Text
 
     from cutvib_ss.plot.diagnosis import probability_text
-    from cutvib_ss.report import details, wording
+    from cutvib_ss.report import answer, details, wording
 
     say(console, Text(wording.VERDICTS[found.verdict], style="bold"))
     say(console, wording.verdict_sentence(found))
@@ -158,11 +159,16 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
     share, interval = wording.shrinkage_text(gap)
     facts = [
         ["where", f"{where.place} ({places})" if places else where.place],
+        *([["place set", ", ".join(where.place_set)]] if len(where.place_set) > 1 else []),
         ["bands", wording.bands_text(where.bands_hz)],
         ["before", f"{wording.figure(gap.before)} {gap.unit}: the model as given, on held-out records"],
         ["tuned", f"{wording.figure(gap.tuned)} {gap.unit}: within its tolerances"],
         ["after", f"{wording.figure(gap.after)} {gap.unit}: with the cause added"],
         ["noise", f"{wording.figure(gap.noise_floor)} {gap.unit}"],
+        [
+            "repeats",
+            "not measured" if not isfinite(found.repeatability) else f"{100 * found.repeatability:.2g} % beyond noise",
+        ],
         ["closed", share + (f" ({interval})" if interval else "")],
     ]
     show(console, "", ["", ""], facts, "ll")
@@ -176,16 +182,34 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
     rows = []
     for cause in found.causes[:_SHOWN]:
         parameters = "\n".join(f"{name} {value}" for name, value in wording.parameters_text(cause))
-        rows.append(
-            [cause.effect, cause.place, parameters, probability_text(cause.probability), wording.figure(cause.after)]
+        part = f"{100 * cause.share:.0f} %" if isfinite(cause.share) else "-"
+        probability = probability_text(cause.probability)
+        rows.append([cause.effect, cause.place, parameters, probability, part, wording.figure(cause.after)])
+    heads = ["cause", "place", "parameters", "probability", "share", f"left [{gap.unit}]"]
+    show(console, "", heads, rows, "lll")
+    if found.sizes:
+        say(console, "")
+        say(console, answer.sizes_sentence(found))
+        listed = "; ".join(f"{name} {size}" for name, size, _ in answer.size_rows(found)[2:])
+        say(console, f"Sizes in the likelihood: {listed}.")
+    limits = answer.limit_rows(found)
+    if limits:
+        say(console, "")
+        show(
+            console,
+            "Still allowed beside the answer",
+            ["cause", "size", "allowed (95 %)", "named from"],
+            limits[:_SHOWN],
+            "ll",
         )
-    show(console, "", ["cause", "place", "parameters", "probability", f"left [{gap.unit}]"], rows, "lllrr")
+    if limits[_SHOWN:]:
+        say(console, f"and {len(limits) - _SHOWN} more in the JSON and the report")
     for told in details.sentences(found):
         say(console, "")
         say(console, told)
-    if found.next_test is not None:
-        say(console, "")
-        say(console, f"Next: {wording.next_test_sentence(found.next_test)}")
+    say(console, "")
+    for step in answer.to_do(found):
+        say(console, step)
     for warning in found.warnings:
         say(messages(), f"note: {warning}")
 

@@ -94,7 +94,7 @@ class Scan:
         """A law with its parameters where it explains most."""
         if best.hypothesis.effects[-1].linear or not np.isfinite(best.gain):
             return best
-        _, problem, x = self._both(best.hypothesis.effects[-1])
+        _, problem, x = self.with_cause(best.hypothesis.effects[-1])
         own = np.flatnonzero([p[0] == len(self.effects) for p in problem.parameters]) + problem.first_effect
 
         def loss(values: FloatArray) -> float:
@@ -123,7 +123,8 @@ class Scan:
         effects = problem.effects(x)
         return Scanned(float(-found.fun), Hypothesis((*self.effects, *effects[len(self.effects) :]), self.motion))
 
-    def _both(self, effect: Effect) -> tuple[Hypothesis, Problem, FloatArray]:
+    def with_cause(self, effect: Effect) -> tuple[Hypothesis, Problem, FloatArray]:
+        """The fit underneath with a cause at its start: both, their problem, and its unknowns."""
         both = Hypothesis((*self.effects, effect), self.motion)
         problem = problem_for(self.nominal, self.records, both, self.apart)
         return both, problem, problem.start(self.warm)
@@ -142,7 +143,7 @@ class Scan:
 
     def as_it_stands(self, effect: Effect) -> Scanned:
         """A cause at its start, the fit's unknowns free to give way."""
-        both, problem, x = self._both(effect)
+        both, problem, x = self.with_cause(effect)
         return Scanned(self._gain_at(problem, x), both)
 
     def _in_proportion(self, starts: Sequence[Effect]) -> Scanned:
@@ -150,8 +151,8 @@ class Scan:
         [parameter] = parameter_fields(type(starts[0]))
         sizes = [abs(getattr(e, parameter.name)) for e in starts]
         weakest = starts[int(np.argmin(sizes))]
-        both, problem, x = self._both(weakest)
-        along, size, _ = self._change(problem, x)
+        both, problem, x = self.with_cause(weakest)
+        along, size, _ = self.change(problem, x)
         scale = along / size if size > 0.0 else 0.0
         if not 0.0 < abs(scale) < EXTRAPOLATED:
             return Scanned(-np.inf, both)
@@ -163,7 +164,7 @@ class Scan:
 
     def _scaled(self, effect: Effect) -> Scanned:
         """By the change of the prediction at a start, scaled as it is best."""
-        both, problem, x = self._both(effect)
+        both, problem, x = self.with_cause(effect)
         gain, moved_by = self._along(problem, x)
         if moved_by > NOTHING * self.left.size or gain == -np.inf:
             return Scanned(gain, both)
@@ -177,10 +178,10 @@ class Scan:
 
     def _along(self, problem: Problem, x: FloatArray) -> tuple[float, float]:
         """χ² that a change of the prediction would take away, negative if turned round; and the change's own squares."""
-        along, size, moved_by = self._change(problem, x)
+        along, size, moved_by = self.change(problem, x)
         return along * abs(along) / size if size > 0.0 else along, moved_by
 
-    def _change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
+    def change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
         """
         Of a change of the prediction, the directions of the fit's unknowns projected out: its product with the residual, minus
         infinity where the model cannot take it; its squares; and those before the projection.

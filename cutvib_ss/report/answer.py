@@ -66,7 +66,9 @@ def independent_sentences(d: Diagnosis) -> list[str]:
     first, second = scores[0], scores[1]
     figures = f"{figure(first.left)} of noise is left there, {figure(second.left)} at the next place"
     if first.place in d.where.place.split("+"):
-        return [f"A search without any law, one free function at each place, points to the same place ({figures})."]
+        return [
+            f"A search without any law, one unknown dynamic stiffness at each place, points to the same place ({figures})."
+        ]
     return [f"A search without any law points elsewhere, to {place_name(first.place)} ({figures}): look there too."]
 
 

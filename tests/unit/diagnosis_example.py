@@ -62,7 +62,9 @@ def example_diagnosis(verdict: Verdict = "explained", lines: int = 900, records:
         "c_left": FittedParameter(131.0, 40.0, "N s/m"),
         "c_right": FittedParameter(288.0, 120.0, "N s/m"),
     }
-    probable = {"explained": 0.981, "ambiguous": 0.61, "unknown": 0.3, "no_gap": 0.01}[verdict]
+    probable = {"explained": 0.981, "partly_explained": 0.95, "ambiguous": 0.61, "unknown": 0.3, "no_gap": 0.01}[
+        verdict
+    ]
     causes = [
         Cause("support_compliance", "rail_ends", probable, parameters, 0.00214, 0.93, 1.03),
         Cause("guide_compliance", "head_base", 0.985 - probable, {
@@ -74,6 +76,8 @@ def example_diagnosis(verdict: Verdict = "explained", lines: int = 900, records:
         Cause("local_resonator", "head", 0.001, {}, 0.0175, 0.39, 9.0),
         Cause("added_mass", "tool", 0.0, {}, 0.0189, 0.33, 11.0),
     ]  # fmt: skip
+    if verdict == "partly_explained":
+        causes[0] = replace(causes[0], effect="support_compliance+unknown", place="rail_ends+joint2")
     if verdict == "no_gap":
         causes = [Cause("none", "none", 0.985, {}, 0.0020, 0.9, 1.0)] + [c for c in causes if c.effect != "none"]
     where = Where(

@@ -27,7 +27,7 @@ DEMO = Path(campaigns.__file__).parents[1] / "data" / "demo"
 COMMANDS = [
     "demo", "diagnose", "plan", "identify", "paper", "figures", "modes", "frf", "bode", "schedule", "simulate", "absorber check",
     "absorber design", "control design", "control check", "blind run", "blind score",
-    "campaign init", "campaign show",
+    "campaign init", "campaign show", "serve",
 ]  # fmt: skip
 
 
