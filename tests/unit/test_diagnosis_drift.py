@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cutvib_ss.paths import value_at, with_values
+from cutvib_ss.model.paths import value_at, with_values
 
 from cutvib_ss.diagnosis.diagnose import diagnose
 from cutvib_ss.diagnosis.fit import Fit, fit
