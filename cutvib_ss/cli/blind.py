@@ -107,6 +107,37 @@ def blind_score_command(
         _print_score(found, results())
 
 
+def blind_real_command(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder that holds campaigns, a label.toml beside each campaign.toml.")
+    ],
+    json: JsonOption = None,
+    halves: Annotated[
+        bool, typer.Option("--halves", help="Diagnose both halves of each campaign's records too: do they agree?")
+    ] = False,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes of a diagnosis.")] = 1,
+) -> None:
+    """Diagnose measured campaigns and hold each against its documented cause."""
+    from cutvib_ss.validation.measured import cells, diagnose_measured, table_data
+
+    check_outputs(json)
+    rows = diagnose_measured(folder, halves=halves, jobs=jobs, progress=lambda name: say(messages(), name))
+    if give_json(table_data(rows), json):
+        return
+    console = results()
+    columns = ["campaign", "documented", "verdict", "named", "probability", "rank", "place right", "share closed"]
+    show(
+        console,
+        "Measured campaigns",
+        [*columns, "repeatability", "halves"],
+        [tuple(cells(r)) for r in rows],
+        "llllrrlrrl",
+    )
+    for row in rows:
+        if row.error is not None:
+            say(console, f"{row.campaign}: {row.error}")
+
+
 def _range(text: str) -> tuple[float, float]:
     try:
         low, high = (float(part) for part in text.split(":"))

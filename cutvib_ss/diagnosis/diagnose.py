@@ -13,6 +13,7 @@ from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
 from cutvib_ss.diagnosis.metrics import Sides
@@ -136,7 +137,8 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             known[r.fit.hypothesis.effect, r.fit.hypothesis.place] += 1
     ports = list(ports_of(nominal).values())
     variants = {**known, **{("unknown", p): len(AMPLITUDES) * ports.count(p) for p in ports}}
-    odds = probabilities(ranked, Counts(len(known), len(set(ports))), variants)
+    counts = Counts(len(known), len(set(ports)))
+    odds = probabilities(ranked, counts, variants)
     shown = sorted(causes, key=lambda r: -odds[r.name])
     workers.say("judging causes on held-out records")
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
@@ -211,6 +213,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         reduced_chi2=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
         data_count=problem.count,
         sizes=dict(vars(chosen.spread.sizes)),
+        limits=limits(nominal, chosen, records, observed, counts),
         repeatability=repeatability(fitted),
         findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
     )

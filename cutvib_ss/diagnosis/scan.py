@@ -41,40 +41,14 @@ EXTRAPOLATED = 4.0
 
 
 class Scanned(NamedTuple):
-    """
-    A cause on top of a fit, tried and not fitted.
+    """A cause on top of a fit, tried and not fitted."""
 
-    Parameters
-    ----------
-    gain : float
-        χ² that it would take away.
-    hypothesis : Hypothesis
-        Both together, the cause where it did best.
-    """
-
-    gain: float
-    hypothesis: Hypothesis
+    gain: float  # χ² that it would take away
+    hypothesis: Hypothesis  # Both together, the cause where it did best
 
 
 class Scan:
-    """
-    One more cause on top of a fit.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    records : Records
-        Few lines of few records.
-    hypothesis : Hypothesis
-        The fit underneath.
-    x : ndarray, optional
-        Its unknowns on more records; by default the hypothesis is taken as it stands, nothing tuned.
-    motion : mapping of str to float
-        How far the places of laws move.
-    apart : bool
-        Whether records stay apart.
-    """
+    """One more cause on top of a fit."""
 
     def __init__(
         self,
@@ -108,19 +82,7 @@ class Scan:
         self.leaves = self._freed(self.left)
 
     def promise(self, starts: Sequence[Effect]) -> Scanned:
-        """
-        The best of a cause's starts.
-
-        Parameters
-        ----------
-        starts : sequence of Effect
-            Of one cause.
-
-        Returns
-        -------
-        Scanned
-            The best; its gain is minus infinity where the model can take none of them.
-        """
+        """The best of a cause's starts."""
         if starts[0].linear:
             return max((self._scaled(e) for e in starts), key=lambda s: s.gain)
         tried = [self.as_it_stands(e) for e in starts]
@@ -129,22 +91,10 @@ class Scan:
         return max(tried, key=lambda s: s.gain)
 
     def refined(self, best: Scanned) -> Scanned:
-        """
-        A law with its parameters where it explains most.
-
-        Parameters
-        ----------
-        best : Scanned
-            From `promise`.
-
-        Returns
-        -------
-        Scanned
-            No worse.
-        """
+        """A law with its parameters where it explains most."""
         if best.hypothesis.effects[-1].linear or not np.isfinite(best.gain):
             return best
-        _, problem, x = self._both(best.hypothesis.effects[-1])
+        _, problem, x = self.with_cause(best.hypothesis.effects[-1])
         own = np.flatnonzero([p[0] == len(self.effects) for p in problem.parameters]) + problem.first_effect
 
         def loss(values: FloatArray) -> float:
@@ -173,7 +123,8 @@ class Scan:
         effects = problem.effects(x)
         return Scanned(float(-found.fun), Hypothesis((*self.effects, *effects[len(self.effects) :]), self.motion))
 
-    def _both(self, effect: Effect) -> tuple[Hypothesis, Problem, FloatArray]:
+    def with_cause(self, effect: Effect) -> tuple[Hypothesis, Problem, FloatArray]:
+        """The fit underneath with a cause at its start: both, their problem, and its unknowns."""
         both = Hypothesis((*self.effects, effect), self.motion)
         problem = problem_for(self.nominal, self.records, both, self.apart)
         return both, problem, problem.start(self.warm)
@@ -191,20 +142,8 @@ class Scan:
         return self.leaves - self._freed(residual) if np.isfinite(residual).all() else -np.inf
 
     def as_it_stands(self, effect: Effect) -> Scanned:
-        """
-        A cause at its start, the fit's unknowns free to give way.
-
-        Parameters
-        ----------
-        effect : Effect
-            The cause.
-
-        Returns
-        -------
-        Scanned
-            Its gain is minus infinity where the model cannot take it.
-        """
-        both, problem, x = self._both(effect)
+        """A cause at its start, the fit's unknowns free to give way."""
+        both, problem, x = self.with_cause(effect)
         return Scanned(self._gain_at(problem, x), both)
 
     def _in_proportion(self, starts: Sequence[Effect]) -> Scanned:
@@ -212,8 +151,8 @@ class Scan:
         [parameter] = parameter_fields(type(starts[0]))
         sizes = [abs(getattr(e, parameter.name)) for e in starts]
         weakest = starts[int(np.argmin(sizes))]
-        both, problem, x = self._both(weakest)
-        along, size, _ = self._change(problem, x)
+        both, problem, x = self.with_cause(weakest)
+        along, size, _ = self.change(problem, x)
         scale = along / size if size > 0.0 else 0.0
         if not 0.0 < abs(scale) < EXTRAPOLATED:
             return Scanned(-np.inf, both)
@@ -225,7 +164,7 @@ class Scan:
 
     def _scaled(self, effect: Effect) -> Scanned:
         """By the change of the prediction at a start, scaled as it is best."""
-        both, problem, x = self._both(effect)
+        both, problem, x = self.with_cause(effect)
         gain, moved_by = self._along(problem, x)
         if moved_by > NOTHING * self.left.size or gain == -np.inf:
             return Scanned(gain, both)
@@ -239,10 +178,10 @@ class Scan:
 
     def _along(self, problem: Problem, x: FloatArray) -> tuple[float, float]:
         """χ² that a change of the prediction would take away, negative if turned round; and the change's own squares."""
-        along, size, moved_by = self._change(problem, x)
+        along, size, moved_by = self.change(problem, x)
         return along * abs(along) / size if size > 0.0 else along, moved_by
 
-    def _change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
+    def change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
         """
         Of a change of the prediction, the directions of the fit's unknowns projected out: its product with the residual, minus
         infinity where the model cannot take it; its squares; and those before the projection.

@@ -163,11 +163,11 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         if shifted is None or all(c.effect != "unknown" for c in few):
             return told
         return f"{told} Measure {shifted} by itself, since other causes at its place show as such a value."
-    known = next((c for c in diagnosis.causes if c.effect not in ("none", "unknown")), best)
+    nearest = next((c for c in diagnosis.causes if c.effect not in ("none", "unknown")), best)
     return (
         f"There is a gap, most probably at {place_name(diagnosis.where.place)}, that no cause of the catalogue "
-        f"explains: the best of them ({cause_name(known.effect, known.place, known.parameters)}) leaves "
-        f"{figure(known.after)} {gap.unit}, noise alone {figure(gap.noise_floor)}."
+        f"explains: the best of them ({cause_name(nearest.effect, nearest.place, nearest.parameters)}) leaves "
+        f"{figure(nearest.after)} {gap.unit}, noise alone {figure(gap.noise_floor)}."
     )
 
 

@@ -17,6 +17,8 @@ _OWN = {
     "absorber": ("#1f6f8f", "#58b4d8"),
     "controller": ("#2f8560", "#5cc196"),
 }
+_PHONE = 600
+"""Width below which a picture is taken for one on a phone [px]."""
 _DASH = {"nominal": "dash", "corrected": "dot"}
 
 
@@ -103,7 +105,7 @@ def response_figure(
                 "font": {"size": 11},
             }
         ]  # fmt: skip
-    return {"data": traces, "layout": layout, "config": _CONFIG}
+    return {"data": traces, "layout": layout, "config": _config(width)}
 
 
 def rail_figure(
@@ -135,13 +137,15 @@ def rail_figure(
     layout["yaxis"] |= {"title": {"text": title}, "rangemode": "tozero"}
     layout["xaxis"] |= {"title": {"text": "position y/L of the head"}, "range": [0, 1]}
     layout["shapes"] = [_upright(position, dark)]
-    return {"data": traces, "layout": layout, "config": _CONFIG}
+    return {"data": traces, "layout": layout, "config": _config(width)}
 
 
-_CONFIG: dict[str, Any] = {
-    "displaylogo": False, "responsive": True, "showTips": False, "modeBarButtonsToRemove": ["select2d", "lasso2d", "toImage"],
-    "displayModeBar": "hover", "scrollZoom": False, "plotlyServerURL": "",
-}  # fmt: skip
+def _config(width: int) -> dict[str, Any]:
+    """Plotly's behaviour; on a phone no bar of tools over the picture."""
+    return {
+        "displaylogo": False, "responsive": True, "showTips": False, "scrollZoom": False, "plotlyServerURL": "",
+        "displayModeBar": width >= _PHONE, "modeBarButtonsToRemove": ["select2d", "lasso2d", "toImage"],
+    }  # fmt: skip
 
 
 def _layout(dark: bool, revision: str, names: Sequence[str], width: int, height: int) -> dict[str, Any]:
@@ -164,6 +168,7 @@ def _layout(dark: bool, revision: str, names: Sequence[str], width: int, height:
         "margin": {"l": 56, "r": 12, "t": 22, "b": 48 + 19 * rows},
         "height": height + 19 * rows,
         "modebar": {"bgcolor": "rgba(0,0,0,0)", "color": "#8a939c", "activecolor": ink},
+        "dragmode": "zoom" if width >= _PHONE else False,  # where a drag is to scroll the page
         "hovermode": "closest",
         "hoverlabel": {"bgcolor": "#222b34" if dark else "#ffffff", "font": {"color": ink}},
         "showlegend": bool(names),

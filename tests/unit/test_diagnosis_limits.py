@@ -1,0 +1,96 @@
+"""Limits of causes that are not there, on the published machine with noise and no gap."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.limits import limits
+from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.diagnosis.posterior import Counts
+from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.result import Limit
+from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.results import MeasuredFrequencyResponse
+
+MACHINE = published_machine()
+FREQ = np.arange(16.0, 300.0, 3.0)
+CHANNELS, KINDS = ("tool_x", "base_x"), ("acceleration",) * 2
+COUNTS = Counts(30, 6)
+
+
+def measured(noise: float, mass: float = 0.0) -> tuple[Records, object]:
+    """Responses of the machine, tool heavier by a mass, at three positions in one session."""
+    rng = np.random.default_rng(11)
+    model = AddedMass("tool", mass).apply(MACHINE) if mass else MACHINE
+    records = []
+    for y in (0.2, 0.45, 0.8):
+        data = frequency_response(model, [y], FREQ, outputs=CHANNELS).data
+        std = noise * np.abs(data).max(axis=-1, keepdims=True) * np.ones(FREQ.size)
+        data = data + std * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape)) / np.sqrt(2)
+        frf = MeasuredFrequencyResponse(
+            data, FREQ, np.array([y]), CHANNELS, ("force",), KINDS, variance=std**2, averages=4
+        )
+        records.append(
+            Record(f"r{y}", "frf", y, None, None, CHANNELS, KINDS, (), frf, 4, "multisine", session="monday")
+        )
+    observed = observe(Campaign("none", Path(), MACHINE, tuple(records)), MACHINE)
+    return Records(observed.entries), observed
+
+
+def table(noise: float) -> dict[tuple[str, str], Limit]:
+    records, observed = measured(noise)
+    accepted = fit(MACHINE, records, Hypothesis())
+    return {(x.effect, x.place): x for x in limits(MACHINE, accepted, records, observed, COUNTS)}
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[tuple[str, str], Limit]:
+    return table(3e-3)
+
+
+def test_added_mass_is_bounded_as_by_the_profile_likelihood(found: dict[tuple[str, str], Limit]) -> None:
+    records, _ = measured(3e-3)
+
+    def profile(mass: float) -> float:
+        # All that the fit may move is fitted anew at each mass.
+        return fit(AddedMass("tool", mass).apply(MACHINE), records, Hypothesis()).objective
+
+    masses = np.linspace(-0.8, 0.8, 9) * found["added_mass", "tool"].allowed
+    curve = np.polynomial.Polynomial.fit(masses, [profile(m) for m in masses], 2)
+    best, bend = -curve.convert().coef[1] / (2 * curve.convert().coef[2]), curve.convert().coef[2]
+    expected = abs(best) + 1.96 / np.sqrt(bend)
+    limit = found["added_mass", "tool"]
+    assert (limit.parameter, limit.unit) == ("mass", "kg")
+    assert expected / 1.5 < limit.allowed < 1.5 * expected
+    # What would be named lies beyond what the noise alone lets pass, and within what an engineer would believe.
+    assert 1.0 / np.sqrt(bend) < limit.visible < 10.0 / np.sqrt(bend)
+
+
+def test_limits_state_stiffnesses_from_below_and_all_are_finite(found: dict[tuple[str, str], Limit]) -> None:
+    assert {"guide_compliance", "support_compliance", "added_mass", "tool_contact"} <= {e for e, _ in found}
+    assert not {"parameter_shift", "calibration_error", "structural_damping"} & {e for e, _ in found}
+    for limit in found.values():
+        assert 0.0 < limit.allowed < np.inf
+        assert 0.0 < limit.visible < np.inf
+    noisier = table(1.2e-2)
+    # Four times the noise: a softer guide and a heavier tool pass unseen.
+    guide, contact = ("guide_compliance", "head_base"), ("tool_contact", "tool")
+    assert noisier[guide].visible < found[guide].visible
+    assert noisier[contact].visible > found[contact].visible
+
+
+def test_a_cause_that_was_named_has_no_limit() -> None:
+    records, observed = measured(3e-3, 0.5)
+    accepted = fit(MACHINE, records, Hypothesis((AddedMass("tool", 0.4),)))
+    beside = {(x.effect, x.place) for x in limits(MACHINE, accepted, records, observed, COUNTS)}
+    assert ("added_mass", "tool") not in beside
+    assert ("guide_compliance", "head_base") in beside
+    several = replace(accepted, hypothesis=Hypothesis((AddedMass("tool", 0.4), AddedMass("head", 0.1))))
+    assert limits(MACHINE, several, records, observed, COUNTS) == ()
