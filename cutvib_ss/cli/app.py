@@ -27,6 +27,8 @@ from cutvib_ss.errors import CutvibError
 
 # Older and newer typer keep their parser's exceptions in different modules; BadParameter is public in both.
 _ParserError: type[Exception] = typer.BadParameter.__mro__[2]
+_STOPPED = 130
+"""Exit status of what was stopped from the keyboard."""
 
 app = typer.Typer(
     name="cutvib",
@@ -156,6 +158,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         command = _with_units(typer.main.get_command(app))
         status = command.main(None if arguments is None else list(arguments), prog_name="cutvib", standalone_mode=False)
         sys.stdout.flush()
+        if status == _STOPPED:
+            # The parser turns a KeyboardInterrupt into this status, and says nothing.
+            sys.stderr.write("cutvib: stopped\n")
         return status if isinstance(status, int) else 0
     except _ParserError as error:
         context = getattr(error, "ctx", None)
@@ -165,7 +170,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refuse(str(error))
     except (KeyboardInterrupt, typer.Abort):
         sys.stderr.write("cutvib: stopped\n")
-        return 130
+        return _STOPPED
     except BrokenPipeError:
         # Whoever read the output has seen enough; keep the interpreter from complaining at its end.
         sys.stderr.close()

@@ -15,7 +15,7 @@ _PARTS: Mapping[str, tuple[str, tuple[int, int, str]]] = {
     "rail": ('<rect x="60" y="92" width="480" height="14" rx="2"/>', (150, 84, "middle")),
     "rail_ends": (
         '<path d="M70 107 l-16 26 h32 z M530 107 l-16 26 h32 z M44 137 h52 M504 137 h52"/>',
-        (70, 156, "middle"),
+        (4, 158, "start"),
     ),
     "head_base": ('<rect x="258" y="80" width="84" height="38" rx="3"/>', (352, 84, "start")),
     "head": ('<rect x="288" y="120" width="24" height="72" rx="4"/>', (326, 166, "start")),
@@ -49,9 +49,10 @@ def machine_drawing(d: Diagnosis) -> Markup:
         body, size = _machine(marked, odds, _spot(d)), (600, 290)
     else:
         body, size = _ports(list(d.nominal.system.ports), marked, odds)  # type: ignore[union-attr]
+    top = 54 if d.nominal.has_position else 0
     named = ", ".join(sorted(marked)) or "none"
     return Markup(
-        f'<svg class="machine" viewBox="0 0 {size[0]} {size[1]}" role="img" '
+        f'<svg class="machine" viewBox="0 {top} {size[0]} {size[1] - top}" role="img" '
         f'aria-label="Drawing of the machine; marked places: {escape(named)}">{body}</svg>'
     )
 
