@@ -223,23 +223,13 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class StructureTolerances:
-    """
-    Tolerances of a second-order structure: one common scale factor on each matrix.
+    """Tolerances of a second-order structure: one common scale factor on each matrix."""
 
-    Parameters
-    ----------
-    mass, damping, stiffness : float
-        One standard deviation of the factor on each matrix.
-    calibration : float
-        Of each response channel's sensitivity, smooth over frequency.
-    drift : float, optional
-        How far stiffnesses and gains move between sessions, as a fraction. Left out: by the evidence of the records.
-    """
-
-    mass: float = 0.02
+    mass: float = 0.02  # One standard deviation of the factor on each matrix
     damping: float = 0.2
     stiffness: float = 0.02
-    calibration: float = 0.01
+    calibration: float = 0.01  # Of each response channel's sensitivity, smooth over frequency
+    # How far stiffnesses and gains move between sessions, as a fraction. Left out: by the evidence of the records
     drift: float | None = None
 
     def __post_init__(self) -> None:

@@ -58,27 +58,6 @@ def to_si(unit: str, quantity: str, where: str) -> float:
     """
     Factor that brings values in a unit to SI, after checking what the unit measures.
 
-    Parameters
-    ----------
-    unit : str
-        Unit as the file spells it, for instance ``"g"`` or ``"m/s^2"``.
-    quantity : str
-        What the channel must be: ``"force"``, ``"displacement"``, ``"velocity"`` or ``"acceleration"``.
-    where : str
-        File and channel, for the message.
-
-    Returns
-    -------
-    float
-        SI value of one such unit.
-
-    Raises
-    ------
-    DataFormatError
-        If the unit is unknown, or measures something else.
-
-    Examples
-    --------
     >>> to_si("g", "acceleration", "blow.csv: tool_x")
     9.80665
     """

@@ -307,21 +307,7 @@ def control_plant(
 
 
 def pade_delay(delay: float, order: int) -> control.StateSpace:
-    """
-    Padé approximation of a delay, in states of one size.
-
-    Parameters
-    ----------
-    delay : float
-        Delay [s].
-    order : int
-        Order; zero is none.
-
-    Returns
-    -------
-    control.StateSpace
-        All-pass of that order.
-    """
+    """Padé approximation of a delay, in states of one size."""
     if delay == 0.0 or order == 0:
         return _unit(1)
     # In units of the delay; in seconds the coefficients would lie many decades apart.

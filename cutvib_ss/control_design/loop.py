@@ -142,21 +142,7 @@ class Loop:
 
 
 def in_rad_per_s(poles: ArrayLike, period: float) -> ComplexArray:
-    """
-    Poles of a sampled system as those of a continuous one.
-
-    Parameters
-    ----------
-    poles : array_like of complex, shape (pole,)
-        Poles z.
-    period : float
-        Sampling period T [s].
-
-    Returns
-    -------
-    ndarray of complex, shape (pole,)
-        log(z)/T [rad/s]; a pole at z = 0 becomes one that dies in a small part of a period.
-    """
+    """Poles of a sampled system as those of a continuous one."""
     z = np.asarray(poles, dtype=np.complex128)
     return np.asarray(np.log(np.where(np.abs(z) < 1e-30, 1e-30, z)) / period, dtype=np.complex128)
 

@@ -54,20 +54,7 @@ class Prototype:
 
 
 def actuator_at(port: str) -> ForceActuator:
-    """
-    A plausible actuator for a place.
-
-    Parameters
-    ----------
-    port : str
-        ``base`` or another port of the rail: a force against ground. On the head an inertial actuator of 1 kg; on the tool one
-        of 0.08 kg, the mass of Table 7's absorber.
-
-    Returns
-    -------
-    ForceActuator
-        The actuator.
-    """
+    """A plausible actuator for a place."""
     if port.startswith("tool_"):
         return InertialActuator(port, mass=table_7().mass)
     return InertialActuator(port) if port.startswith("head_") else ForceActuator(port)

@@ -21,41 +21,13 @@ _FIRST, _LARGEST, _FINE = 1.0, 1e8, 1.005
 
 
 def scaled_in_time(system: control.StateSpace) -> tuple[control.StateSpace, float]:
-    """
-    A system in units of its own time.
-
-    Parameters
-    ----------
-    system : control.StateSpace
-        Continuous system.
-
-    Returns
-    -------
-    scaled : control.StateSpace
-        With s over the rate in place of s, unnamed.
-    rate : float
-        Geometric mean of the moduli of its poles [rad/s].
-    """
+    """A system in units of its own time."""
     rate = float(np.exp(np.mean(np.log(np.maximum(np.abs(system.poles()), 1.0))))) if system.nstates else 1.0
     return control.ss(system.A / rate, system.B / np.sqrt(rate), system.C / np.sqrt(rate), system.D), rate
 
 
 def in_seconds(system: control.StateSpace, rate: float) -> control.StateSpace:
-    """
-    A system back in seconds.
-
-    Parameters
-    ----------
-    system : control.StateSpace
-        In units of a time.
-    rate : float
-        From `scaled_in_time`.
-
-    Returns
-    -------
-    control.StateSpace
-        Unnamed.
-    """
+    """A system back in seconds."""
     return control.ss(system.A * rate, system.B * np.sqrt(rate), system.C * np.sqrt(rate), system.D)
 
 

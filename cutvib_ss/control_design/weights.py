@@ -17,24 +17,7 @@ from cutvib_ss.results import FloatArray
 
 
 def commands_and_signals(plant: control.StateSpace) -> tuple[list[str], list[str]]:
-    """
-    Names of a plant's commands and of its sensors' signals.
-
-    Parameters
-    ----------
-    plant : control.StateSpace
-        From `control_plant`.
-
-    Returns
-    -------
-    commands, signals : list of str
-        Outputs and inputs of a controller.
-
-    Raises
-    ------
-    ParameterError
-        If it has none.
-    """
+    """Names of a plant's commands and of its sensors' signals."""
     commands = [name for name in plant.input_labels if name.startswith("u_")]
     signals = [name for name in plant.output_labels if name.startswith("y_")]
     if not commands or not signals:
@@ -43,24 +26,7 @@ def commands_and_signals(plant: control.StateSpace) -> tuple[list[str], list[str
 
 
 def one_loop(plant: control.StateSpace) -> control.StateSpace:
-    """
-    From the one command of a plant to its one signal.
-
-    Parameters
-    ----------
-    plant : control.StateSpace
-        From `control_plant`.
-
-    Returns
-    -------
-    control.StateSpace
-        That part.
-
-    Raises
-    ------
-    DesignError
-        If it has several: such a controller is designed for one actuator and one sensor.
-    """
+    """From the one command of a plant to its one signal."""
     commands, signals = commands_and_signals(plant)
     if len(commands) > 1 or len(signals) > 1:
         raise DesignError("this controller takes one actuator and one sensor; LQG, H2 and H∞ take several")
@@ -68,25 +34,7 @@ def one_loop(plant: control.StateSpace) -> control.StateSpace:
 
 
 def working_gains(plant: control.StateSpace, frequency: float, output: str = "tool_x") -> tuple[FloatArray, FloatArray]:
-    """
-    What commands and sensors are worth at a frequency.
-
-    Parameters
-    ----------
-    plant : control.StateSpace
-        From `control_plant`.
-    frequency : float
-        Frequency [Hz].
-    output : str
-        The motion that is to be small.
-
-    Returns
-    -------
-    of_commands : ndarray, shape (command,)
-        Modulus of the motion per unit of each command [m/s^2/N].
-    of_signals : ndarray, shape (signal,)
-        Modulus of each signal per newton of cutting force.
-    """
+    """What commands and sensors are worth at a frequency."""
     commands, signals = commands_and_signals(plant)
     s = 2j * np.pi * check_number("frequency", frequency, 0.0, strict=True)
     response = np.abs(plant[[output, *signals], ["force", *commands]](s, squeeze=False))
@@ -94,21 +42,7 @@ def working_gains(plant: control.StateSpace, frequency: float, output: str = "to
 
 
 def tone(frequency: float, width: float) -> control.StateSpace:
-    """
-    A weight that is one at a frequency and falls off beside it.
-
-    Parameters
-    ----------
-    frequency : float
-        Centre [Hz].
-    width : float
-        Damping ratio of the resonance: half the bandwidth over the centre.
-
-    Returns
-    -------
-    control.StateSpace
-        2ζω s/(s² + 2ζω s + ω²).
-    """
+    """A weight that is one at a frequency and falls off beside it."""
     w = 2 * np.pi * check_number("frequency", frequency, 0.0, strict=True)
     zeta = check_number("width", width, 0.0, strict=True)
     a = [[0.0, w], [-w, -2 * zeta * w]]
@@ -117,23 +51,7 @@ def tone(frequency: float, width: float) -> control.StateSpace:
 
 
 def effort_weight(frequency: float, notch: float = 0.1, width: float = 0.3) -> control.StateSpace:
-    """
-    A weight on commands that lets them pass at the tool's frequency and little beside it.
-
-    Parameters
-    ----------
-    frequency : float
-        Centre [Hz].
-    notch : float
-        What is left of one at the centre.
-    width : float
-        Damping ratio of the notch.
-
-    Returns
-    -------
-    control.StateSpace
-        Second order, one far from the centre.
-    """
+    """A weight on commands that lets them pass at the tool's frequency and little beside it."""
     passing = tone(frequency, width)
     return control.ss(passing.A, passing.B, -(1.0 - notch) * passing.C, [[1.0]])
 
@@ -146,28 +64,7 @@ def generalised_plant(
     width: float,
     output: str = "tool_x",
 ) -> control.StateSpace:
-    """
-    The plant with weights for H2 and H∞ synthesis.
-
-    Parameters
-    ----------
-    plant : control.StateSpace
-        From `control_plant`, with its delay.
-    effort : float
-        Weight on each command away from the frequency (`effort_weight`), relative.
-    noise : float
-        Noise of each sensor, relative.
-    frequency, width : float
-        Centre [Hz] and damping ratio of the weight on the motion (`tone`).
-    output : str
-        The motion that is to be small.
-
-    Returns
-    -------
-    control.StateSpace
-        Inputs ``force``, the sensors' noise, the commands; outputs weighted motion, weighted commands, the signals with
-        their noise.
-    """
+    """The plant with weights for H2 and H∞ synthesis."""
     commands, signals = commands_and_signals(plant)
     check_number("effort", effort, 0.0, strict=True)
     check_number("noise", noise, 0.0, strict=True)

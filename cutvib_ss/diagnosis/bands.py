@@ -29,25 +29,7 @@ def bands(
     sides: Sides,
     per_unit: float,
 ) -> tuple[Band, ...]:
-    """
-    The bands that hold most of what the error has above the noise, and those between.
-
-    Parameters
-    ----------
-    stand_out : sequence of (float, float)
-        Bands in which the re-tuned model's error stands out of the noise at all [Hz]; a precise measurement shows it all over.
-    whole : tuple of float
-        The campaign's band [Hz].
-    sides : Sides
-        Held-out records against each model.
-    per_unit : float
-        SI value of the reported unit.
-
-    Returns
-    -------
-    tuple of Band
-        Ascending, the whole band covered but for slivers.
-    """
+    """The bands that hold most of what the error has above the noise, and those between."""
     tuned = sides.tuned
     edges = [whole[0], *(f for band in _main(stand_out, whole, tuned) for f in band), whole[1]]
     out = []

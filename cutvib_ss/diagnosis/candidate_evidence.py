@@ -11,23 +11,7 @@ ENDS = "{} = {} lies at the end of what is believed of it: the true value may li
 
 
 def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool = False) -> CandidateEvidence:
-    """
-    What a fitted hypothesis has to say for itself.
-
-    Parameters
-    ----------
-    r : Ranked
-        The hypothesis.
-    held_reduced_chi2 : float
-        Its residual on held-out records.
-    judged : bool
-        Whether it was judged on them.
-
-    Returns
-    -------
-    CandidateEvidence
-        The same as plain values.
-    """
+    """What a fitted hypothesis has to say for itself."""
     return CandidateEvidence(
         name=r.name,
         effect=r.fit.hypothesis.effect,
@@ -50,19 +34,7 @@ def _discrete(fit: Fit) -> dict[str, str]:
 
 
 def at_their_ends(fitted: Fit) -> list[str]:
-    """
-    Warnings of a fitted cause's values that lie at an end of their range.
-
-    Parameters
-    ----------
-    fitted : Fit
-        The cause.
-
-    Returns
-    -------
-    list of str
-        One a value.
-    """
+    """Warnings of a fitted cause's values that lie at an end of their range."""
     out = []
     for name in fitted.at_end:
         which, parameter = name.split(".")

@@ -43,29 +43,7 @@ MODES = 8
 def consequences(
     nominal: Model, fit: Fit, records: Records, observed: Observations, verdict: Verdict, seed: int
 ) -> Consequences | None:
-    """
-    What the chosen cause means for the machine.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    fit : Fit
-        The chosen hypothesis.
-    records : Records
-        Records that it was fitted to.
-    observed : Observations
-        The campaign.
-    verdict : str
-        What was concluded.
-    seed : int
-        Of the draws.
-
-    Returns
-    -------
-    Consequences or None
-        None where no response can be computed.
-    """
+    """What the chosen cause means for the machine."""
     channel = "tool_x" if "tool_x" in nominal.channels else observed.channels[0]
     frequency = WORKING_FREQUENCY if isinstance(nominal, Machine) else _loudest(fit.model, channel, observed.band)
     problem = Problem(nominal, records.merged, fit.hypothesis)

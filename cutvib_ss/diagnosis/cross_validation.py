@@ -46,68 +46,29 @@ BOOTSTRAPS = 2000
 
 @dataclass(frozen=True)
 class Fold:
-    """
-    One fold of the cross-validation.
+    """One fold of the cross-validation."""
 
-    Parameters
-    ----------
-    fitted, judged : tuple of Entry
-        Records to fit on, and records to judge on.
-    """
-
-    fitted: tuple[Entry, ...]
+    fitted: tuple[Entry, ...]  # Records to fit on, and records to judge on
     judged: tuple[Entry, ...]
 
 
 @dataclass(frozen=True)
 class Judged:
-    """
-    One held-out record.
+    """One held-out record."""
 
-    Parameters
-    ----------
-    entry : Entry
-        The record.
-    error : ndarray, shape (channel,)
-        Mean modulus of the error over the band, SI.
-    noise : ndarray, shape (channel,)
-        Mean modulus of the error by noise alone.
-    chi2 : ndarray, shape (channel,)
-        χ² a degree of freedom.
-    predicted : ndarray, shape (channel, frequency)
-        What was predicted of it.
-    squares, floor : float
-        Mean square of the error, and of the error of a right model by noise and drift; over channels and lines.
-    """
-
-    entry: Entry
-    error: FloatArray
-    noise: FloatArray
-    chi2: FloatArray
-    predicted: ComplexArray
+    entry: Entry  # The record
+    error: FloatArray  # Mean modulus of the error over the band, SI
+    noise: FloatArray  # Mean modulus of the error by noise alone
+    chi2: FloatArray  # χ² a degree of freedom
+    predicted: ComplexArray  # What was predicted of it
+    # Mean square of the error, and of the error of a right model by noise and drift; over channels and lines
     squares: float = 0.0
+    # Mean square of the error, and of the error of a right model by noise and drift; over channels and lines
     floor: float = 0.0
 
 
 def folds(observations: Observations, fraction: float | None, seed: int) -> tuple[Fold, ...]:
-    """
-    Folds of the cross-validation.
-
-    Parameters
-    ----------
-    observations : Observations
-        All records.
-    fraction : float or None
-        Part of the positions left out in a fold; a third by default.
-    seed : int
-        Of the order in which positions are dealt.
-
-    Returns
-    -------
-    tuple of Fold
-        One fold where records are marked for checking; else as many as it takes to judge every record once. A single record
-        is judged on itself, for want of another.
-    """
+    """Folds of the cross-validation."""
     entries = observations.entries
     if any(e.check for e in entries):
         return (Fold(tuple(e for e in entries if not e.check), tuple(e for e in entries if e.check)),)
@@ -137,25 +98,7 @@ def _key(e: Entry, entries: Sequence[Entry]) -> float:
 
 
 def judge(nominal: Model, folds: Sequence[Fold], start: Fit, workers: Workers) -> tuple[Judged, ...]:
-    """
-    Errors of a hypothesis on held-out records.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    folds : sequence of Fold
-        The folds.
-    start : Fit
-        The hypothesis fitted on all records, from which each fold starts.
-    workers : Workers
-        Who fits.
-
-    Returns
-    -------
-    tuple of Judged
-        Each held-out record, in the records' order.
-    """
+    """Errors of a hypothesis on held-out records."""
     out = workers.map(partial(_one_fold, nominal, start), folds)
     return tuple(sorted((j for fold in out for j in fold), key=lambda j: j.entry.record))
 
@@ -172,23 +115,7 @@ def _one_fold(nominal: Model, start: Fit, fold: Fold) -> list[Judged]:
 
 
 def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tuple[Judged, ...]:
-    """
-    Errors of the nominal model as given, nothing tuned or calibrated.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    observations : Observations
-        All records.
-    start : Fit
-        A fit of the tuned model, for the instant of the blow where records do not state it.
-
-    Returns
-    -------
-    tuple of Judged
-        The records that are held out.
-    """
+    """Errors of the nominal model as given, nothing tuned or calibrated."""
     problem = Problem(nominal, merged(observations.entries), Hypothesis())
     blow_at = problem.blow_at(start.x) if start.x.size == problem.size else 0.0
     entries = [e for e in observations.entries if e.check] or list(observations.entries)
@@ -196,22 +123,11 @@ def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tu
 
 
 class Shown(NamedTuple):
-    """
-    What a model predicts of a record.
+    """What a model predicts of a record."""
 
-    Parameters
-    ----------
-    data : ndarray, shape (channel, frequency)
-        The prediction.
-    variance : ndarray, shape (channel, frequency)
-        Its own E|Δ|², of a law whose record does not tell the force on which it depends; else zero.
-    seen : Prediction or Simulated
-        The model seen through the record's estimator, calibration errors apart.
-    """
-
-    data: ComplexArray
-    variance: FloatArray
-    seen: Predicted
+    data: ComplexArray  # The prediction
+    variance: FloatArray  # Its own E|Δ|², of a law whose record does not tell the force on which it depends; else zero
+    seen: Predicted  # The model seen through the record's estimator, calibration errors apart
 
 
 def predicted(
@@ -221,27 +137,7 @@ def predicted(
     problem: Problem | None = None,
     x: FloatArray | None = None,
 ) -> Shown:
-    """
-    What a model predicts of a record.
-
-    Parameters
-    ----------
-    e : Entry
-        The record.
-    model : Machine or Structure
-        The model.
-    blow_at : float
-        Instant of the blow [s] where the record does not state it.
-    problem : Problem, optional
-        With ``x``: whose calibration errors to apply.
-    x : ndarray, optional
-        Unknowns of a fit.
-
-    Returns
-    -------
-    Shown
-        The prediction.
-    """
+    """What a model predicts of a record."""
     (group,) = merged([e])
     # What depends on the level, or leaks, is simulated with the record's own force.
     leaks = e.replay is not None and e.replay.block > 0
@@ -302,25 +198,7 @@ def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) 
 
 
 def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit | None = None) -> Judged:
-    """
-    A record against a prediction.
-
-    Parameters
-    ----------
-    e : Entry
-        The record.
-    shown : Shown
-        What was predicted of it.
-    problem : Problem, optional
-        With ``fitted``: the fit on other records that predicted it, for the prediction's own uncertainty.
-    fitted : Fit, optional
-        That fit: its covariance, and its drift and discrepancy.
-
-    Returns
-    -------
-    Judged
-        Its errors.
-    """
+    """A record against a prediction."""
     error = np.abs(e.data - shown.data)
     # E|n| of complex Gaussian noise of variance v is √(πv)/2.
     noise = np.sqrt(np.pi * e.variance) / 2
@@ -341,55 +219,17 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
 
 
 def mean_error(records: Sequence[Judged]) -> float:
-    """
-    Mean error over records and channels.
-
-    Parameters
-    ----------
-    records : sequence of Judged
-        Held-out records.
-
-    Returns
-    -------
-    float
-        Mean modulus of the error, SI.
-    """
+    """Mean error over records and channels."""
     return float(np.mean([j.error.mean() for j in records]))
 
 
 def reduced_chi2(records: Sequence[Judged]) -> float:
-    """
-    χ² a degree of freedom over records and channels.
-
-    Parameters
-    ----------
-    records : sequence of Judged
-        Held-out records.
-
-    Returns
-    -------
-    float
-        About 1 where the residual is noise alone.
-    """
+    """χ² a degree of freedom over records and channels."""
     return float(np.mean([j.chi2.mean() for j in records]))
 
 
 def shrinkage_interval(before: Sequence[Judged], after: Sequence[Judged], seed: int) -> tuple[float, float]:
-    """
-    95 % interval of 1 - after/before, by bootstrap over records.
-
-    Parameters
-    ----------
-    before, after : sequence of Judged
-        The same records, judged before and after.
-    seed : int
-        Of the resampling.
-
-    Returns
-    -------
-    low, high : float
-        The interval.
-    """
+    """95 % interval of 1 - after/before, by bootstrap over records."""
     b = np.array([j.error.mean() for j in before])
     a = np.array([j.error.mean() for j in after])
     pick = np.random.default_rng(seed).integers(0, b.size, (BOOTSTRAPS, b.size))

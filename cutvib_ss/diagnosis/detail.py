@@ -28,35 +28,7 @@ def found(
     sides: Sides,
     seed: int,
 ) -> Findings:
-    """
-    Distances, bands, places and their unknown dynamic stiffnesses.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The model as given.
-    chosen : Fit
-        The hypothesis that was chosen.
-    records : Records
-        Records that it was fitted to.
-    verdict : str
-        What was concluded.
-    observed : Observations
-        The campaign.
-    stand_out : sequence of (float, float)
-        Bands in which the re-tuned model's error stands out of the noise [Hz].
-    located : Located
-        The places.
-    sides : Sides
-        Held-out records against each model.
-    seed : int
-        Of what is drawn.
-
-    Returns
-    -------
-    Findings
-        All of it.
-    """
+    """Distances, bands, places and their unknown dynamic stiffnesses."""
     # Where records are marked for checking, the model as given is judged on these alone, as the others are.
     scales = scales_of(sides.before)
     rows = metrics(sides, observed.per_unit, scales)

@@ -52,26 +52,7 @@ _LINEAR = (
 
 
 def element_type_of(quantity: str, freq: FloatArray, value: ComplexArray, std: FloatArray) -> ElementType | None:
-    """
-    The simplest law that explains an unknown dynamic stiffness.
-
-    Parameters
-    ----------
-    quantity : str
-        What the function is: ``"dynamic stiffness"``, ``"compliance"``, ``"gain"``, ``"relative stiffness"`` or
-        ``"relative mass"``.
-    freq : ndarray, shape (frequency,)
-        Frequency [Hz].
-    value : ndarray of complex, shape (frequency,)
-        The function.
-    std : ndarray, shape (frequency,)
-        Standard deviation of its parts.
-
-    Returns
-    -------
-    ElementType or None
-        None where no law known is close.
-    """
+    """The simplest law that explains an unknown dynamic stiffness."""
     usable = np.isfinite(value) & np.isfinite(std) & (std > 0)
     if quantity == "compliance":
         # Where the function was left at nothing, no stiffness can be told.
@@ -99,23 +80,7 @@ def element_type_of(quantity: str, freq: FloatArray, value: ComplexArray, std: F
 
 
 def element_type_value(element_type: ElementType, quantity: str, freq: FloatArray) -> ComplexArray:
-    """
-    A named law over frequency, as the function that it was found in.
-
-    Parameters
-    ----------
-    element_type : ElementType
-        The law.
-    quantity : str
-        What the function is.
-    freq : ndarray, shape (frequency,)
-        Frequency [Hz].
-
-    Returns
-    -------
-    ndarray of complex, shape (frequency,)
-        The function.
-    """
+    """A named law over frequency, as the function that it was found in."""
     s: ComplexArray = np.asarray(2j * np.pi * freq, dtype=np.complex128)
     values = list(element_type.parameters.values())
     if element_type.name == "delay":
@@ -207,25 +172,7 @@ def _gains(s: ComplexArray, u: ComplexArray, spread: FloatArray) -> list[Element
 
 
 def with_level(freq: FloatArray, levels: FloatArray, value: ComplexArray, std: FloatArray) -> str:
-    """
-    How a function of frequency changes with the level.
-
-    Parameters
-    ----------
-    freq : ndarray, shape (frequency,)
-        Frequency [Hz].
-    levels : ndarray, shape (level,)
-        Levels [N], ascending.
-    value : ndarray of complex, shape (level, frequency)
-        The function at each.
-    std : ndarray, shape (level, frequency)
-        Standard deviation of its parts.
-
-    Returns
-    -------
-    str
-        In words, with the laws that do so; empty where it does not change.
-    """
+    """How a function of frequency changes with the level."""
     known = np.isfinite(value) & np.isfinite(std) & (std > 0) & np.isfinite(levels)[:, None]
     weight = np.where(known, std, np.inf) ** -2.0
     # A level at which the records say nothing of the function says nothing of its change either.

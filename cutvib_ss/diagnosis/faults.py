@@ -30,23 +30,7 @@ FAR_TWIST = 50.0
 
 
 def in_parallel(v: Lines, ports: Sequence[str], ties: FloatArray) -> Elements:
-    """
-    Elements between ports and ground, or across a relative port.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-    ports : sequence of str
-        The ports.
-    ties : ndarray, shape (port, function)
-        Elements from unknown functions.
-
-    Returns
-    -------
-    Elements
-        The modification.
-    """
+    """Elements between ports and ground, or across a relative port."""
     left = np.array([v.shown(p) for p in ports])
     right = np.array([v.between(p, "force") for p in ports])
     own = np.array([[v.between(p, q) for q in ports] for p in ports])
@@ -54,42 +38,14 @@ def in_parallel(v: Lines, ports: Sequence[str], ties: FloatArray) -> Elements:
 
 
 def across(v: Lines, one: str, other: str) -> Elements:
-    """
-    An element that opposes two ports' being parted.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-    one, other : str
-        The ports.
-
-    Returns
-    -------
-    Elements
-        The modification.
-    """
+    """An element that opposes two ports' being parted."""
     own = v.between(one, one) + v.between(other, other) - 2.0 * v.between(one, other)
     right = v.between(one, "force") - v.between(other, "force")
     return Elements(v.response, (v.shown(one) - v.shown(other))[None], right[None], own[None, None], np.eye(1), -1)
 
 
 def at_point(v: Lines, y: float) -> Elements:
-    """
-    An element between a point of the rail and ground.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-    y : float
-        y / L.
-
-    Returns
-    -------
-    Elements
-        The modification.
-    """
+    """An element between a point of the rail and ground."""
     return in_parallel(v, (f"rail({y!r})",), np.eye(1))
 
 
@@ -117,19 +73,7 @@ def _base(v: Lines) -> _Interface:
 
 
 def guide(v: Lines) -> Elements:
-    """
-    A guide that gives between rail and head.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-
-    Returns
-    -------
-    Elements
-        The modification.
-    """
+    """A guide that gives between rail and head."""
     at = _base(v)
     return Elements(v.response, v.through(at.passed)[None], at.driven[None], at.opposing[None, None], np.eye(1), 1)
 
@@ -144,19 +88,7 @@ def _behind(v: Lines, loads: ComplexArray, own: ComplexArray, sign: int) -> Elem
 
 
 def end_supports(v: Lines) -> Elements:
-    """
-    Ends that give: one compliance at y = 0, one at y = L.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-
-    Returns
-    -------
-    Elements
-        The modification t(ω, y)ᵀ (1 + C S)^-1 C t(ω, y) of the rail's receptance.
-    """
+    """Ends that give: one compliance at y = 0, one at y = L."""
     rail = v.condensed.rail.model
     p = rail.parameters
     k = STIFF * p.mass / 2 * (2 * np.pi * p.first_frequency) ** 2
@@ -171,19 +103,7 @@ def end_supports(v: Lines) -> Elements:
 
 
 def end_slopes(v: Lines) -> Elements:
-    """
-    Ends that resist turning: one rotational stiffness at y = 0, one at y = L.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-
-    Returns
-    -------
-    Elements
-        The modification.
-    """
+    """Ends that resist turning: one rotational stiffness at y = 0, one at y = L."""
     rail = v.condensed.rail.model
     probes = tuple(RailAttachment(SpringDamperMass(), y, slope=True) for y in (0.0, 1.0))
     probed = RailReceptance(replace(rail, attachments=(*rail.attachments, *probes)), v.s)
@@ -194,21 +114,7 @@ def end_slopes(v: Lines) -> Elements:
 
 
 def kink(v: Lines, y: float) -> Elements:
-    """
-    A rail that bends more, or less, at one point: a stiffness against its curvature there.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-    y : float
-        y / L.
-
-    Returns
-    -------
-    Elements
-        The modification, against L² w''(y); of a pinned rail, whose modes are sines.
-    """
+    """A rail that bends more, or less, at one point: a stiffness against its curvature there."""
     rail = v.condensed.rail
     turns = np.pi * np.arange(1, rail.w.size + 1)
     bent = rail.field(RailPort(-(turns**2 * np.sin(turns * y))[None], np.zeros((1, 2))))
@@ -217,41 +123,13 @@ def kink(v: Lines, y: float) -> Elements:
 
 
 def next_mode(v: Lines, r: int) -> Elements:
-    """
-    A bending mode that the model lacks.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-    r : int
-        Its number.
-
-    Returns
-    -------
-    Elements
-        The modification: the flexibility of a mode of shape sin(rπy/L).
-    """
+    """A bending mode that the model lacks."""
     shape = np.asarray(np.sin(r * np.pi * v.group.positions)[:, None] + 0 * v.s, dtype=np.complex128)
     return _behind(v, shape[None], np.zeros((1, 1, v.s.size), dtype=np.complex128), 1)
 
 
 def rail_modes(v: Lines, kind: str) -> RailModes:
-    """
-    A value that all modes of the rail share.
-
-    Parameters
-    ----------
-    v : Lines
-        The model, its rail pinned and bare.
-    kind : {"relative stiffness", "relative mass"}
-        Which.
-
-    Returns
-    -------
-    RailModes
-        The modification.
-    """
+    """A value that all modes of the rail share."""
     rail, at = v.condensed.rail, _base(v)
     inertia = rail.half * v.s**2 + 0 * rail.w[:, None]
     change = rail.half * rail.w[:, None] ** 2 + 0 * v.s if kind == "relative stiffness" else inertia
@@ -261,21 +139,7 @@ def rail_modes(v: Lines, kind: str) -> RailModes:
 
 
 def twist(v: Lines, eccentricity: float) -> Elements:
-    """
-    Two modes of twist of the rail, freed against a twist that is all but rigid.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-    eccentricity : float
-        Distance from the rail's shear centre to the head's first joint [m].
-
-    Returns
-    -------
-    Elements
-        The modification.
-    """
+    """Two modes of twist of the rail, freed against a twist that is all but rigid."""
     machine = v.model
     assert isinstance(machine, Machine)
     rigid = Torsion(eccentricity, 1.0, FAR_TWIST * machine.rail.parameters.first_frequency, 0.0)
@@ -296,21 +160,7 @@ def _linear(response: ComplexArray, left: ComplexArray) -> Elements:
 
 
 def channel_gain(v: Lines, channel: str) -> Elements:
-    """
-    One channel's gain beside one.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-    channel : str
-        The channel; a group that lacks it is left as it is.
-
-    Returns
-    -------
-    Elements
-        The modification.
-    """
+    """One channel's gain beside one."""
     left = np.zeros_like(v.response)
     own = [i for i, c in enumerate(v.group.channels) if c == channel]
     left[:, own] = v.response[:, own]
@@ -318,19 +168,7 @@ def channel_gain(v: Lines, channel: str) -> Elements:
 
 
 def leak(v: Lines) -> Elements:
-    """
-    X that leaks into Z.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-
-    Returns
-    -------
-    Elements
-        The modification; none in a group that lacks a channel.
-    """
+    """X that leaks into Z."""
     left, names = np.zeros_like(v.response), v.group.channels
     if "tool_x" in names and "tool_z" in names:
         left[:, names.index("tool_z")] = v.response[:, names.index("tool_x")]
@@ -338,21 +176,7 @@ def leak(v: Lines) -> Elements:
 
 
 def windowed(v: Lines, rate: float) -> Elements:
-    """
-    One gain for all channels, of a response at the line that a window shifts.
-
-    Parameters
-    ----------
-    v : Lines
-        The model.
-    rate : float
-        Rate of an exponential window that was never taken out [1/s].
-
-    Returns
-    -------
-    Elements
-        The modification.
-    """
+    """One gain for all channels, of a response at the line that a window shifts."""
     chain = replace(v.model.chain, decay_rate=v.model.chain.decay_rate + rate)
     shifted = Lines(replace(v.model, chain=chain), v.group, v.tail, v.window)
     return _linear(shifted.response, shifted.response)

@@ -40,55 +40,24 @@ PASSES = 4
 
 @dataclass(frozen=True)
 class Fit:
-    """
-    A fitted hypothesis.
+    """A fitted hypothesis."""
 
-    Parameters
-    ----------
-    hypothesis : Hypothesis
-        With its effects at their fitted values.
-    model : Machine or Structure
-        Tuned, with the effects.
-    tuned : Machine or Structure
-        The tuning alone.
-    x : ndarray
-        Fitted unknowns: tuning, calibration, instant of the blow, effects (transformed).
-    first_effect : int
-        Where the effects' unknowns begin.
-    covariance : ndarray
-        Posterior covariance of the unknowns.
-    chi2 : float
-        Weighted squares of the residuals, drift and discrepancy integrated out, the scatter of merged records included.
-    count : int
-        Real data.
-    objective : float
-        χ² with the priors' squares and the determinants: comparable between hypotheses.
-    log_evidence : float
-        Logarithm of the Laplace evidence, up to a constant shared by all hypotheses on the same data.
-    stds : mapping of str to float
-        Standard deviation of each effect's parameter, in order ``<index>.<name>``.
-    at_end : tuple of str
-        Parameters of the effects that lie at an end of their range, ``<index>.<name>``, where other values lie beyond.
-    correlation : float
-        Number of neighbouring lines whose residuals go together; 1 where they are white.
-    spread : Spread
-        Drift and discrepancy: their sizes, and what the records say of them.
-    """
-
-    hypothesis: Hypothesis
-    model: Model
-    tuned: Model
-    x: FloatArray
-    first_effect: int
-    covariance: FloatArray
+    hypothesis: Hypothesis  # With its effects at their fitted values
+    model: Model  # Tuned, with the effects
+    tuned: Model  # The tuning alone
+    x: FloatArray  # Fitted unknowns: tuning, calibration, instant of the blow, effects (transformed)
+    first_effect: int  # Where the effects' unknowns begin
+    covariance: FloatArray  # Posterior covariance of the unknowns
+    # Weighted squares of the residuals, drift and discrepancy integrated out, the scatter of merged records included
     chi2: float
-    count: int
-    objective: float
-    log_evidence: float
-    stds: Mapping[str, float]
+    count: int  # Real data
+    objective: float  # χ² with the priors' squares and the determinants: comparable between hypotheses
+    log_evidence: float  # Logarithm of the Laplace evidence, up to a constant shared by all hypotheses on the same data
+    stds: Mapping[str, float]  # Standard deviation of each effect's parameter, in order ``<index>.<name>``
+    # Parameters of the effects that lie at an end of their range, ``<index>.<name>``, where other values lie beyond
     at_end: tuple[str, ...]
-    correlation: float
-    spread: Spread
+    correlation: float  # Number of neighbouring lines whose residuals go together; 1 where they are white
+    spread: Spread  # Drift and discrepancy: their sizes, and what the records say of them
 
 
 def fit(
@@ -103,30 +72,6 @@ def fit(
     """
     Maximum of the posterior of a hypothesis, and its evidence.
 
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    records : Records
-        Measured responses.
-    hypothesis : Hypothesis
-        What is fitted; its effects' values are the start.
-    warm : ndarray, optional
-        Unknowns of a fit without effects, to start from.
-    max_iterations : int
-        Most steps taken.
-    tolerance : float
-        Relative gain of the objective at which steps end.
-    near : Fit, optional
-        A fit whose drifts of sessions, and sizes, are close.
-
-    Returns
-    -------
-    Fit
-        The fit.
-
-    Notes
-    -----
     Levenberg-Marquardt on the normal equations: 40 unknowns against 10⁴ to 10⁵ data make their forming the only cost, and a
     general least squares solver's factorisation of the full Jacobian twenty times more expensive. Effects' unknowns are kept
     within their ranges by projection. Evidence: χ²/2 + Σ prior²/2 + ½ ln det(JᵀWJ + P), the even priors being one in unit

@@ -15,19 +15,10 @@ from cutvib_ss.response.frequency import ChainedResponse, output_quantities
 
 @dataclass(frozen=True)
 class Candidate:
-    """
-    A cause with its starts.
+    """A cause with its starts."""
 
-    Parameters
-    ----------
-    name : str
-        Effect, place and what is discrete about it: tells candidates apart.
-    starts : tuple of Effect
-        The same cause at several starting values.
-    """
-
-    name: str
-    starts: tuple[Effect, ...]
+    name: str  # Effect, place and what is discrete about it: tells candidates apart
+    starts: tuple[Effect, ...]  # The same cause at several starting values
 
 
 def candidates(model: Model, band: tuple[float, float], channels: Sequence[str]) -> tuple[Candidate, ...]:

@@ -10,18 +10,10 @@ from cutvib_ss.effects.base import Carried, Effect, Model
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """
-    What may cause the gap.
+    """What may cause the gap."""
 
-    Parameters
-    ----------
-    effects : tuple of Effect
-        Effects at their starting values; none for the tuned nominal model.
-    motions : mapping of str to float
-        Peak displacement of places in the records, where it is known: the scale of nonlinear laws.
-    """
-
-    effects: tuple[Effect, ...] = ()
+    effects: tuple[Effect, ...] = ()  # Effects at their starting values; none for the tuned nominal model
+    # Peak displacement of places in the records, where it is known: the scale of nonlinear laws
     motions: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -41,21 +33,7 @@ class Hypothesis:
 
 
 def stages_of(tuned: Model, effects: Sequence[Effect]) -> list[Model]:
-    """
-    A model before each of some effects, and with all of them.
-
-    Parameters
-    ----------
-    tuned : Machine or Structure
-        The model before the first.
-    effects : sequence of Effect
-        The effects, in order.
-
-    Returns
-    -------
-    list of Machine or Structure
-        One more than there are effects.
-    """
+    """A model before each of some effects, and with all of them."""
     stages = [tuned]
     for e in effects:
         stages.append(e.apply(stages[-1]))
@@ -63,25 +41,7 @@ def stages_of(tuned: Model, effects: Sequence[Effect]) -> list[Model]:
 
 
 def carried_on(carried: Carried, effects: Sequence[Effect], stages: Sequence[Model], first: int) -> Carried:
-    """
-    What moves in the last stage when values of an earlier one move.
-
-    Parameters
-    ----------
-    carried : tuple of (path, float)
-        What moves there, and by how much.
-    effects : sequence of Effect
-        All effects, in order.
-    stages : sequence of Machine or Structure
-        From `stages_of`.
-    first : int
-        Stage at which the values move.
-
-    Returns
-    -------
-    tuple of (path, float)
-        What moves in the last.
-    """
+    """What moves in the last stage when values of an earlier one move."""
     for e, stage in zip(effects[first:], stages[first + 1 :], strict=True):
         carried = tuple((p, w * v) for path, w in carried for p, v in e.carries(path, stage))
     return carried

@@ -33,25 +33,12 @@ SMOOTH = 20.0
 
 @dataclass(frozen=True)
 class Seen:
-    """
-    A shape of a cause at the severity that is just seen.
+    """A shape of a cause at the severity that is just seen."""
 
-    Parameters
-    ----------
-    run : Run
-        The shape.
-    severity : float
-        The severity.
-    gain : float
-        χ² that a fit with it would gain there.
-    atom : ndarray, shape (datum,)
-        Weighted small change of the responses, real parts then imaginary.
-    """
-
-    run: Run
-    severity: float
-    gain: float
-    atom: FloatArray
+    run: Run  # The shape
+    severity: float  # The severity
+    gain: float  # χ² that a fit with it would gain there
+    atom: FloatArray  # Weighted small change of the responses, real parts then imaginary
 
     @property
     def value(self) -> float:
@@ -65,18 +52,7 @@ class Seen:
 
 
 class Space:
-    """
-    Changes of planned responses, less what tuning and calibration could make of them.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The nominal model.
-    group : Group
-        The planned records, apart, with the variance of their noise.
-    error : float
-        Relative error of a response that noise does not show.
-    """
+    """Changes of planned responses, less what tuning and calibration could make of them."""
 
     def __init__(self, model: Model, group: Group, error: float) -> None:
         self.model, self.group = model, group
@@ -111,21 +87,7 @@ class Space:
         return np.concatenate([weighted.real, weighted.imag])
 
     def change(self, run: Run, severity: float) -> ComplexArray:
-        """
-        Change of the responses at a severity.
-
-        Parameters
-        ----------
-        run : Run
-            The cause.
-        severity : float
-            Its severity.
-
-        Returns
-        -------
-        ndarray, shape (record, channel, frequency)
-            The change.
-        """
+        """Change of the responses at a severity."""
         effect = run.at(severity)
         model = effect.apply(self.model)
         if effect.linear:
@@ -138,40 +100,14 @@ class Space:
         return shown
 
     def gram(self, atoms: Sequence[FloatArray]) -> FloatArray:
-        """
-        Inner products of changes, the nuisances projected out.
-
-        Parameters
-        ----------
-        atoms : sequence of ndarray, shape (datum,)
-            Weighted changes.
-
-        Returns
-        -------
-        ndarray, shape (atom, atom)
-            The products.
-        """
+        """Inner products of changes, the nuisances projected out."""
         stack = np.array(atoms)
         with_nuisance = stack @ self.nuisance.T
         product: FloatArray = stack @ stack.T - with_nuisance @ self.inverse @ with_nuisance.T
         return product
 
     def seen(self, run: Run, threshold: float) -> Seen | None:
-        """
-        The severity that is just seen.
-
-        Parameters
-        ----------
-        run : Run
-            The cause.
-        threshold : float
-            Log evidence that it has to bring.
-
-        Returns
-        -------
-        Seen or None
-            None where only more than is believable would be seen.
-        """
+        """The severity that is just seen."""
         try:
             severity, change = self._small(run)
         except CutvibError:
@@ -221,25 +157,7 @@ class Space:
 
 
 def left_over(gram: FloatArray, mine: int, theirs: Sequence[int], most: int) -> float:
-    """
-    Residual of a change after the best fit of another cause.
-
-    Parameters
-    ----------
-    gram : ndarray, shape (atom, atom)
-        Inner products of all changes.
-    mine : int
-        The change.
-    theirs : sequence of int
-        Shapes of the other cause.
-    most : int
-        How many of these it may combine: as many as it has parameters.
-
-    Returns
-    -------
-    float
-        χ² of the residual.
-    """
+    """Residual of a change after the best fit of another cause."""
     chosen: list[int] = []
     left = float(gram[mine, mine])
     for _ in range(min(most, len(theirs))):

@@ -260,25 +260,12 @@ class Directions:
 
 @dataclass(frozen=True)
 class Spread:
-    """
-    Drift and discrepancy of a fit.
+    """Drift and discrepancy of a fit."""
 
-    Parameters
-    ----------
-    layout : Layout
-        Columns: the unknowns, then the directions.
-    sizes : Sizes
-        Sizes of the directions.
-    offsets : ndarray, shape (column,)
-        Coefficients of the directions, in their sizes; zero for the unknowns.
-    precision : ndarray, shape (column, column)
-        Posterior precision of all columns.
-    """
-
-    layout: Layout
-    sizes: Sizes
-    offsets: FloatArray
-    precision: FloatArray
+    layout: Layout  # Columns: the unknowns, then the directions
+    sizes: Sizes  # Sizes of the directions
+    offsets: FloatArray  # Coefficients of the directions, in their sizes; zero for the unknowns
+    precision: FloatArray  # Posterior precision of all columns
 
     def drifts(self, sessions: Sequence[tuple[float | str, ...]], count: int) -> FloatArray:
         """Drift of the tuned values of some sessions, zero of those that were not fitted; shape (session, value)."""
@@ -364,41 +351,19 @@ class Spread:
 
 @dataclass(frozen=True)
 class Quadratic:
-    """
-    The log posterior about a point, to second order, for any sizes of the directions.
+    """The log posterior about a point, to second order, for any sizes of the directions."""
 
-    Parameters
-    ----------
-    layout : Layout
-        Columns.
-    matrix, gradient : ndarray
-        Of the data at unit sizes.
-    squares : float
-        Sum of the squared weighted residuals.
-    x : ndarray
-        Unknowns of the problem at the point.
-    precision : ndarray
-        Of their priors.
-    free : ndarray of bool
-        Unknowns that no bound holds.
-    even : ndarray of bool
-        Unknowns whose priors are even over a unit range.
-    offsets : ndarray, shape (column,)
-        Where the directions stand at the point, at unit sizes: sessions' drift is not small beside a sharp resonance.
-    count : int
-        Real data.
-    """
-
-    layout: Layout
-    matrix: FloatArray
+    layout: Layout  # Columns
+    matrix: FloatArray  # Of the data at unit sizes
     gradient: FloatArray
-    squares: float
-    x: FloatArray
-    precision: FloatArray
-    free: np.ndarray
-    even: np.ndarray
+    squares: float  # Sum of the squared weighted residuals
+    x: FloatArray  # Unknowns of the problem at the point
+    precision: FloatArray  # Of their priors
+    free: np.ndarray  # Unknowns that no bound holds
+    even: np.ndarray  # Unknowns whose priors are even over a unit range
+    # Where the directions stand at the point, at unit sizes: sessions' drift is not small beside a sharp resonance
     offsets: FloatArray
-    count: int
+    count: int  # Real data
 
     def system(self, sizes: Sizes) -> tuple[FloatArray, FloatArray]:
         """Posterior precision and gradient of all columns for given sizes, priors included."""

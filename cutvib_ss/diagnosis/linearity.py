@@ -23,37 +23,13 @@ APART = 1.5
 
 
 def levels_compared(records: Records) -> bool:
-    """
-    Whether some position was measured at levels far enough apart for a difference to show.
-
-    Parameters
-    ----------
-    records : Records
-        The records.
-
-    Returns
-    -------
-    bool
-        False where every position has one level, or levels close together.
-    """
+    """Whether some position was measured at levels far enough apart for a difference to show."""
     each = ([e.level for e in same] for g in records.merged for same in g.entries)
     return any(max(levels) > APART * min(levels) for levels in each)
 
 
 def level_stands_out(records: Records) -> bool:
-    """
-    Whether some band of the responses changes with the level.
-
-    Parameters
-    ----------
-    records : Records
-        The records.
-
-    Returns
-    -------
-    bool
-        True where the scatter of levels about their mean exceeds the noise, in any band.
-    """
+    """Whether some band of the responses changes with the level."""
     for g in records.merged:
         power, count = np.zeros(g.freq.size), 0
         for row, same in zip(g.data, g.entries, strict=True):
@@ -70,21 +46,7 @@ def level_stands_out(records: Records) -> bool:
 
 
 def motions(model: Model, records: Records) -> dict[str, Motion]:
-    """
-    How far and how fast each place of a law moves in the records.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The re-tuned model, without nonlinear elements.
-    records : Records
-        Records apart.
-
-    Returns
-    -------
-    dict of str to Motion
-        By place, which for laws is the name of a port.
-    """
+    """How far and how fast each place of a law moves in the records."""
     places = tuple(dict.fromkeys(place for kind in EFFECTS.values() if not kind.linear for place in kind.places(model)))
     peaks: list[np.ndarray] = []
     forces: list[np.ndarray] = []

@@ -34,23 +34,7 @@ SURE = 0.95
 
 
 def mains(nominal: Model, none: Fit, records: Records) -> float | None:
-    """
-    The mains whose multiples hold the re-tuned model's residual.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    none : Fit
-        The re-tuned model.
-    records : Records
-        The records.
-
-    Returns
-    -------
-    float or None
-        50 or 60 Hz; None where the residual lies elsewhere too, or is noise.
-    """
+    """The mains whose multiples hold the re-tuned model's residual."""
     problem = Problem(nominal, records.merged, Hypothesis())
     _, residuals, _ = problem.residuals(none.x)
     # Both parts of a residual are over their own noise: |r|²/2 is one on average where noise is all.
@@ -71,21 +55,7 @@ def mains(nominal: Model, none: Fit, records: Records) -> float | None:
 
 
 def with_mains_interference(located: Located, frequency: float) -> Located:
-    """
-    Places, where the measurement carries mains interference.
-
-    Parameters
-    ----------
-    located : Located
-        Places by their residual with unknown dynamic stiffnesses, which do not know of discrete tones.
-    frequency : float
-        Of the mains [Hz].
-
-    Returns
-    -------
-    Located
-        The measurement first.
-    """
+    """Places, where the measurement carries mains interference."""
     own = PlaceScore("measurement", f"mains {frequency:g} Hz", 1.0, SURE)
     others = [s for s in located.scores if s.place != "measurement"]
     share = sum(s.probability for s in others) or 1.0

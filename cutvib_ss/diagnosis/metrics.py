@@ -39,72 +39,27 @@ ONE_IN = 20.0
 
 @dataclass(frozen=True)
 class Sides:
-    """
-    The same held-out records against several models.
+    """The same held-out records against several models."""
 
-    Parameters
-    ----------
-    before, tuned, after : tuple of Judged
-        Against the model as given, re-tuned, and with the cause.
-    second : tuple of Judged or None
-        With the second-best cause; None where there is none.
-    """
-
-    before: tuple[Judged, ...]
+    before: tuple[Judged, ...]  # Against the model as given, re-tuned, and with the cause
     tuned: tuple[Judged, ...]
     after: tuple[Judged, ...]
-    second: tuple[Judged, ...] | None = None
+    second: tuple[Judged, ...] | None = None  # With the second-best cause; None where there is none
 
 
 def mean_modulus(measured: ComplexArray, computed: ComplexArray) -> float:
-    """
-    Mean of |ΔH|, the metric of the paper's Table 4.
-
-    Parameters
-    ----------
-    measured, computed : ndarray, shape (..., frequency)
-        Responses.
-
-    Returns
-    -------
-    float
-        In their unit.
-    """
+    """Mean of |ΔH|, the metric of the paper's Table 4."""
     return float(np.mean(np.abs(measured - computed)))
 
 
 def frac(measured: ComplexArray, computed: ComplexArray) -> float:
-    """
-    Frequency response assurance criterion |Σ H₁ᴴH₂|² / (Σ|H₁|² Σ|H₂|²).
-
-    Parameters
-    ----------
-    measured, computed : ndarray, shape (..., frequency)
-        Responses.
-
-    Returns
-    -------
-    float
-        1 where they are proportional, 0 where orthogonal.
-    """
+    """Frequency response assurance criterion |Σ H₁ᴴH₂|² / (Σ|H₁|² Σ|H₂|²)."""
     power = np.sum(np.abs(measured) ** 2) * np.sum(np.abs(computed) ** 2)
     return float(np.abs(np.sum(measured.conj() * computed)) ** 2 / power) if power > 0 else 0.0
 
 
 def log_error(measured: ComplexArray, computed: ComplexArray) -> float:
-    """
-    Mean of |20 lg |H₂/H₁||.
-
-    Parameters
-    ----------
-    measured, computed : ndarray, shape (..., frequency)
-        Responses.
-
-    Returns
-    -------
-    float
-        In dB; NaN where a response is zero throughout.
-    """
+    """Mean of |20 lg |H₂/H₁||."""
     both = (np.abs(measured) > 0) & (np.abs(computed) > 0)
     return (
         float(np.mean(np.abs(20 * np.log10(np.abs(computed[both] / measured[both]))))) if both.any() else float("nan")
@@ -115,18 +70,6 @@ def chordal_distance(first: ComplexArray, second: ComplexArray) -> FloatArray:
     """
     Pointwise ν-gap of responses with one input.
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (output, frequency)
-        Scaled responses.
-
-    Returns
-    -------
-    ndarray, shape (frequency,)
-        0 to 1.
-
-    Examples
-    --------
     >>> chordal_distance(np.array([[0.0 + 0j]]), np.array([[1.0 + 0j]])).round(4)
     array([0.7071])
     """
@@ -138,41 +81,13 @@ def chordal_distance(first: ComplexArray, second: ComplexArray) -> FloatArray:
 
 
 def nu_distance(first: ComplexArray, second: ComplexArray, variance: FloatArray) -> float:
-    """
-    Largest chordal distance over a band of what was measured from what was computed, the noise taken out.
-
-    Parameters
-    ----------
-    first, second : ndarray, shape (output, frequency)
-        Scaled responses, measured and computed.
-    variance : ndarray, shape (output, frequency)
-        E|ΔH|² of the measured ones, scaled alike.
-
-    Returns
-    -------
-    float
-        Root mean square over a few neighbouring lines, 0 to 1.
-    """
+    """Largest chordal distance over a band of what was measured from what was computed, the noise taken out."""
     power = chordal_distance(first, second) ** 2 - _noise_power(first, variance)
     return float(np.sqrt(max(float(_neighbours(power).max()), 0.0)))
 
 
 def noise_distance(response: ComplexArray, variance: FloatArray) -> float:
-    """
-    What noise alone makes of `nu_distance` in one record out of twenty, at most.
-
-    Parameters
-    ----------
-    response : ndarray, shape (output, frequency)
-        Scaled responses.
-    variance : ndarray, shape (output, frequency)
-        Their E|ΔH|², scaled alike.
-
-    Returns
-    -------
-    float
-        The distance, to first order in the noise.
-    """
+    """What noise alone makes of `nu_distance` in one record out of twenty, at most."""
     power = _noise_power(response, variance)
     mean = _neighbours(power)
     if not (mean > 0).any():
@@ -203,19 +118,7 @@ def _neighbours(values: FloatArray) -> FloatArray:
 
 
 def scales_of(records: Sequence[Judged]) -> dict[str, float]:
-    """
-    Root mean square of a model's response in each channel, over records and band.
-
-    Parameters
-    ----------
-    records : sequence of Judged
-        Records judged against the model as given.
-
-    Returns
-    -------
-    dict of str to float
-        By channel [SI].
-    """
+    """Root mean square of a model's response in each channel, over records and band."""
     power: dict[str, list[float]] = {}
     for j in records:
         for c, row in zip(j.entry.channels, j.predicted, strict=True):
@@ -224,23 +127,7 @@ def scales_of(records: Sequence[Judged]) -> dict[str, float]:
 
 
 def metrics(sides: Sides, per_unit: float, scales: Mapping[str, float]) -> tuple[Metric, ...]:
-    """
-    Distances by record and channel.
-
-    Parameters
-    ----------
-    sides : Sides
-        Held-out records against each model.
-    per_unit : float
-        SI value of the reported unit.
-    scales : mapping of str to float
-        What each channel is divided by for the ν-gap.
-
-    Returns
-    -------
-    tuple of Metric
-        A row for each record and channel, and one for the channels together where there are several.
-    """
+    """Distances by record and channel."""
     out = []
     for i, j in enumerate(sides.before):
         names = j.entry.channels

@@ -39,83 +39,28 @@ class Modification(Protocol):
         ...
 
     def shown(self, functions: ComplexArray) -> ComplexArray:
-        """
-        Responses with elements of given functions.
-
-        Parameters
-        ----------
-        functions : ndarray, shape (function, row, frequency)
-            The functions, as each row has them.
-
-        Returns
-        -------
-        ndarray, shape (row, channel, frequency)
-            The responses; not finite where the elements make the model so.
-        """
+        """Responses with elements of given functions."""
         ...
 
     def sloped(self, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """
-        The same with their derivatives to the functions.
-
-        Parameters
-        ----------
-        functions : ndarray, shape (function, row, frequency)
-            The functions.
-
-        Returns
-        -------
-        responses : ndarray, shape (row, channel, frequency)
-            The responses.
-        slopes : ndarray, shape (function, row, channel, frequency)
-            Their derivatives.
-        """
+        """The same with their derivatives to the functions."""
         ...
 
     def inverted(self, data: ComplexArray) -> ComplexArray | None:
-        """
-        The function that each single response asks for, were there no other.
-
-        Parameters
-        ----------
-        data : ndarray, shape (row, channel, frequency)
-            Responses.
-
-        Returns
-        -------
-        ndarray, shape (function, row, channel, frequency), or None
-            The functions; None where a response alone does not tell.
-        """
+        """The function that each single response asks for, were there no other."""
         ...
 
 
 @dataclass(frozen=True)
 class Elements:
-    """
-    Elements in parallel, in series, or gains.
+    """Elements in parallel, in series, or gains."""
 
-    Parameters
-    ----------
-    response : ndarray, shape (row, channel, frequency)
-        Responses without the elements.
-    left : ndarray, shape (element, row, channel, frequency)
-        How the elements show in each channel.
-    right : ndarray, shape (element, row, frequency)
-        How the input drives them.
-    own : ndarray, shape (element, element, row, frequency)
-        How they drive each other.
-    ties : ndarray, shape (element, function)
-        Elements from unknown functions.
-    sign : int
-        -1 for elements in parallel, 1 for elements in series and gains.
-    """
-
-    response: ComplexArray
-    left: ComplexArray
-    right: ComplexArray
-    own: ComplexArray
-    ties: FloatArray
-    sign: int
+    response: ComplexArray  # Responses without the elements
+    left: ComplexArray  # How the elements show in each channel
+    right: ComplexArray  # How the input drives them
+    own: ComplexArray  # How they drive each other
+    ties: FloatArray  # Elements from unknown functions
+    sign: int  # -1 for elements in parallel, 1 for elements in series and gains
 
     @property
     def functions(self) -> int:
@@ -130,19 +75,7 @@ class Elements:
         return solved, np.einsum("ijpf,jpf->ipf", solved, self.right)
 
     def shown(self, functions: ComplexArray) -> ComplexArray:
-        """
-        Responses with elements of given functions.
-
-        Parameters
-        ----------
-        functions : ndarray, shape (function, row, frequency)
-            The functions, as each row has them.
-
-        Returns
-        -------
-        ndarray, shape (row, channel, frequency)
-            The responses; not finite where the elements make the model so.
-        """
+        """Responses with elements of given functions."""
         u = np.tensordot(self.ties, functions, 1)
         with np.errstate(all="ignore"):
             _, driven = self._solved(u)
@@ -150,21 +83,7 @@ class Elements:
         return out
 
     def sloped(self, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """
-        The same with their derivatives to the functions.
-
-        Parameters
-        ----------
-        functions : ndarray, shape (function, row, frequency)
-            The functions.
-
-        Returns
-        -------
-        responses : ndarray, shape (row, channel, frequency)
-            The responses.
-        slopes : ndarray, shape (function, row, channel, frequency)
-            Their derivatives.
-        """
+        """The same with their derivatives to the functions."""
         u = np.tensordot(self.ties, functions, 1)
         with np.errstate(all="ignore"):
             solved, driven = self._solved(u)
@@ -174,19 +93,7 @@ class Elements:
         return out, slopes
 
     def inverted(self, data: ComplexArray) -> ComplexArray | None:
-        """
-        The function that each single response asks for, were there no other.
-
-        Parameters
-        ----------
-        data : ndarray, shape (row, channel, frequency)
-            Responses.
-
-        Returns
-        -------
-        ndarray, shape (function, row, channel, frequency), or None
-            The functions; None where a function has several elements.
-        """
+        """The function that each single response asks for, were there no other."""
         count = len(self.ties)
         if not np.array_equal(self.ties, np.eye(count)):
             return None
@@ -202,35 +109,17 @@ class RailModes:
     """
     One relative change of a value that all modes of the rail share.
 
-    Parameters
-    ----------
-    response : ndarray, shape (row, channel, frequency)
-        Responses without it.
-    through : ndarray, shape (row, channel, frequency)
-        Force that passes to the rail from each channel, times that from the input, through the measurement chain.
-    opposing : ndarray, shape (row, frequency)
-        Stiffness that the head opposes to a motion of the rail under it.
-    squares : ndarray, shape (row, mode)
-        Squares of the mode shapes.
-    flexibility : ndarray, shape (mode, frequency)
-        Of each mode.
-    change : ndarray, shape (mode, frequency)
-        How its dynamic stiffness moves with the function.
-    functions : int
-        One.
-
-    Notes
-    -----
     The rail's receptance α = Σ φ_r² / d_r becomes Σ φ_r² / (d_r + u t_r).
     """
 
-    response: ComplexArray
+    response: ComplexArray  # Responses without it
+    # Force that passes to the rail from each channel, times that from the input, through the measurement chain
     through: ComplexArray
-    opposing: ComplexArray
-    squares: FloatArray
-    flexibility: ComplexArray
-    change: ComplexArray
-    functions: int = 1
+    opposing: ComplexArray  # Stiffness that the head opposes to a motion of the rail under it
+    squares: FloatArray  # Squares of the mode shapes
+    flexibility: ComplexArray  # Of each mode
+    change: ComplexArray  # How its dynamic stiffness moves with the function
+    functions: int = 1  # One
 
     def _moved(self, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Change of the rail's receptance, its slope, and what the head leaves of either."""
@@ -241,40 +130,14 @@ class RailModes:
         return change, slope, 1.0 / (1.0 + self.opposing * change)
 
     def shown(self, functions: ComplexArray) -> ComplexArray:
-        """
-        Responses with a given function.
-
-        Parameters
-        ----------
-        functions : ndarray, shape (1, row, frequency)
-            The function, as each row has it.
-
-        Returns
-        -------
-        ndarray, shape (row, channel, frequency)
-            The responses.
-        """
+        """Responses with a given function."""
         with np.errstate(all="ignore"):
             change, _, left = self._moved(functions)
             out: ComplexArray = self.response + self.through * (change * left)[:, None]
         return out
 
     def sloped(self, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """
-        The same with their derivatives to the function.
-
-        Parameters
-        ----------
-        functions : ndarray, shape (1, row, frequency)
-            The function.
-
-        Returns
-        -------
-        responses : ndarray, shape (row, channel, frequency)
-            The responses.
-        slopes : ndarray, shape (1, row, channel, frequency)
-            Their derivatives.
-        """
+        """The same with their derivatives to the function."""
         with np.errstate(all="ignore"):
             change, slope, left = self._moved(functions)
             out: ComplexArray = self.response + self.through * (change * left)[:, None]
@@ -282,37 +145,12 @@ class RailModes:
         return out, slopes
 
     def inverted(self, data: ComplexArray) -> ComplexArray | None:
-        """
-        Nothing: a sum of fractions is not inverted at sight.
-
-        Parameters
-        ----------
-        data : ndarray, shape (row, channel, frequency)
-            Responses.
-
-        Returns
-        -------
-        None
-            Fits start from no change.
-        """
+        """Nothing: a sum of fractions is not inverted at sight."""
         return None
 
 
 class Lines:
-    """
-    A model at the rows and lines of a group, ready for modifications.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    group : Group
-        The records.
-    tail : ndarray, shape (row, channel, frequency)
-        What the estimator's blocks cut off, taken from a model close by.
-    window : ndarray, shape (row, 1, 1)
-        Factor of an exponential window on the response alone.
-    """
+    """A model at the rows and lines of a group, ready for modifications."""
 
     def __init__(self, model: Model, group: Group, tail: ComplexArray, window: FloatArray) -> None:
         self.model, self.group, self.tail, self.window = model, group, tail, window
@@ -327,52 +165,16 @@ class Lines:
         self.built: dict[tuple[str, str, float], Modification] = {}
 
     def shown(self, port: str) -> ComplexArray:
-        """
-        What the channels show of a unit force at a port.
-
-        Parameters
-        ----------
-        port : str
-            Signal or port.
-
-        Returns
-        -------
-        ndarray, shape (row, channel, frequency)
-            Through the measurement chain.
-        """
+        """What the channels show of a unit force at a port."""
         return self.through([self.between(r, port) for r in self.reads])
 
     def through(self, motions: list[ComplexArray]) -> ComplexArray:
-        """
-        Channels' displacements as the measurement chain shows them.
-
-        Parameters
-        ----------
-        motions : list of ndarray, shape (row, frequency)
-            One for each of ``reads``.
-
-        Returns
-        -------
-        ndarray, shape (row, channel, frequency)
-            In the channels' quantities, a leak across axes included.
-        """
+        """Channels' displacements as the measurement chain shows them."""
         shown: ComplexArray = self._lines.shown(np.stack(motions, axis=1)) * self.window
         return shown
 
     def between(self, output: str, input: str) -> ComplexArray:
-        """
-        Receptance between two ports, one row a record.
-
-        Parameters
-        ----------
-        output, input : str
-            Signals or ports.
-
-        Returns
-        -------
-        ndarray, shape (row, frequency)
-            The receptance.
-        """
+        """Receptance between two ports, one row a record."""
         # "force" is no port: of a structure on a shaker it is an inertia. All else is reciprocal.
         pair = (output, input) if input == "force" else (min(output, input), max(output, input))
         if pair not in self._between:

@@ -30,24 +30,6 @@ def next_test(
     """
     The most telling record.
 
-    Parameters
-    ----------
-    models : sequence of Machine or Structure
-        The model with each remaining cause.
-    names : sequence of str
-        Their names.
-    entries : sequence of Entry
-        Records so far, for channels, levels and noise.
-    odds : sequence of float, optional
-        Their probabilities; alike by default.
-
-    Returns
-    -------
-    NextTest
-        Position, level and channel.
-
-    Notes
-    -----
     What is maximised is Σ p_i p_j ln(1 + χ²_ij/2) over pairs, with χ²_ij = 2 Σ |ΔH|²/var over the band: a record that tells every
     pair a little is worth more than one that tells a single pair beyond doubt. Noise is that of the loudest record, and goes with
     one over the level. Linear causes differ by as much at every level, so that the loudest is best for them; others are

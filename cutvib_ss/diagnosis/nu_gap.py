@@ -34,25 +34,7 @@ BEYOND = 30.0
 def nu_gap(
     rows: Sequence[Metric], scales: Mapping[str, float], nominal: Model, corrected: Model, band: tuple[float, float]
 ) -> NuGap:
-    """
-    The largest ν-gaps of a campaign, and the winding condition.
-
-    Parameters
-    ----------
-    rows : sequence of Metric
-        Distances by record and channel.
-    scales : mapping of str to float
-        What each channel was divided by.
-    nominal, corrected : Machine or Structure
-        The models between which the winding condition is checked: it needs the whole axis, which no measurement covers.
-    band : tuple of float
-        The campaign's band [Hz].
-
-    Returns
-    -------
-    NuGap
-        The summary.
-    """
+    """The largest ν-gaps of a campaign, and the winding condition."""
     positions = dict.fromkeys(m.position for m in rows)
     pairs = {position: _Pair(nominal, corrected, position, scales) for position in positions}
     out = []
@@ -160,25 +142,5 @@ class _Pair:
 def winding_number(
     first: Model, second: Model, position: float | None, scales: Mapping[str, float], band: tuple[float, float]
 ) -> tuple[int | None, str]:
-    """
-    Turns of 1 + P₂ᴴP₁ around the origin along the imaginary axis, of two stable models.
-
-    Parameters
-    ----------
-    first, second : Machine or Structure
-        The models.
-    position : float or None
-        y_b / L.
-    scales : mapping of str to float
-        Channels that count, and what each is divided by.
-    band : tuple of float
-        Band [Hz] around which the axis is followed.
-
-    Returns
-    -------
-    turns : int or None
-        None where it cannot be told.
-    why : str
-        Why not.
-    """
+    """Turns of 1 + P₂ᴴP₁ around the origin along the imaginary axis, of two stable models."""
     return _Pair(first, second, position, scales).winding(band)

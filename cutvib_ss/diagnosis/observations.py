@@ -45,53 +45,19 @@ BLOW_AT = 0.05
 
 @dataclass(frozen=True)
 class Observations:
-    """
-    All records of a campaign, in one band.
+    """All records of a campaign, in one band."""
 
-    Parameters
-    ----------
-    entries : tuple of Entry
-        One a record.
-    band : tuple of float
-        Hull of the records' bands [Hz].
-    channels : tuple of str
-        All response channels.
-    unit : str
-        Unit in which errors are reported.
-    per_unit : float
-        SI value of that unit.
-    """
-
-    entries: tuple[Entry, ...]
-    band: tuple[float, float]
-    channels: tuple[str, ...]
-    unit: str
-    per_unit: float
+    entries: tuple[Entry, ...]  # One a record
+    band: tuple[float, float]  # Hull of the records' bands [Hz]
+    channels: tuple[str, ...]  # All response channels
+    unit: str  # Unit in which errors are reported
+    per_unit: float  # SI value of that unit
 
 
 def observe(campaign: Campaign, machine: Model) -> Observations:
     """
     Frequency responses of a campaign, each record cut to its band.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    machine : Machine or Structure
-        The nominal model.
-
-    Returns
-    -------
-    Observations
-        What the diagnosis works on.
-
-    Raises
-    ------
-    DiagnosisError
-        If a record has too few usable lines.
-
-    Notes
-    -----
     A record's band is what it states, else what its noise allows.
     """
     entries = [_entry(i, record) for i, record in enumerate(campaign.records)]
@@ -121,21 +87,7 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
 
 
 def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
-    """
-    SI unit of a campaign's responses, where they are not accelerance.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        The records.
-    machine : Machine or Structure
-        The nominal model.
-
-    Returns
-    -------
-    str
-        For instance ``"m/N"``; several are joined by commas.
-    """
+    """SI unit of a campaign's responses, where they are not accelerance."""
     from_quantity = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
     below = "N" if machine.input_quantity == "force" else "m/s^2"
     return ", ".join(dict.fromkeys(f"{from_quantity[q]}/{below}" for e in entries for q in e.quantities))

@@ -53,65 +53,32 @@ class _Base(NamedTuple):
 
 
 class Second(NamedTuple):
-    """
-    A cause that may be added.
+    """A cause that may be added."""
 
-    Parameters
-    ----------
-    candidate : Candidate
-        The cause.
-    alone : Effect or None
-        Its values where it was fitted to few lines by itself.
-    """
-
-    candidate: Candidate
-    alone: Effect | None
+    candidate: Candidate  # The cause
+    alone: Effect | None  # Its values where it was fitted to few lines by itself
 
     def starts(self, by_simulation: bool) -> tuple[Effect, ...]:
-        """
-        Its starts.
-
-        Parameters
-        ----------
-        by_simulation : bool
-            Whether each is a simulation: of a linear cause then only the first, and where it did best by itself.
-
-        Returns
-        -------
-        tuple of Effect
-            The starts.
-        """
+        """Its starts."""
         starts = self.candidate.starts
         return starts if self.alone is None or not by_simulation else (starts[0], self.alone)
 
 
 @dataclass(frozen=True)
 class _Family:
-    """
-    Pairs of linear causes, or those of which one at least is simulated.
+    """Pairs of linear causes, or those of which one at least is simulated."""
 
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    wide, sharp : Records
-        The same few lines with a widened noise, which pulls from afar, and as measured, where they tell what is alike under it.
-    linear : bool
-        Which family it is.
-    motion : mapping of str to float
-        Largest motion at each place, from which laws get their size.
-    workers : Workers
-        Who fits.
-    seen : set of frozenset of str
-        Pairs that were tried; they are not tried the other way round.
-    """
-
-    nominal: Model
+    nominal: Model  # The nominal model
+    # The same few lines with a widened noise, which pulls from afar, and as measured, where they tell what is alike
+    # under it
     wide: Records
+    # The same few lines with a widened noise, which pulls from afar, and as measured, where they tell what is alike
+    # under it
     sharp: Records
-    linear: bool
-    motion: Mapping[str, float]
-    workers: Workers
+    linear: bool  # Which family it is
+    motion: Mapping[str, float]  # Largest motion at each place, from which laws get their size
+    workers: Workers  # Who fits
+    # Pairs that were tried; they are not tried the other way round
     seen: set[frozenset[str]] = field(default_factory=set)
 
     def around(self, bases: Sequence[_Base], seconds: Sequence[Second]) -> list[tuple[Candidate, Fit]]:
@@ -186,26 +153,6 @@ def fit_pairs(
     A second cause on top of the best single ones.
 
     It is tried on top of the one that was the best second, too: a cause that stood in for two may then give way.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    records : Records
-        All lines.
-    ranked : sequence of Ranked
-        Single causes.
-    seconds : sequence of Second
-        What may be added.
-    motion : mapping of str to float
-        Largest motion at each place, from which laws get their size; empty where none is tried.
-    workers : Workers
-        Who fits.
-
-    Returns
-    -------
-    list of Ranked
-        The pairs that were fitted on all lines, and single causes fitted again from the best of them.
     """
     best: dict[tuple[str, str], _Base] = {}
     for r in sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence):

@@ -57,19 +57,10 @@ KEPT = 2
 
 @dataclass(frozen=True)
 class Located:
-    """
-    Places by their residual with unknown dynamic stiffnesses.
+    """Places by their residual with unknown dynamic stiffnesses."""
 
-    Parameters
-    ----------
-    scores : tuple of PlaceScore
-        Best first; empty where the residual is noise.
-    stiffness : tuple of DynamicStiffness
-        The functions at the likeliest.
-    """
-
-    scores: tuple[PlaceScore, ...] = ()
-    stiffness: tuple[DynamicStiffness, ...] = ()
+    scores: tuple[PlaceScore, ...] = ()  # Best first; empty where the residual is noise
+    stiffness: tuple[DynamicStiffness, ...] = ()  # The functions at the likeliest
 
     @property
     def odds(self) -> dict[str, float]:
@@ -86,26 +77,6 @@ def locate(nominal: Model, none: Fit, entries: Sequence[Entry], blow_at: float, 
     """
     Compare all places of a model.
 
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    none : Fit
-        The re-tuned model.
-    entries : sequence of Entry
-        Records.
-    blow_at : float
-        Instant of the blow [s] where records do not state it.
-    by_level : bool
-        Whether the response changes with the level.
-
-    Returns
-    -------
-    Located
-        Places with their probabilities, and the functions at the likeliest.
-
-    Notes
-    -----
     The evidence of a line with n data, of which functions leave the mean square q a degree of freedom, is n ln(1 + q): the
     likelihood of errors with heavy tails, so that a line that no place explains does not decide. Probabilities go with
     e^(-w Σ n ln(1 + q)), q being of all records and, by a quarter, of those left out in folds; where records have functions of

@@ -77,42 +77,24 @@ class PlannedCampaign:
 
 @dataclass(frozen=True)
 class PlannedCause:
-    """
-    What the campaign would make of one cause.
+    """What the campaign would make of one cause."""
 
-    Parameters
-    ----------
-    name, effect, place : str
-        Which.
-    parameter, unit : str
-        The parameter that tells its severity.
-    weak_end : str
-        Value at which it is nothing: ``"zero"``, ``"one"`` or ``"infinity"``; ``"whole"`` for a cause that is there or not.
-    seen : float or None
-        Its value at the smallest severity that is seen, for the middle of the cause's shapes (one resonance of many); None where
-        none that is believable is.
-    seen_best, seen_worst : float or None
-        The same for the shape that shows most and least; None likewise.
-    named : float or None
-        Its value at the smallest severity at which it is told from every other cause.
-    rival : str
-        The cause with which it is confused longest.
-    told_apart : float
-        Severity at which it is told from that one over the severity at which it is seen.
-    """
-
-    name: str
+    name: str  # Which
     effect: str
     place: str
-    parameter: str
+    parameter: str  # The parameter that tells its severity
     unit: str
+    # Value at which it is nothing: ``"zero"``, ``"one"`` or ``"infinity"``; ``"whole"`` for a cause that is there or
+    # not
     weak_end: str
+    # Its value at the smallest severity that is seen, for the middle of the cause's shapes (one resonance of many);
+    # None where none that is believable is
     seen: float | None
-    seen_best: float | None
+    seen_best: float | None  # The same for the shape that shows most and least; None likewise
     seen_worst: float | None
-    named: float | None
-    rival: str
-    told_apart: float
+    named: float | None  # Its value at the smallest severity at which it is told from every other cause
+    rival: str  # The cause with which it is confused longest
+    told_apart: float  # Severity at which it is told from that one over the severity at which it is seen
 
 
 @dataclass(frozen=True, repr=False)

@@ -44,23 +44,7 @@ def kind_of(hypothesis: Hypothesis) -> str:
 
 
 def probabilities(ranked: Sequence[Ranked], counts: Counts, variants: dict[tuple[str, str], int]) -> dict[str, float]:
-    """
-    Probability of every hypothesis by name; they sum to one.
-
-    Parameters
-    ----------
-    ranked : sequence of Ranked
-        All hypotheses.
-    counts : Counts
-        How many of each kind were considered.
-    variants : dict of (str, str) to int
-        Number of variants by effect and place; one where it is not given.
-
-    Returns
-    -------
-    dict of str to float
-        By name.
-    """
+    """Probability of every hypothesis by name; they sum to one."""
     share = {"none": 1.0, "known": 1.0 / max(counts.known, 1), "unknown": 1.0 / max(counts.unknown, 1)}
     share["sums"] = 1.0 / counts.sums
     score = []

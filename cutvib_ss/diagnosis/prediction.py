@@ -47,43 +47,18 @@ class Predicted(Protocol):
 
 @dataclass(frozen=True)
 class Circles:
-    """
-    Circles around the slow poles of a group's positions.
+    """Circles around the slow poles of a group's positions."""
 
-    Parameters
-    ----------
-    points : ndarray of complex, shape (point,)
-        All points [rad/s].
-    position : ndarray of int, shape (point,)
-        Index of the position that each belongs to.
-    weights : ndarray of complex, shape (point,)
-        dz / 2πi.
-    inverse : tuple of ndarray of complex, shape (2 point of the position, frequency)
-        1 / (s - z) between the points of each position, then their mirror images, and the line s; a circle outlives many
-        predictions, and so does this.
-    """
-
-    points: ComplexArray
-    position: np.ndarray
-    weights: ComplexArray
+    points: ComplexArray  # All points [rad/s]
+    position: np.ndarray  # Index of the position that each belongs to
+    weights: ComplexArray  # dz / 2πi
+    # 1 / (s - z) between the points of each position, then their mirror images, and the line s; a circle outlives
+    # many predictions, and so does this
     inverse: tuple[ComplexArray, ...]
 
 
 class Prediction:
-    """
-    A model seen through the estimator of a group of records.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    group : Group
-        The records; all under one window.
-    blow_at : float
-        Instant of the blow [s] where the records do not say.
-    circles : Circles, optional
-        Circles of a model close by; drawn anew where a pole has left its own.
-    """
+    """A model seen through the estimator of a group of records."""
 
     def __init__(self, model: Model, group: Group, blow_at: float = 0.0, circles: Circles | None = None) -> None:
         self.model, self.group = model, group
@@ -143,19 +118,7 @@ class Prediction:
         return out
 
     def derivative(self, carried: Carried) -> ComplexArray:
-        """
-        Derivative of the prediction along some of the model's values.
-
-        Parameters
-        ----------
-        carried : tuple of (path, weight)
-            Paths and weights.
-
-        Returns
-        -------
-        ndarray, shape (position, channel, frequency)
-            The derivative.
-        """
+        """Derivative of the prediction along some of the model's values."""
         total: ComplexArray | None = None
         for path, weight in carried:
             change = self._by_row(self._response.derivative(path)[:, :, 0])
@@ -164,14 +127,7 @@ class Prediction:
         return np.zeros(self.group.data.shape, dtype=np.complex128) if total is None else self._estimate(total)
 
     def by_blow_at(self) -> ComplexArray:
-        """
-        Derivative to the instant of the blow, where the records do not say.
-
-        Returns
-        -------
-        ndarray, shape (position, channel, frequency)
-            The derivative.
-        """
+        """Derivative to the instant of the blow, where the records do not say."""
         unknown = np.isnan(self.group.blow_at)[:, None, None]
         change = -self.group.decay_rate[:, None, None] * self.data
         for i, own, lag, _ in self._tails:
@@ -181,21 +137,7 @@ class Prediction:
 
 
 def still_inside(circles: Circles, values: ComplexArray) -> bool:
-    """
-    Whether every circle still holds its pole well inside.
-
-    Parameters
-    ----------
-    circles : Circles
-        The circles.
-    values : ndarray, shape (position, channel, point)
-        Responses on them.
-
-    Returns
-    -------
-    bool
-        False where a pole, located by the first moment of the response around its circle, nears the rim.
-    """
+    """Whether every circle still holds its pole well inside."""
     count = circles.points.size // POINTS
     points, weights = circles.points.reshape(count, POINTS), circles.weights.reshape(count, POINTS)
     owner = circles.position.reshape(count, POINTS)[:, 0]
@@ -211,25 +153,7 @@ def still_inside(circles: Circles, values: ComplexArray) -> bool:
 
 
 def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: ComplexArray) -> Circles:
-    """
-    Circles around the poles that are still alive when the blocks end.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    positions : ndarray, shape (position,)
-        y_b / L.
-    rest : ndarray, shape (position,)
-        Time from blow to end of the block [s]; infinite where nothing is cut off.
-    s : ndarray of complex, shape (frequency,)
-        The line s = σ + jω of the measurement [rad/s].
-
-    Returns
-    -------
-    Circles
-        Empty where nothing is left.
-    """
+    """Circles around the poles that are still alive when the blocks end."""
     points, owner, weights = [], [], []
     sigma = float(s[0].real)
     turn = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
@@ -257,21 +181,7 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: Compl
 
 
 def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:
-    """
-    Poles of the upper half plane, to first order in the damping: enough to draw a circle around them.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    positions : ndarray, shape (position,)
-        y_b / L; NaN for a structure.
-
-    Returns
-    -------
-    list of ndarray of complex
-        Poles of damped modes at each position [rad/s].
-    """
+    """Poles of the upper half plane, to first order in the damping: enough to draw a circle around them."""
     # Hysteretic damping is made viscous at a low frequency, where slow modes are.
     if isinstance(model, Machine):
         matrices = model.matrices([float(y) for y in positions], viscous_at=30.0)

@@ -33,18 +33,7 @@ WITHIN = 8.0
 
 
 class Problem:
-    """
-    The unknowns of one hypothesis on some groups of records, and the objective over them.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    groups : sequence of Group
-        Measured responses.
-    hypothesis : Hypothesis
-        What is fitted.
-    """
+    """The unknowns of one hypothesis on some groups of records, and the objective over them."""
 
     def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis) -> None:
         self.nominal, self.groups, self.hypothesis = nominal, tuple(groups), hypothesis
@@ -81,19 +70,7 @@ class Problem:
         return ()
 
     def start(self, warm: FloatArray | None = None) -> FloatArray:
-        """
-        Unknowns to start from.
-
-        Parameters
-        ----------
-        warm : ndarray, optional
-            Unknowns of another fit, whose tuning and calibration are taken over; of the same records, their force too.
-
-        Returns
-        -------
-        ndarray, shape (unknown,)
-            The start.
-        """
+        """Unknowns to start from."""
         x = np.zeros(self.size)
         if warm is not None:
             known = self.first_effect if warm.size in (self.first_effect, self.size) else self._shared_by_all
@@ -112,100 +89,37 @@ class Problem:
         return out
 
     def tuned(self, x: FloatArray) -> Model:
-        """
-        The nominal model with its values moved.
-
-        Parameters
-        ----------
-        x : ndarray
-            Unknowns.
-
-        Returns
-        -------
-        Machine or Structure
-            The tuned model.
-        """
+        """The nominal model with its values moved."""
         steps = zip(self.tuning, self._nominal_values, x, strict=False)
         return with_values(
             self.nominal, {path: value * float(np.exp(tolerance * step)) for (path, tolerance), value, step in steps}
         )
 
     def effects(self, x: FloatArray) -> tuple[Effect, ...]:
-        """
-        The effects at their fitted values.
-
-        Parameters
-        ----------
-        x : ndarray
-            Unknowns.
-
-        Returns
-        -------
-        tuple of Effect
-            The effects.
-        """
+        """The effects at their fitted values."""
         changes: list[dict[str, float]] = [{} for _ in self.hypothesis.effects]
         for i, (k, name, r) in enumerate(self.parameters):
             changes[k][name] = from_unknown(float(x[self.first_effect + i]), r)[0]
         return tuple(e.changed(c) for e, c in zip(self.hypothesis.effects, changes, strict=True))
 
     def applied(self, x: FloatArray) -> Model:
-        """
-        The tuned model with the effects.
-
-        Parameters
-        ----------
-        x : ndarray
-            Unknowns.
-
-        Returns
-        -------
-        Machine or Structure
-            The model.
-        """
+        """The tuned model with the effects."""
         model = self.tuned(x)
         for e in self.effects(x):
             model = e.apply(model)
         return model
 
     def blow_at(self, x: FloatArray) -> float:
-        """
-        Instant of the blow where records do not state it.
-
-        Parameters
-        ----------
-        x : ndarray
-            Unknowns.
-
-        Returns
-        -------
-        float
-            Instant [s], not before the block.
-        """
+        """Instant of the blow where records do not state it."""
         mean, std = BLOW_AT_PRIOR
         return max(mean + std * float(x[self._blow]), 0.0) if self.n_blow else 0.0
 
     def prior_precision(self) -> FloatArray:
-        """
-        Precision of the priors of the unknowns; none for effects, whose priors are even.
-
-        Returns
-        -------
-        ndarray, shape (unknown,)
-            Precision.
-        """
+        """Precision of the priors of the unknowns; none for effects, whose priors are even."""
         return np.where(self.even, 0.0, 1.0)
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """
-        Ends of the unknowns' ranges.
-
-        Returns
-        -------
-        low, high : ndarray, shape (unknown,)
-            Tuning and calibration stay within some standard deviations, a blow lies near the start of its block, effects within
-            their ranges.
-        """
+        """Ends of the unknowns' ranges."""
         high = np.full(self.size, WITHIN)
         low = -high
         if self.n_blow:
@@ -218,35 +132,11 @@ class Problem:
         return low, high
 
     def each(self, x: FloatArray | Sequence[FloatArray]) -> list[FloatArray]:
-        """
-        Unknowns of each group.
-
-        Parameters
-        ----------
-        x : ndarray or sequence of ndarray
-            Unknowns that all groups share, or those of each: sessions drift.
-
-        Returns
-        -------
-        list of ndarray
-            One a group.
-        """
+        """Unknowns of each group."""
         return [x] * len(self.groups) if isinstance(x, np.ndarray) else list(x)
 
     def predictions(self, x: FloatArray | Sequence[FloatArray]) -> Sequence[Predicted]:
-        """
-        The model seen through the estimator of each group.
-
-        Parameters
-        ----------
-        x : ndarray or sequence of ndarray
-            Unknowns, of all groups or of each.
-
-        Returns
-        -------
-        sequence of Prediction
-            One a group.
-        """
+        """The model seen through the estimator of each group."""
         each = self.each(x)
         models = self._models(each)
         out = [
@@ -269,23 +159,7 @@ class Problem:
         return calibration_shapes(freq, self.band, self._n_shapes)
 
     def calibration_of(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
-        """
-        Calibration error of channels.
-
-        Parameters
-        ----------
-        channels : sequence of str
-            Channels; one that was not fitted is taken as exact.
-        freq : ndarray, shape (frequency,)
-            Frequency [Hz].
-        x : ndarray
-            Unknowns.
-
-        Returns
-        -------
-        ndarray, shape (channel, frequency)
-            1 + ε.
-        """
+        """Calibration error of channels."""
         shapes = self._shapes_at(freq)
         k = shapes.shape[0]
         rows = np.ones((len(channels), freq.size), dtype=np.complex128)
@@ -296,23 +170,7 @@ class Problem:
         return rows
 
     def residuals(self, x: FloatArray | Sequence[FloatArray]) -> tuple[Sequence[Predicted], list[ComplexArray], float]:
-        """
-        Weighted residuals.
-
-        Parameters
-        ----------
-        x : ndarray or sequence of ndarray
-            Unknowns, of all groups or of each.
-
-        Returns
-        -------
-        predictions : sequence of Prediction
-            The model seen through the estimator of each group.
-        residuals : list of ndarray, shape (position, channel, frequency)
-            (measured - predicted) over the noise of a real part.
-        chi2 : float
-            Sum of their squares.
-        """
+        """Weighted residuals."""
         predictions = self.predictions(x)
         out, total = [], 0.0
         for g, p, own in zip(self.groups, predictions, self.each(x), strict=True):
@@ -322,23 +180,7 @@ class Problem:
         return predictions, out, total
 
     def jacobian(self, x: FloatArray, p: Predicted) -> tuple[ComplexArray, list[ComplexArray]]:
-        """
-        Weighted derivatives of a prediction, of records that were fitted or of others.
-
-        Parameters
-        ----------
-        x : ndarray
-            Unknowns.
-        p : Predicted
-            The model there, seen through the estimator of a group.
-
-        Returns
-        -------
-        shared : ndarray, shape (unknown, position, channel, frequency)
-            To the unknowns that move every channel, over the noise of a real part.
-        own : list of ndarray, shape (unknown, position · frequency)
-            To those of each channel's calibration.
-        """
+        """Weighted derivatives of a prediction, of records that were fitted or of others."""
         g = p.group
         weight = self.calibration_of(g.channels, g.freq, x) * np.sqrt(2.0 / g.variance)
         return self._jacobian(x, p, weight, self._shapes_at(g.freq))

@@ -32,41 +32,17 @@ ENOUGH = 1e-2
 
 @dataclass(frozen=True)
 class Free:
-    """
-    Functions fitted to one variant of a place, with the tuning that serves them.
+    """Functions fitted to one variant of a place, with the tuning that serves them."""
 
-    Parameters
-    ----------
-    variant : Variant
-        Where.
-    x : ndarray
-        Tuning and calibration, as unknowns of `Problem`.
-    shape : float
-        The variant's shape.
-    functions : tuple of ndarray, shape (set, function, frequency)
-        The functions, one array a group.
-    objective : float
-        χ² of the residual, with the priors' squares.
-    """
-
-    variant: Variant
-    x: FloatArray
-    shape: float
-    functions: tuple[ComplexArray, ...]
-    objective: float
+    variant: Variant  # Where
+    x: FloatArray  # Tuning and calibration, as unknowns of `Problem`
+    shape: float  # The variant's shape
+    functions: tuple[ComplexArray, ...]  # The functions, one array a group
+    objective: float  # χ² of the residual, with the priors' squares
 
 
 class Outer:
-    """
-    Tuning, calibration and shape around the functions of variants.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    rows : sequence of Rows
-        Records, one of each group.
-    """
+    """Tuning, calibration and shape around the functions of variants."""
 
     def __init__(self, nominal: Model, rows: Sequence[Rows]) -> None:
         self.rows = tuple(rows)
@@ -79,19 +55,7 @@ class Outer:
         return self.problem.n_tuning + self.problem.n_calibration
 
     def lines(self, x: FloatArray) -> tuple[Lines, ...]:
-        """
-        The tuned model at the lines of each group; variants share it.
-
-        Parameters
-        ----------
-        x : ndarray
-            Unknowns of `Problem`.
-
-        Returns
-        -------
-        tuple of Lines
-            One a group.
-        """
+        """The tuned model at the lines of each group; variants share it."""
         key = x[: self.problem.n_tuning].tobytes()
         if key not in self._lines:
             model = self.problem.tuned(x)
@@ -99,61 +63,15 @@ class Outer:
         return self._lines[key]
 
     def gains(self, x: FloatArray) -> list[ComplexArray]:
-        """
-        Calibration errors of each group.
-
-        Parameters
-        ----------
-        x : ndarray
-            Unknowns of `Problem`.
-
-        Returns
-        -------
-        list of ndarray, shape (channel, frequency)
-            1 + ε.
-        """
+        """Calibration errors of each group."""
         return [self.problem.calibration_of(r.group.channels, r.group.freq, x) for r in self.rows]
 
     def modifications(self, variant: Variant, x: FloatArray, shape: float) -> list[Modification]:
-        """
-        How a variant's functions enter the tuned model.
-
-        Parameters
-        ----------
-        variant : Variant
-            Where they are.
-        x : ndarray
-            Unknowns of `Problem`.
-        shape : float
-            The variant's shape.
-
-        Returns
-        -------
-        list of Modification
-            One a group.
-        """
+        """How a variant's functions enter the tuned model."""
         return [variant.at(lines, shape) for lines in self.lines(x)]
 
     def at(self, variant: Variant, x: FloatArray, shape: float, near: Free | None = None) -> Free:
-        """
-        The functions at given tuning and shape.
-
-        Parameters
-        ----------
-        variant : Variant
-            Where they are.
-        x : ndarray
-            Unknowns of `Problem`.
-        shape : float
-            The variant's shape.
-        near : Free, optional
-            A fit close by, to start from.
-
-        Returns
-        -------
-        Free
-            The fit.
-        """
+        """The functions at given tuning and shape."""
         parts = zip(self.rows, self.modifications(variant, x, shape), self.gains(x), strict=True)
         found, total = [], float(x @ x)
         for i, (rows, m, gain) in enumerate(parts):
@@ -164,21 +82,7 @@ class Outer:
         return Free(variant, x, shape, tuple(found), total)
 
     def climb(self, free: Free, iterations: int) -> Free:
-        """
-        Tuning, calibration and shape moved to where the functions explain most.
-
-        Parameters
-        ----------
-        free : Free
-            Functions at some tuning.
-        iterations : int
-            Most steps taken.
-
-        Returns
-        -------
-        Free
-            The best fit found.
-        """
+        """Tuning, calibration and shape moved to where the functions explain most."""
         damping = 1e-3
         low, high = free.variant.bounds
         unit = (high - low) / SHAPE_STEPS
@@ -200,19 +104,7 @@ class Outer:
         return free
 
     def deviation(self, free: Free) -> tuple[FloatArray, ...]:
-        """
-        Standard deviation of fitted functions, that of tuning, calibration and shape included.
-
-        Parameters
-        ----------
-        free : Free
-            The fit.
-
-        Returns
-        -------
-        tuple of ndarray, shape (set, function, frequency)
-            One standard deviation of either part, one array a group.
-        """
+        """Standard deviation of fitted functions, that of tuning, calibration and shape included."""
         unit = (free.variant.bounds[1] - free.variant.bounds[0]) / SHAPE_STEPS
         matrix, _ = self._projected(free, unit)
         root = np.linalg.cholesky(np.linalg.inv(matrix))

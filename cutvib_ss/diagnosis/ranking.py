@@ -46,22 +46,11 @@ NameT = TypeVar("NameT")
 
 @dataclass(frozen=True)
 class Ranked:
-    """
-    A cause, fitted.
+    """A cause, fitted."""
 
-    Parameters
-    ----------
-    name : str
-        Candidate's name; ``"none"`` without a cause; two names joined by ``" + "`` for a pair.
-    fit : Fit
-        Its best fit.
-    refined : bool
-        Whether it was fitted on all lines; if not, its evidence is a bound.
-    """
-
-    name: str
-    fit: Fit
-    refined: bool
+    name: str  # Candidate's name; ``"none"`` without a cause; two names joined by ``" + "`` for a pair
+    fit: Fit  # Its best fit
+    refined: bool  # Whether it was fitted on all lines; if not, its evidence is a bound
 
     @property
     def reduced(self) -> float:
@@ -80,36 +69,7 @@ def on_all_lines(
     close: float = CLOSE,
     near: Fit | None = None,
 ) -> list[Ranked]:
-    """
-    The best on few lines fitted on all; the others keep an estimate.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    records : Records
-        All lines.
-    rough : sequence of (Candidate, Fit)
-        Causes fitted on few lines, best first.
-    least : int
-        So many are fitted at least, unless they are far behind.
-    rival : tuple of float
-        Objective of another cause, or none, on the same few lines, and its evidence on all: what stays far behind it there is not
-        worth the more expensive fit.
-    workers : Workers
-        Who fits.
-    most : int
-        So many are fitted at most.
-    close : float
-        What lies within this of the best on few lines is fitted.
-    near : Fit, optional
-        A fit on all lines whose drifts of sessions are close.
-
-    Returns
-    -------
-    list of Ranked
-        Those fitted on all lines first, then the others with a bound for their evidence.
-    """
+    """The best on few lines fitted on all; the others keep an estimate."""
     ahead = cost(rough[0][1]) if rough else 0.0
     chosen: list[tuple[Candidate, Fit]] = []
     left_out: list[tuple[Candidate, Fit]] = []
@@ -142,65 +102,19 @@ def cost(fitted: Fit) -> float:
 
 
 def some(outlook: Records) -> Records:
-    """
-    Every other of many records: of three positions at three levels the corners and the middle.
-
-    Parameters
-    ----------
-    outlook : Records
-        The records on which laws start.
-
-    Returns
-    -------
-    Records
-        Those that are scanned.
-    """
+    """Every other of many records: of three positions at three levels the corners and the middle."""
     return Records(outlook.entries[:: 2 if len(outlook.entries) > SCANNED else 1], outlook.rough)
 
 
 def ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:
-    """
-    Names with what was scanned of them.
-
-    Parameters
-    ----------
-    names : sequence
-        What is ranked.
-    scanned : sequence of Scanned
-        What each promises.
-
-    Returns
-    -------
-    list of tuple
-        Both together, the most promising first.
-    """
+    """Names with what was scanned of them."""
     return sorted(zip(names, scanned, strict=True), key=lambda row: -row[1].gain)
 
 
 def first_steps(
     nominal: Model, records: Records, hypothesis: Hypothesis, warm: FloatArray | None, steps: int
 ) -> Fit | None:
-    """
-    A few steps on few lines.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    records : Records
-        Few lines.
-    hypothesis : Hypothesis
-        What is fitted.
-    warm : ndarray, optional
-        Unknowns to start from.
-    steps : int
-        Most steps taken.
-
-    Returns
-    -------
-    Fit or None
-        The fit; None where the model cannot take the effect, or runs away with it.
-    """
+    """A few steps on few lines."""
     try:
         return fit(nominal, records, hypothesis, warm, steps, ROUGH)
     except CutvibError:

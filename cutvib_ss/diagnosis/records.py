@@ -22,114 +22,52 @@ OUTLOOK = 3
 
 @dataclass(frozen=True)
 class Entry:
-    """
-    One record: its responses within the band, and the estimator's block.
+    """One record: its responses within the band, and the estimator's block."""
 
-    Parameters
-    ----------
-    record : int
-        Index of the record in the campaign.
-    position : float
-        y_b / L; NaN for a structure.
-    level : float
-        Peak force [N]; NaN where not stated.
-    data, variance : ndarray, shape (channel, frequency)
-        Responses and E|ΔH|².
-    freq : ndarray, shape (frequency,)
-        Frequency [Hz].
-    channels : tuple of str
-        Response channels.
-    quantities : tuple of str
-        Their quantities.
-    block : float
-        Length of the estimator's block [s]; infinite where it leaves nothing out.
-    blow_at : float
-        Instant of the blow in the block [s]; NaN where unknown.
-    decay_rate : float
-        Rate of an exponential window on the response alone [1/s].
-    check : bool
-        Whether the record is only for judging.
-    replay : Replay or None
-        The estimator itself, through which simulated histories pass; None where no force history can be told.
-    sweep : float
-        Amplitude of the force of a stepped or swept sine [N]; NaN otherwise.
-    session : str or None
-        Name of its session, where stated.
-    scattered : bool
-        Whether its noise was seen to scatter: from repetitions or a coherence; else it is read off how smooth the response is.
-    """
-
-    record: int
-    position: float
-    level: float
-    data: ComplexArray
+    record: int  # Index of the record in the campaign
+    position: float  # y_b / L; NaN for a structure
+    level: float  # Peak force [N]; NaN where not stated
+    data: ComplexArray  # Responses and E|ΔH|²
     variance: FloatArray
-    freq: FloatArray
-    channels: tuple[str, ...]
-    quantities: tuple[Quantity, ...]
-    block: float
-    blow_at: float
-    decay_rate: float
-    check: bool
+    freq: FloatArray  # Frequency [Hz]
+    channels: tuple[str, ...]  # Response channels
+    quantities: tuple[Quantity, ...]  # Their quantities
+    block: float  # Length of the estimator's block [s]; infinite where it leaves nothing out
+    blow_at: float  # Instant of the blow in the block [s]; NaN where unknown
+    decay_rate: float  # Rate of an exponential window on the response alone [1/s]
+    check: bool  # Whether the record is only for judging
+    # The estimator itself, through which simulated histories pass; None where no force history can be told
     replay: Replay | None = None
-    sweep: float = np.nan
-    session: str | None = None
+    sweep: float = np.nan  # Amplitude of the force of a stepped or swept sine [N]; NaN otherwise
+    session: str | None = None  # Name of its session, where stated
+    # Whether its noise was seen to scatter: from repetitions or a coherence; else it is read off how smooth the
+    # response is
     scattered: bool = True
 
 
 @dataclass(frozen=True)
 class Group:
-    """
-    Entries on one frequency grid with one set of channels, merged by position.
+    """Entries on one frequency grid with one set of channels, merged by position."""
 
-    Parameters
-    ----------
-    positions : ndarray, shape (position,)
-        y_b / L; one NaN for a structure.
-    freq : ndarray, shape (frequency,)
-        Frequency [Hz].
-    channels : tuple of str
-        Response channels.
-    quantities : tuple of str
-        Their quantities.
-    data, variance : ndarray, shape (position, channel, frequency)
-        Responses and E|ΔH|².
-    block, blow_at, decay_rate : ndarray, shape (position,)
-        The estimator's block, as in `Entry`.
-    entries : tuple of tuple of Entry
-        The records behind each row.
-    """
-
-    positions: FloatArray
-    freq: FloatArray
-    channels: tuple[str, ...]
-    quantities: tuple[Quantity, ...]
-    data: ComplexArray
+    positions: FloatArray  # y_b / L; one NaN for a structure
+    freq: FloatArray  # Frequency [Hz]
+    channels: tuple[str, ...]  # Response channels
+    quantities: tuple[Quantity, ...]  # Their quantities
+    data: ComplexArray  # Responses and E|ΔH|²
     variance: FloatArray
-    block: FloatArray
+    block: FloatArray  # The estimator's block, as in `Entry`
     blow_at: FloatArray
     decay_rate: FloatArray
-    entries: tuple[tuple[Entry, ...], ...] = ()
+    entries: tuple[tuple[Entry, ...], ...] = ()  # The records behind each row
 
 
 @dataclass(frozen=True)
 class Records:
-    """
-    Records to fit on: merged by position for linear causes, apart for those that depend on the level.
+    """Records to fit on: merged by position for linear causes, apart for those that depend on the level."""
 
-    Parameters
-    ----------
-    entries : tuple of Entry
-        The records.
-    rough : bool
-        Whether lines have been left out, for starts.
-    widened : bool
-        Whether the noise has been widened too: by more than machines drift.
-    """
-
-    entries: tuple[Entry, ...]
-    rough: bool = False
-    widened: bool = False
+    entries: tuple[Entry, ...]  # The records
+    rough: bool = False  # Whether lines have been left out, for starts
+    widened: bool = False  # Whether the noise has been widened too: by more than machines drift
 
     @cached_property
     def merged(self) -> tuple[Group, ...]:
@@ -171,21 +109,7 @@ class Records:
         return total
 
     def coarse(self, lines: int, error: float) -> Records:
-        """
-        The same records with few lines and a widened noise.
-
-        Parameters
-        ----------
-        lines : int
-            Lines to keep, about.
-        error : float
-            Relative error of a merged row by which the noise is widened.
-
-        Returns
-        -------
-        Records
-            Coarser records.
-        """
+        """The same records with few lines and a widened noise."""
         behind = {id(e): len(same) for g in self.merged for same in g.entries for e in same}
         out = []
         for e in self.entries:
@@ -195,21 +119,7 @@ class Records:
         return Records(tuple(out), rough=True, widened=error > 0.0)
 
     def for_laws(self, lines: int, error: float) -> Records | None:
-        """
-        Few records that show what depends on the level: some positions, at all levels, one blow each, on few lines.
-
-        Parameters
-        ----------
-        lines : int
-            Lines to keep, about.
-        error : float
-            Relative error by which the noise is widened.
-
-        Returns
-        -------
-        Records or None
-            The records; None where some force cannot be told.
-        """
+        """Few records that show what depends on the level: some positions, at all levels, one blow each, on few lines."""
         if len(self.simulable) < len(self.entries):
             return None
         places = sorted({site(e) for e in self.entries})
@@ -219,23 +129,7 @@ class Records:
 
 
 def merged(entries: Sequence[Entry], apart: bool = False, by_session: bool = False) -> tuple[Group, ...]:
-    """
-    Records merged by position, weighted by their precision.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        Records.
-    apart : bool
-        Keep every record a row of its own.
-    by_session : bool
-        Give every session a group of its own.
-
-    Returns
-    -------
-    tuple of Group
-        One for each frequency grid and set of channels.
-    """
+    """Records merged by position, weighted by their precision."""
     kinds: dict[tuple[object, ...], list[Entry]] = {}
     for e in entries:
         grid = (e.channels, e.quantities, e.freq.size, float(e.freq[0]), float(e.freq[-1]))
@@ -245,56 +139,20 @@ def merged(entries: Sequence[Entry], apart: bool = False, by_session: bool = Fal
 
 
 def site(e: Entry) -> tuple[float | str, ...]:
-    """
-    What records must share to be merged: session, position, and a block that loses the same tails.
-
-    Parameters
-    ----------
-    e : Entry
-        A record.
-
-    Returns
-    -------
-    tuple
-        Position, block, window and session.
-    """
+    """What records must share to be merged: session, position, and a block that loses the same tails."""
     place = float(np.nan_to_num(e.position, nan=-1.0))
     return (place, round(e.block, 9), round(e.decay_rate, 9), *session_of(e))
 
 
 def session_of(e: Entry) -> tuple[float | str, ...]:
-    """
-    The session of a record, whose records share their drift.
-
-    Parameters
-    ----------
-    e : Entry
-        The record.
-
-    Returns
-    -------
-    tuple
-        As stated, else its position, else the record itself.
-    """
+    """The session of a record, whose records share their drift."""
     if e.session is not None:
         return (e.session,)
     return (float(e.position),) if np.isfinite(e.position) else (float(e.record), "record")
 
 
 def one_blow(e: Entry) -> Entry:
-    """
-    A record as its first blow alone shows it.
-
-    Parameters
-    ----------
-    e : Entry
-        A record with its `Replay`.
-
-    Returns
-    -------
-    Entry
-        The estimate of that blow, its variance in proportion; the record itself where it has one blow or history.
-    """
+    """A record as its first blow alone shows it."""
     blows = 0 if e.replay is None else len(e.replay.forces)
     if e.replay is None or e.replay.block or blows < 2:
         return e
@@ -328,20 +186,6 @@ def _group(members: list[Entry], apart: bool) -> Group:
 
 
 def thinned(e: Entry, keep: np.ndarray | slice) -> Entry:
-    """
-    A record on some of its lines.
-
-    Parameters
-    ----------
-    e : Entry
-        The record.
-    keep : ndarray of bool or slice
-        The lines.
-
-    Returns
-    -------
-    Entry
-        The record on them.
-    """
+    """A record on some of its lines."""
     replay = None if e.replay is None else e.replay.at(keep)
     return replace(e, data=e.data[:, keep], variance=e.variance[:, keep], freq=e.freq[keep], replay=replay)

@@ -21,233 +21,114 @@ Verdict: TypeAlias = Literal["no_gap", "explained", "partly_explained", "ambiguo
 
 @dataclass(frozen=True)
 class GapFigures:
-    """
-    How far: mean modulus of the error on held-out records, over channels and bins of a band.
+    """How far: mean modulus of the error on held-out records, over channels and bins of a band."""
 
-    Parameters
-    ----------
-    unit : str
-        ``"g/N"``, or the channel's own.
-    before, tuned, after, noise_floor : float
-        Nominal model as given; re-tuned within tolerance; with the cause added; estimator noise alone.
-    band_hz : tuple of float
-        The band [Hz].
-    shrinkage : float
-        1 - after/before.
-    shrinkage_interval : tuple of float
-        95 % interval, by bootstrap over records.
-    """
-
-    unit: str
-    before: float
-    tuned: float
-    after: float
-    noise_floor: float
-    band_hz: tuple[float, float]
-    shrinkage: float
-    shrinkage_interval: tuple[float, float]
+    unit: str  # ``"g/N"``, or the channel's own
+    before: float  # Nominal model as given
+    tuned: float  # Re-tuned within tolerance
+    after: float  # With the cause added
+    noise_floor: float  # Estimator noise alone
+    band_hz: tuple[float, float]  # The band [Hz]
+    shrinkage: float  # 1 - after/before
+    shrinkage_interval: tuple[float, float]  # 95 % interval, by bootstrap over records
 
 
 @dataclass(frozen=True)
 class ErrorFigure:
-    """
-    Error and noise at one position or channel.
+    """Error and noise at one position or channel."""
 
-    Parameters
-    ----------
-    label : float or str or None
-        Position y_b / L, or name of the channel.
-    error, noise : float
-        Mean modulus of the re-tuned nominal model's error, and that of noise alone, in the gap's unit.
-    """
-
-    label: float | str | None
-    error: float
+    label: float | str | None  # Position y_b / L, or name of the channel
+    error: float  # Mean modulus of the re-tuned nominal model's error, and that of noise alone, in the gap's unit
     noise: float
 
 
 @dataclass(frozen=True)
 class Where:
-    """
-    Where the gap lies.
+    """Where the gap lies."""
 
-    Parameters
-    ----------
-    place : str
-        Most probable place; ``"none"`` without a gap.
-    places : tuple of (str, float)
-        Places with their probabilities, most probable first.
-    bands_hz : tuple of (float, float)
-        Bands in which the error stands out of the noise [Hz].
-    by_position, by_channel : tuple of ErrorFigure
-        The error over positions and channels.
-    level_dependent : bool
-        Whether the response changes with the excitation level.
-    place_set : tuple of str
-        The smallest set of places that carries 0.95.
-    """
-
-    place: str
-    places: tuple[tuple[str, float], ...]
-    bands_hz: tuple[tuple[float, float], ...]
-    by_position: tuple[ErrorFigure, ...]
+    place: str  # Most probable place; ``"none"`` without a gap
+    places: tuple[tuple[str, float], ...]  # Places with their probabilities, most probable first
+    bands_hz: tuple[tuple[float, float], ...]  # Bands in which the error stands out of the noise [Hz]
+    by_position: tuple[ErrorFigure, ...]  # The error over positions and channels
     by_channel: tuple[ErrorFigure, ...]
-    level_dependent: bool
-    place_set: tuple[str, ...] = ()
+    level_dependent: bool  # Whether the response changes with the excitation level
+    place_set: tuple[str, ...] = ()  # The smallest set of places that carries 0.95
 
 
 @dataclass(frozen=True)
 class Limit:
-    """
-    How much of a cause that was not named the data still allow.
+    """How much of a cause that was not named the data still allow."""
 
-    Parameters
-    ----------
-    effect, place, parameter, unit : str
-        The cause, the parameter that states its size, and its SI unit.
-    allowed : float
-        95 % bound of its size beside the accepted answer; of a compliance the lowest stiffness.
-    visible : float
-        Size at which it would be named with 0.9 in half of repetitions.
-    """
-
-    effect: str
+    effect: str  # The cause, the parameter that states its size, and its SI unit
     place: str
     parameter: str
     unit: str
-    allowed: float
-    visible: float
+    allowed: float  # 95 % bound of its size beside the accepted answer; of a compliance the lowest stiffness
+    visible: float  # Size at which it would be named with 0.9 in half of repetitions
 
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """
-    A fitted parameter.
+    """A fitted parameter."""
 
-    Parameters
-    ----------
-    value : float or str
-        Estimate, SI; for what is discrete about a cause, its name.
-    std : float
-        Standard deviation, tuning and calibration included.
-    unit : str
-        SI unit.
-    """
-
-    value: float | str
-    std: float
-    unit: str
+    value: float | str  # Estimate, SI; for what is discrete about a cause, its name
+    std: float  # Standard deviation, tuning and calibration included
+    unit: str  # SI unit
 
 
 @dataclass(frozen=True)
 class Cause:
-    """
-    One hypothesis, fitted and judged.
+    """One hypothesis, fitted and judged."""
 
-    Parameters
-    ----------
-    effect, place : str
-        Ids of the catalogue; ``"none"`` and ``"unknown"`` are hypotheses too.
-    probability : float
-        Probability, all causes together 1.
-    parameters : dict of str to FittedParameter
-        What was fitted.
-    after, shrinkage : float
-        Error left on held-out records, and 1 - after/before.
-    reduced_chi2 : float
-        χ² a degree of freedom on held-out records.
-    share : float
-        Part of the excess over noise and repeatability that it closes on held-out records; NaN for none and unknown.
-    """
-
-    effect: str
+    effect: str  # Ids of the catalogue; ``"none"`` and ``"unknown"`` are hypotheses too
     place: str
-    probability: float
-    parameters: dict[str, FittedParameter] = field(default_factory=dict)
-    after: float = math.nan
+    probability: float  # Probability, all causes together 1
+    parameters: dict[str, FittedParameter] = field(default_factory=dict)  # What was fitted
+    after: float = math.nan  # Error left on held-out records, and 1 - after/before
     shrinkage: float = math.nan
-    reduced_chi2: float = math.nan
+    reduced_chi2: float = math.nan  # χ² a degree of freedom on held-out records
+    # Part of the excess over noise and repeatability that it closes on held-out records; NaN for none and unknown
     share: float = math.nan
 
 
 @dataclass(frozen=True)
 class CandidateEvidence:
-    """
-    What one fit says, before it becomes a probability.
+    """What one fit says, before it becomes a probability."""
 
-    Parameters
-    ----------
-    name : str
-        The candidate; a cause may have several, which differ in what is discrete about it.
-    effect, place : str
-        Ids of the catalogue; ``"none"`` for the re-tuned model.
-    parameters : dict of str to str
-        What is discrete about it.
-    log_evidence : float
-        Up to a constant that all share.
-    chi2 : float
-        χ² that it leaves of all data, the scatter of levels about their mean put aside; NaN where it was only tried on few lines.
-    unknowns : int
-        Parameters of its own, tuning and calibration apart.
-    judged : bool
-        Whether it was judged on held-out records.
-    held_reduced_chi2 : float
-        χ² a degree of freedom there.
-    """
-
-    name: str
-    effect: str
+    name: str  # The candidate; a cause may have several, which differ in what is discrete about it
+    effect: str  # Ids of the catalogue; ``"none"`` for the re-tuned model
     place: str
-    parameters: dict[str, str]
-    log_evidence: float
+    parameters: dict[str, str]  # What is discrete about it
+    log_evidence: float  # Up to a constant that all share
+    # χ² that it leaves of all data, the scatter of levels about their mean put aside; NaN where it was only tried on
+    # few lines
     chi2: float
-    unknowns: int
-    judged: bool
-    held_reduced_chi2: float
+    unknowns: int  # Parameters of its own, tuning and calibration apart
+    judged: bool  # Whether it was judged on held-out records
+    held_reduced_chi2: float  # χ² a degree of freedom there
 
 
 @dataclass(frozen=True)
 class NextTest:
-    """
-    The record that would best tell the remaining causes apart.
+    """The record that would best tell the remaining causes apart."""
 
-    Parameters
-    ----------
-    why : str
-        What it would tell apart.
-    position : float or None
-        y_b / L.
-    peak_force : float or None
-        Level [N].
-    channel : str
-        Channel to look at.
-    """
-
-    why: str
-    position: float | None
-    peak_force: float | None
-    channel: str
+    why: str  # What it would tell apart
+    position: float | None  # y_b / L
+    peak_force: float | None  # Level [N]
+    channel: str  # Channel to look at
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """
-    Measured against computed at one position and level, for pictures.
+    """Measured against computed at one position and level, for pictures."""
 
-    Parameters
-    ----------
-    label : str
-        Which record.
-    measured : MeasuredFrequencyResponse
-        The measurement.
-    nominal, tuned, corrected : FrequencyResponse
-        The model as given, re-tuned, and with the cause; each through the same estimator as the measurement.
-    """
-
-    label: str
-    measured: MeasuredFrequencyResponse
+    label: str  # Which record
+    measured: MeasuredFrequencyResponse  # The measurement
+    # The model as given, re-tuned, and with the cause; each through the same estimator as the measurement
     nominal: FrequencyResponse
+    # The model as given, re-tuned, and with the cause; each through the same estimator as the measurement
     tuned: FrequencyResponse
+    # The model as given, re-tuned, and with the cause; each through the same estimator as the measurement
     corrected: FrequencyResponse
 
 

@@ -41,40 +41,14 @@ EXTRAPOLATED = 4.0
 
 
 class Scanned(NamedTuple):
-    """
-    A cause on top of a fit, tried and not fitted.
+    """A cause on top of a fit, tried and not fitted."""
 
-    Parameters
-    ----------
-    gain : float
-        χ² that it would take away.
-    hypothesis : Hypothesis
-        Both together, the cause where it did best.
-    """
-
-    gain: float
-    hypothesis: Hypothesis
+    gain: float  # χ² that it would take away
+    hypothesis: Hypothesis  # Both together, the cause where it did best
 
 
 class Scan:
-    """
-    One more cause on top of a fit.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    records : Records
-        Few lines of few records.
-    hypothesis : Hypothesis
-        The fit underneath.
-    x : ndarray, optional
-        Its unknowns on more records; by default the hypothesis is taken as it stands, nothing tuned.
-    motion : mapping of str to float
-        How far the places of laws move.
-    apart : bool
-        Whether records stay apart.
-    """
+    """One more cause on top of a fit."""
 
     def __init__(
         self,
@@ -108,19 +82,7 @@ class Scan:
         self.leaves = self._freed(self.left)
 
     def promise(self, starts: Sequence[Effect]) -> Scanned:
-        """
-        The best of a cause's starts.
-
-        Parameters
-        ----------
-        starts : sequence of Effect
-            Of one cause.
-
-        Returns
-        -------
-        Scanned
-            The best; its gain is minus infinity where the model can take none of them.
-        """
+        """The best of a cause's starts."""
         if starts[0].linear:
             return max((self._scaled(e) for e in starts), key=lambda s: s.gain)
         tried = [self.as_it_stands(e) for e in starts]
@@ -129,19 +91,7 @@ class Scan:
         return max(tried, key=lambda s: s.gain)
 
     def refined(self, best: Scanned) -> Scanned:
-        """
-        A law with its parameters where it explains most.
-
-        Parameters
-        ----------
-        best : Scanned
-            From `promise`.
-
-        Returns
-        -------
-        Scanned
-            No worse.
-        """
+        """A law with its parameters where it explains most."""
         if best.hypothesis.effects[-1].linear or not np.isfinite(best.gain):
             return best
         _, problem, x = self.with_cause(best.hypothesis.effects[-1])
@@ -192,19 +142,7 @@ class Scan:
         return self.leaves - self._freed(residual) if np.isfinite(residual).all() else -np.inf
 
     def as_it_stands(self, effect: Effect) -> Scanned:
-        """
-        A cause at its start, the fit's unknowns free to give way.
-
-        Parameters
-        ----------
-        effect : Effect
-            The cause.
-
-        Returns
-        -------
-        Scanned
-            Its gain is minus infinity where the model cannot take it.
-        """
+        """A cause at its start, the fit's unknowns free to give way."""
         both, problem, x = self.with_cause(effect)
         return Scanned(self._gain_at(problem, x), both)
 

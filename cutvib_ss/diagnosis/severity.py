@@ -14,19 +14,10 @@ from cutvib_ss.effects.base import Effect, identifying_values, parameter_fields
 
 @dataclass(frozen=True)
 class Run:
-    """
-    A cause whose severity runs from none.
+    """A cause whose severity runs from none."""
 
-    Parameters
-    ----------
-    name : str
-        Effect, place, and parameter or channel that it names.
-    effect : Effect
-        The cause at severity one.
-    """
-
-    name: str
-    effect: Effect
+    name: str  # Effect, place, and parameter or channel that it names
+    effect: Effect  # The cause at severity one
 
     @property
     def head(self) -> str:

@@ -54,27 +54,14 @@ HYSTERESIS_AT = 100.0
 
 @dataclass(frozen=True)
 class Simulated:
-    """
-    Records of a group as a model with nonlinear elements would show them.
+    """Records of a group as a model with nonlinear elements would show them."""
 
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    group : Group
-        The records, a row each.
-    data : ndarray, shape (record, channel, frequency)
-        The prediction.
-    stiffness : ndarray, shape (record, element, frequency)
-        Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port.
-    sweeps : mapping of int to SineSweep
-        Sine sweeps among the records, by row: they are balanced in their harmonics instead of stepped in time.
-    """
-
-    model: Model
-    group: Group
-    data: ComplexArray
+    model: Model  # The model
+    group: Group  # The records, a row each
+    data: ComplexArray  # The prediction
+    # Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port
     stiffness: ComplexArray
+    # Sine sweeps among the records, by row: they are balanced in their harmonics instead of stepped in time
     sweeps: Mapping[int, SineSweep] = field(default_factory=dict)
 
 
@@ -85,27 +72,7 @@ def simulated(
     steps: float = STEPS,
     force_scale: FloatArray | None = None,
 ) -> Simulated:
-    """
-    Run each record's force through a model in time, and its estimator on the responses.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model, with its nonlinear elements.
-    group : Group
-        Records apart, each with its `Replay`.
-    wanted : ndarray of bool, shape (record,), optional
-        Records to simulate; all by default, the others are left zero.
-    steps : float
-        Steps in a period of the motion at the laws' ports.
-    force_scale : ndarray, shape (record,), optional
-        Factors on the forces; one by default.
-
-    Returns
-    -------
-    Simulated
-        The prediction.
-    """
+    """Run each record's force through a model in time, and its estimator on the responses."""
     elements = model.nonlinear
     # Stepped are the channels' own quantities, and a window is applied in time: the chain does the rest.
     none, s = (0,) * len(group.channels), 2j * np.pi * group.freq
@@ -204,20 +171,7 @@ def _equivalent(replay: Replay, motions: FloatArray, forces: FloatArray) -> Comp
 
 
 class SimulatedProblem(Problem):
-    """
-    A hypothesis with nonlinear effects, on records apart.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    groups : sequence of Group
-        Records apart.
-    hypothesis : Hypothesis
-        What is fitted.
-    steps : float
-        Steps in a period of the motion at the laws' ports.
-    """
+    """A hypothesis with nonlinear effects, on records apart."""
 
     def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis, steps: float = STEPS) -> None:
         super().__init__(nominal, groups, hypothesis)
@@ -226,19 +180,7 @@ class SimulatedProblem(Problem):
         self._site_circles: list[Circles | None] = [None] * len(self.groups)
 
     def predictions(self, x: FloatArray | Sequence[FloatArray]) -> Sequence[Predicted]:
-        """
-        Each record, simulated.
-
-        Parameters
-        ----------
-        x : ndarray or sequence of ndarray
-            Unknowns, of all groups or of each.
-
-        Returns
-        -------
-        sequence of Simulated
-            One a group.
-        """
+        """Each record, simulated."""
         each = self.each(x)
         scales = self._force_scales(each[0])
         models = self._models(each)
@@ -355,27 +297,7 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
 def problem_for(
     nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False, by_session: bool = False
 ) -> Problem:
-    """
-    The problem of a hypothesis on some records.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    records : Records
-        The records.
-    hypothesis : Hypothesis
-        What is fitted.
-    apart : bool
-        Whether records stay apart although the hypothesis is linear, beside one that is not.
-    by_session : bool
-        Whether every session is a group of its own.
-
-    Returns
-    -------
-    Problem
-        On merged records for linear causes, on records apart for others and where blocks leak.
-    """
+    """The problem of a hypothesis on some records."""
     if hypothesis.linear and not records.leaking and not apart:
         return Problem(nominal, records.by_session if by_session else records.merged, hypothesis)
     groups = records.apart_by_session if by_session else records.apart

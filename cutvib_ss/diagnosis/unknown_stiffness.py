@@ -36,28 +36,13 @@ REWEIGHTED = 8
 
 @dataclass(frozen=True)
 class Rows:
-    """
-    Records on which the functions are fitted.
+    """Records on which the functions are fitted."""
 
-    Parameters
-    ----------
-    group : Group
-        The records.
-    sets : ndarray of int, shape (row,)
-        Which set of functions each row takes part in: one for all, or one a level or record.
-    weight : ndarray, shape (row, channel, frequency)
-        Reciprocal of E|error|².
-    tail : ndarray, shape (row, channel, frequency)
-        What the blocks cut off of the model.
-    window : ndarray, shape (row, 1, 1)
-        Factor of an exponential window on the response alone.
-    """
-
-    group: Group
-    sets: np.ndarray
-    weight: FloatArray
-    tail: ComplexArray
-    window: FloatArray
+    group: Group  # The records
+    sets: np.ndarray  # Which set of functions each row takes part in: one for all, or one a level or record
+    weight: FloatArray  # Reciprocal of E|error|²
+    tail: ComplexArray  # What the blocks cut off of the model
+    window: FloatArray  # Factor of an exponential window on the response alone
 
     @property
     def count(self) -> int:
@@ -65,77 +50,23 @@ class Rows:
         return int(self.sets.max()) + 1
 
     def but(self, left_out: np.ndarray) -> FloatArray:
-        """
-        Weights without some rows.
-
-        Parameters
-        ----------
-        left_out : ndarray of bool, shape (row,)
-            Rows that count nothing.
-
-        Returns
-        -------
-        ndarray, shape (row, channel, frequency)
-            The weights.
-        """
+        """Weights without some rows."""
         return np.where(left_out[:, None, None], 0.0, self.weight)
 
     def by_set(self, values: np.ndarray) -> np.ndarray:
-        """
-        Sums over the rows of each set.
-
-        Parameters
-        ----------
-        values : ndarray, shape (row, ...)
-            Values.
-
-        Returns
-        -------
-        ndarray, shape (set, ...)
-            Their sums.
-        """
+        """Sums over the rows of each set."""
         out = np.zeros((self.count, *values.shape[1:]), dtype=values.dtype)
         np.add.at(out, self.sets, values)
         return out
 
     def of_rows(self, functions: ComplexArray) -> ComplexArray:
-        """
-        The functions as each row has them.
-
-        Parameters
-        ----------
-        functions : ndarray, shape (set, function, frequency)
-            The functions.
-
-        Returns
-        -------
-        ndarray, shape (function, row, frequency)
-            The same by rows.
-        """
+        """The functions as each row has them."""
         mine: ComplexArray = functions[self.sets].swapaxes(0, 1)
         return mine
 
 
 def rows_of(model: Model, group: Group, sets: np.ndarray, blow_at: float) -> Rows:
-    """
-    Records with their weights.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        A model close by, whose tails are taken.
-    group : Group
-        The records.
-    sets : ndarray of int, shape (row,)
-        Which set of functions each row takes part in.
-    blow_at : float
-        Instant of the blow [s] where records do not state it.
-
-    Returns
-    -------
-    Rows
-        The records.
-    """
+    """Records with their weights."""
     shown = Prediction(model, group, blow_at)
     tail: ComplexArray = shown.untruncated * shown.window - shown.data
     error = group.variance + (MODEL_ERROR * np.abs(group.data)) ** 2 + (TAIL_ERROR * np.abs(tail)) ** 2
@@ -145,27 +76,7 @@ def rows_of(model: Model, group: Group, sets: np.ndarray, blow_at: float) -> Row
 def squares_left(
     rows: Rows, m: Modification, gain: ComplexArray, functions: ComplexArray, weight: FloatArray
 ) -> FloatArray:
-    """
-    Weighted squares that functions leave.
-
-    Parameters
-    ----------
-    rows : Rows
-        The records.
-    m : Modification
-        How the functions enter.
-    gain : ndarray, shape (channel, frequency)
-        Calibration errors, 1 + ε.
-    functions : ndarray, shape (set, function, frequency)
-        The functions.
-    weight : ndarray, shape (row, channel, frequency)
-        Weights.
-
-    Returns
-    -------
-    ndarray, shape (set, frequency)
-        The squares; large where the responses are not finite.
-    """
+    """Weighted squares that functions leave."""
     shown = m.shown(rows.of_rows(functions))
     with np.errstate(all="ignore"):
         squares = np.sum(weight * np.abs(rows.group.data - gain * shown) ** 2, axis=1)
@@ -180,31 +91,7 @@ def fitted_functions(
     start: ComplexArray | None = None,
     sweeps: int = 1,
 ) -> tuple[ComplexArray, FloatArray]:
-    """
-    The functions that explain the records best, each line on its own.
-
-    Parameters
-    ----------
-    rows : Rows
-        The records.
-    m : Modification
-        How the functions enter.
-    gain : ndarray, shape (channel, frequency)
-        Calibration errors, 1 + ε.
-    weight : ndarray, shape (row, channel, frequency)
-        Weights; zero for rows that are left out.
-    start : ndarray, shape (set, function, frequency), optional
-        Functions close by; by default none, and the inversions of single responses.
-    sweeps : int
-        Times that each line is tried from its neighbours' solutions.
-
-    Returns
-    -------
-    functions : ndarray, shape (set, function, frequency)
-        The functions.
-    left : ndarray, shape (set, frequency)
-        Squares that they leave.
-    """
+    """The functions that explain the records best, each line on its own."""
     if start is None:
         functions, best = _inverted(rows, m, gain, weight)
         functions, best = _climbed(rows, m, gain, weight, functions, best, 1e-3, ITERATIONS)
@@ -221,26 +108,7 @@ def fitted_functions(
 
 
 def smoothing_cost(rows: Rows, m: Modification, gain: ComplexArray, functions: ComplexArray) -> FloatArray:
-    """
-    Squares that smooth functions of frequency would leave beyond the fitted ones.
-
-    Parameters
-    ----------
-    rows : Rows
-        The records.
-    m : Modification
-        How the functions enter.
-    gain : ndarray, shape (channel, frequency)
-        Calibration errors, 1 + ε.
-    functions : ndarray, shape (set, function, frequency)
-        The fitted functions.
-
-    Returns
-    -------
-    ndarray, shape (set, frequency)
-        To second order: each function's distance from a polynomial in log f, by the fit's own curvature. Lines that lie far off
-        count little when the polynomial is fitted, so that a resonance there does not bend it everywhere.
-    """
+    """Squares that smooth functions of frequency would leave beyond the fitted ones."""
     matrix, _ = _normal(rows, m, gain, rows.weight, functions)
     curvature = np.nan_to_num(np.abs(np.einsum("iisf->sif", matrix)))
     u = np.log(rows.group.freq)
@@ -332,29 +200,7 @@ def _inverse(matrices: ComplexArray) -> ComplexArray:
 def followed(
     rows: Rows, m: Modification, gain: ComplexArray, functions: ComplexArray, outer: ComplexArray
 ) -> tuple[ComplexArray, FloatArray]:
-    """
-    How fitted functions follow other unknowns, and their own standard deviation at each line.
-
-    Parameters
-    ----------
-    rows : Rows
-        The records.
-    m : Modification
-        How the functions enter.
-    gain : ndarray, shape (channel, frequency)
-        Calibration errors, 1 + ε.
-    functions : ndarray, shape (set, function, frequency)
-        The fitted functions.
-    outer : ndarray, shape (unknown, row, channel, frequency)
-        Derivatives of the responses to the other unknowns.
-
-    Returns
-    -------
-    slopes : ndarray, shape (unknown, set, function, frequency)
-        The functions' derivatives to those.
-    std : ndarray, shape (set, function, frequency)
-        One standard deviation of the functions' real and imaginary parts, the other unknowns given.
-    """
+    """How fitted functions follow other unknowns, and their own standard deviation at each line."""
     _, inner = m.sloped(rows.of_rows(functions))
     inner = np.nan_to_num(inner * gain)
     weighted = inner.conj() * rows.weight

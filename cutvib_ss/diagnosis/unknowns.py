@@ -16,19 +16,7 @@ CALIBRATION_SHAPES = 5
 
 
 def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
-    """
-    Values that tuning may move, with their tolerances.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The nominal model.
-
-    Returns
-    -------
-    tuple of (path, tolerance)
-        Those with a tolerance above zero; a value of zero cannot be scaled and is left out.
-    """
+    """Values that tuning may move, with their tolerances."""
     found: list[tuple[Path, float]] = []
     for f in fields(model.tolerance):
         tolerance = getattr(model.tolerance, f.name)
@@ -45,21 +33,7 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
 
 
 def to_unknown(value: float, r: Range) -> float:
-    """
-    A parameter in the coordinate in which its prior is even, 0 to 1 over its range.
-
-    Parameters
-    ----------
-    value : float
-        The parameter.
-    r : Range
-        Its range.
-
-    Returns
-    -------
-    float
-        The coordinate.
-    """
+    """A parameter in the coordinate in which its prior is even, 0 to 1 over its range."""
     if r.scale == "normal":
         return (value - r.low) / r.high
     if r.scale == "log":
@@ -68,21 +42,7 @@ def to_unknown(value: float, r: Range) -> float:
 
 
 def from_unknown(x: float, r: Range) -> tuple[float, float]:
-    """
-    A parameter from its coordinate, and its derivative.
-
-    Parameters
-    ----------
-    x : float
-        The coordinate.
-    r : Range
-        The parameter's range.
-
-    Returns
-    -------
-    value, slope : float
-        The parameter, and how it moves with the coordinate.
-    """
+    """A parameter from its coordinate, and its derivative."""
     if r.scale == "normal":
         return r.low + x * r.high, r.high
     if r.scale == "log":
@@ -95,22 +55,6 @@ def calibration_shapes(freq: FloatArray, band: tuple[float, float], count: int) 
     """
     Smooth shapes over the band whose sum with unit normal coefficients has unit variance.
 
-    Parameters
-    ----------
-    freq : ndarray, shape (frequency,)
-        Frequency [Hz].
-    band : (float, float)
-        Ends of the band [Hz].
-    count : int
-        Number of shapes.
-
-    Returns
-    -------
-    ndarray, shape (shape, frequency)
-        A constant and half cosines, their weights falling with their order.
-
-    Notes
-    -----
     Over an axis half-way between frequency and its logarithm: a sensor errs by its amplifier's corner below the band and by its
     resonance above it. On frequency alone a phase that bends in the lowest octaves passes for a delay.
     """

@@ -23,55 +23,23 @@ Build: TypeAlias = Callable[[Lines, float], Modification]
 
 @dataclass(frozen=True)
 class Variant:
-    """
-    One way in which a place can be at fault.
+    """One way in which a place can be at fault."""
 
-    Parameters
-    ----------
-    place : str
-        Place of the catalogue, or port of a structure.
-    name : str
-        Distinguishes the variants of a place.
-    kind : str
-        What the unknown functions are: ``"dynamic stiffness"``, ``"compliance"``, ``"gain"``, ``"relative stiffness"`` or
-        ``"relative mass"``.
-    unit : str
-        Their unit.
-    labels : tuple of str
-        One for each function.
-    build : callable
-        Makes the modification from `Lines` and the value of the shape.
-    starts : tuple of float
-        Starts of the one real unknown beside the functions (where on the rail, how eccentric); empty where there is none.
-    bounds : tuple of float
-        Its range.
-    """
-
-    place: str
-    name: str
+    place: str  # Place of the catalogue, or port of a structure
+    name: str  # Distinguishes the variants of a place
+    # What the unknown functions are: ``"dynamic stiffness"``, ``"compliance"``, ``"gain"``, ``"relative stiffness"``
+    # or ``"relative mass"``
     kind: str
-    unit: str
-    labels: tuple[str, ...]
-    build: Build
+    unit: str  # Their unit
+    labels: tuple[str, ...]  # One for each function
+    build: Build  # Makes the modification from `Lines` and the value of the shape
+    # Starts of the one real unknown beside the functions (where on the rail, how eccentric); empty where there is
+    # none
     starts: tuple[float, ...] = ()
-    bounds: tuple[float, float] = (0.0, 0.0)
+    bounds: tuple[float, float] = (0.0, 0.0)  # Its range
 
     def at(self, lines: Lines, shape: float) -> Modification:
-        """
-        The modification of a model.
-
-        Parameters
-        ----------
-        lines : Lines
-            The model at a group's rows and lines.
-        shape : float
-            Value of the shape, kept within its range.
-
-        Returns
-        -------
-        Modification
-            Computed once for each value.
-        """
+        """The modification of a model."""
         value = float(np.clip(shape, *self.bounds)) if self.starts else 0.0
         key = (self.place, self.name, value)
         if key not in lines.built:
@@ -80,21 +48,7 @@ class Variant:
 
 
 def variants(model: Model, channels: Sequence[str]) -> tuple[Variant, ...]:
-    """
-    Every place of a model, each with the variants of its fault.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The nominal model.
-    channels : sequence of str
-        Measured channels.
-
-    Returns
-    -------
-    tuple of Variant
-        Places of the structure, then the measurement.
-    """
+    """Every place of a model, each with the variants of its fault."""
     if not isinstance(model, Machine):
         # A port's own unit (N/m or N m/rad) is the model's affair.
         ports = [_parallel(name, (name,), unit="") for name in ports_of(model, ())]

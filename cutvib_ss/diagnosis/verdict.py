@@ -12,19 +12,7 @@ HALF = 0.5
 
 
 def ambiguity_set(causes: Sequence[Cause]) -> tuple[int, ...]:
-    """
-    The smallest set of causes that carries 0.95.
-
-    Parameters
-    ----------
-    causes : sequence of Cause
-        Most probable first.
-
-    Returns
-    -------
-    tuple of int
-        Indices.
-    """
+    """The smallest set of causes that carries 0.95."""
     total, out = 0.0, []
     for i, cause in enumerate(causes):
         out.append(i)
@@ -35,25 +23,7 @@ def ambiguity_set(causes: Sequence[Cause]) -> tuple[int, ...]:
 
 
 def verdict(causes: Sequence[Cause], stands_out: bool = True, shrinks: bool = True, at_end: bool = False) -> Verdict:
-    """
-    What may be concluded; the first that holds.
-
-    Parameters
-    ----------
-    causes : sequence of Cause
-        Most probable first.
-    stands_out : bool
-        Whether the gap stands out of noise, tuning and repeatability.
-    shrinks : bool
-        Whether the interval of the shrinkage lies above zero.
-    at_end : bool
-        Whether a parameter of the best cause lies at the end of its range.
-
-    Returns
-    -------
-    {"no_gap", "unknown", "explained", "partly_explained", "ambiguous"}
-        The verdict.
-    """
+    """What may be concluded; the first that holds."""
     best = causes[0]
     none = next((c.probability for c in causes if c.effect == "none"), 0.0)
     if none >= HALF or not stands_out:

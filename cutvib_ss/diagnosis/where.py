@@ -22,21 +22,7 @@ LEVEL_EXCESS = 1.15
 
 
 def bands(residuals: Sequence[tuple[Group, ComplexArray]], width: float) -> tuple[tuple[float, float], ...]:
-    """
-    Bands in which the error stands out of the noise.
-
-    Parameters
-    ----------
-    residuals : sequence of (Group, ndarray)
-        Groups with their residuals over the noise of a real part, shape (position, channel, frequency).
-    width : float
-        Width over which the error is averaged [Hz].
-
-    Returns
-    -------
-    tuple of (float, float)
-        Bands [Hz], ascending and apart.
-    """
+    """Bands in which the error stands out of the noise."""
     found: list[tuple[float, float]] = []
     for g, r in residuals:
         power = np.mean(np.abs(r) ** 2 / 2, axis=(0, 1))
@@ -64,19 +50,7 @@ def _joined(found: list[tuple[float, float]], width: float) -> tuple[tuple[float
 
 
 def level_dependence(entries: Sequence[Entry]) -> float:
-    """
-    Reduced χ² of the levels at each position, in each session, against their mean: sessions differ by drift.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        Records.
-
-    Returns
-    -------
-    float
-        About 1 where the response does not change with the level; NaN with one level.
-    """
+    """Reduced χ² of the levels at each position, in each session, against their mean: sessions differ by drift."""
     total, freedom = 0.0, 0
     places: dict[tuple[object, ...], list[Entry]] = {}
     for e in entries:
@@ -95,21 +69,7 @@ def level_dependence(entries: Sequence[Entry]) -> float:
 
 
 def by_position(records: Sequence[Judged], per_unit: float) -> tuple[ErrorFigure, ...]:
-    """
-    Errors over positions.
-
-    Parameters
-    ----------
-    records : sequence of Judged
-        Records against the re-tuned model.
-    per_unit : float
-        SI value of the reported unit.
-
-    Returns
-    -------
-    tuple of ErrorFigure
-        One a position, ascending.
-    """
+    """Errors over positions."""
     places = sorted({float(np.nan_to_num(j.entry.position, nan=-1.0)) for j in records})
     out = []
     for place in places:
@@ -120,23 +80,7 @@ def by_position(records: Sequence[Judged], per_unit: float) -> tuple[ErrorFigure
 
 
 def by_channel(records: Sequence[Judged], channels: Sequence[str], per_unit: float) -> tuple[ErrorFigure, ...]:
-    """
-    Errors over channels.
-
-    Parameters
-    ----------
-    records : sequence of Judged
-        Records against the re-tuned model.
-    channels : sequence of str
-        Channels, in order.
-    per_unit : float
-        SI value of the reported unit.
-
-    Returns
-    -------
-    tuple of ErrorFigure
-        One a channel.
-    """
+    """Errors over channels."""
     out = []
     for name in channels:
         pairs = [

@@ -28,16 +28,7 @@ from cutvib_ss.model.paths import Path, value_at, with_value
 
 @dataclass(frozen=True)
 class AddedMass(Effect):
-    """
-    A rigid mass; on the machine it moves in X and Z, which is the same as an m2 or m1 that is off.
-
-    Parameters
-    ----------
-    place : str
-        ``"tool"`` (with m2) or ``"head"`` (with m1); any port of another structure.
-    mass : float
-        Mass [kg]; negative where the model has too much.
-    """
+    """A rigid mass; on the machine it moves in X and Z, which is the same as an m2 or m1 that is off."""
 
     effect: ClassVar[str] = "added_mass"
     severity = Severity("zero", ("mass",))
@@ -45,7 +36,7 @@ class AddedMass(Effect):
     inspection = "weigh {place} with what is mounted on it: cables, sensors, brackets, tools"
     example: ClassVar[Mapping[str, float]] = {"mass": 0.3}
 
-    mass: float = parameter("kg", -0.3, 8.0, "linear", minimum=None)
+    mass: float = parameter("kg", -0.3, 8.0, "linear", minimum=None)  # Mass [kg]; negative where the model has too much
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -38,11 +38,6 @@ class Effect(ABC):
 
     A subclass is a frozen dataclass with an id (`effect`), fields made by `parameter`, `places` and `apply`. All else has
     defaults, which a subclass overrides where it knows better.
-
-    Parameters
-    ----------
-    place : str
-        Where it sits, one of `places`.
     """
 
     effect: ClassVar[str]
@@ -67,7 +62,7 @@ class Effect(ABC):
     retired: ClassVar[Mapping[str, tuple[float | None, str]]] = {}
     """Keys that older files may carry: the one value that means what the effect is now (None: any), and what that is."""
 
-    place: str
+    place: str  # Where it sits, one of `places`
 
     def __post_init__(self) -> None:
         for f in parameter_fields(type(self)):
@@ -76,75 +71,20 @@ class Effect(ABC):
     @classmethod
     @abstractmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        """
-        Places at which the effect can sit on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of str
-            The places; none where the effect makes no sense.
-        """
+        """Places at which the effect can sit on a model."""
 
     @abstractmethod
     def apply(self, model: Any) -> Any:
-        """
-        The model with the effect.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model without it.
-
-        Returns
-        -------
-        Machine or Structure
-            A new model; the given one is untouched.
-        """
+        """The model with the effect."""
 
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
-        """
-        Ranges of the fitted parameters on a model: those of the fields, or in proportion to what the place carries.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The nominal model.
-        place : str
-            One of `places`.
-        motion : float, optional
-            Peak displacement at the place in the records, where it is known [m or rad].
-
-        Returns
-        -------
-        mapping of str to Range
-            Parameter name to range.
-        """
+        """Ranges of the fitted parameters on a model: those of the fields, or in proportion to what the place carries."""
         return {f.name: f.metadata["range"] for f in parameter_fields(cls)}
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterable[tuple[str, tuple[Effect, ...]]]:
-        """
-        Values from which the effect is fitted.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The nominal model.
-        measured : Measured
-            What is known of the measurement.
-
-        Returns
-        -------
-        iterable of (str, tuple of Effect)
-            For each place, and each discrete choice: what tells it from the others, and the starts. By default the corners and
-            the middle of the parameters' ranges, at every place; of a law only at places that move.
-        """
+        """Values from which the effect is fitted."""
         for place in cls.places(model):
             motion = measured.motions.get(place)
             if cls.linear or (motion is not None and motion.high > 0.0):
@@ -154,19 +94,7 @@ class Effect(ABC):
                 yield place, tuple(cls(place, **v) for v in values)
 
     def moves(self, applied: Any) -> Mapping[str, Carried] | None:
-        """
-        Values of the applied model that move with each fitted parameter.
-
-        Parameters
-        ----------
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        mapping of str to tuple of (path, weight), or None
-            Parameter name to the paths whose values change, and by how much per unit. None, the default, has `moved_by` find them.
-        """
+        """Values of the applied model that move with each fitted parameter."""
         return None
 
     def moved_by(self, under: Any, applied: Any) -> Mapping[str, Carried]:
@@ -183,21 +111,7 @@ class Effect(ABC):
         return found
 
     def carries(self, path: Path, applied: Any) -> Carried:
-        """
-        Values of the applied model that move with a value of the model underneath.
-
-        Parameters
-        ----------
-        path : tuple of str and int
-            The value's path.
-        applied : Machine or Structure
-            The model with the effect.
-
-        Returns
-        -------
-        tuple of (path, weight)
-            By default the value itself, one to one.
-        """
+        """Values of the applied model that move with a value of the model underneath."""
         return ((path, 1.0),)
 
     @classmethod

@@ -17,15 +17,6 @@ class BilinearStiffness(LawElement):
     """
     Stiffness k (1 + a) where θ > 0 and k (1 - a) where θ < 0.
 
-    Parameters
-    ----------
-    place : str
-        ``"joint1"`` or ``"joint2"``; a port of another structure that spans a spring.
-    asymmetry : float
-        a, between -1 and 1.
-
-    Notes
-    -----
     The asymmetry of the joints that the paper's conclusions name. To the linear spring k that the port spans it adds k a abs(θ).
     Its describing function is nothing: it shifts the mean and makes even harmonics, and is the same at every level.
     """
@@ -37,7 +28,7 @@ class BilinearStiffness(LawElement):
     scale_free: ClassVar[bool] = True
     proportional: ClassVar[bool] = True
 
-    asymmetry: float = parameter("1", -0.95, 0.95, "linear", minimum=None)
+    asymmetry: float = parameter("1", -0.95, 0.95, "linear", minimum=None)  # a, between -1 and 1
 
     def __post_init__(self) -> None:
         super().__post_init__()

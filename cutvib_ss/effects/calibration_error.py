@@ -22,20 +22,7 @@ from cutvib_ss.effects.base import (
 
 @dataclass(frozen=True)
 class CalibrationError(Effect):
-    """
-    A complex factor on one channel, or on all (a wrong sensitivity of the hammer): gain · e^(i phase).
-
-    Parameters
-    ----------
-    place : str
-        ``"measurement"``.
-    channel : str
-        Name of the channel, or ``"all"``.
-    gain : float
-        Shown over true value.
-    phase : float
-        Constant phase of the channel's instrument [rad]; positive where it leads.
-    """
+    """A complex factor on one channel, or on all (a wrong sensitivity of the hammer): gain · e^(i phase)."""
 
     effect: ClassVar[str] = "calibration_error"
     measurement = True
@@ -43,8 +30,9 @@ class CalibrationError(Effect):
     sentence = "the sensitivity of {what} is wrong"
     inspection = "calibrate {what} with its whole chain: sensor, cable, amplifier, the sensitivity that was typed in"
 
-    channel: str
-    gain: float = parameter("1", 0.2, 5.0)
+    channel: str  # Name of the channel, or ``"all"``
+    gain: float = parameter("1", 0.2, 5.0)  # Shown over true value
+    # Constant phase of the channel's instrument [rad]; positive where it leads
     phase: float = parameter("rad", -1.0, 1.0, "linear", minimum=None, default=0.0)
 
     @classmethod

@@ -76,8 +76,6 @@ class Catalogue(Mapping[str, type[Effect]]):
     """
     Effects by id; those of other packages are loaded when the catalogue is first asked.
 
-    Notes
-    -----
     Order: this package's own, then entry points by name, then those registered by call.
     """
 
@@ -217,14 +215,7 @@ def is_alias(effect: str, values: Mapping[str, object]) -> bool:
 
 
 def catalogue_table() -> str:
-    """
-    The catalogue as a Markdown table: id, places on the cutting machine and on other structures, parameters, what it is.
-
-    Returns
-    -------
-    str
-        A row an effect, in the order of the catalogue.
-    """
+    """The catalogue as a Markdown table: id, places on the cutting machine and on other structures, parameters, what it is."""
     machine, other = published_machine(), _two_masses()
     rows = ["| effect | places | on another structure | parameters | what it is |", "|---|---|---|---|---|"]
     for name, kind in EFFECTS.items():

@@ -22,18 +22,7 @@ from cutvib_ss.effects.base import (
 
 @dataclass(frozen=True)
 class ChannelDelay(Effect):
-    """
-    A delay of one response channel, or of all.
-
-    Parameters
-    ----------
-    place : str
-        ``"measurement"``.
-    channel : str
-        Name of the channel, or ``"all"``.
-    delay : float
-        How late it is [s]; negative: early.
-    """
+    """A delay of one response channel, or of all."""
 
     effect: ClassVar[str] = "channel_delay"
     measurement = True
@@ -41,8 +30,8 @@ class ChannelDelay(Effect):
     sentence = "{what} is late against the force"
     inspection = "compare the filters, sampling and cables of {what} with those of the force"
 
-    channel: str
-    delay: float = parameter("s", -2e-3, 2e-3, "linear", minimum=None)
+    channel: str  # Name of the channel, or ``"all"``
+    delay: float = parameter("s", -2e-3, 2e-3, "linear", minimum=None)  # How late it is [s]; negative: early
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -12,16 +12,7 @@ from cutvib_ss.model.machine import Machine
 
 @dataclass(frozen=True)
 class CrossAxis(Effect):
-    """
-    A fraction of ``tool_x`` in ``tool_z``.
-
-    Parameters
-    ----------
-    place : str
-        ``"measurement"``.
-    fraction : float
-        How much leaks.
-    """
+    """A fraction of ``tool_x`` in ``tool_z``."""
 
     effect: ClassVar[str] = "cross_axis"
     measurement = True
@@ -30,7 +21,7 @@ class CrossAxis(Effect):
     inspection = "check how the accelerometer on the tool is mounted and aligned, and its transverse sensitivity"
     example: ClassVar[Mapping[str, float]] = {"fraction": 0.1}
 
-    fraction: float = parameter("1", -1.0, 1.0, "linear", minimum=None)
+    fraction: float = parameter("1", -1.0, 1.0, "linear", minimum=None)  # How much leaks
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

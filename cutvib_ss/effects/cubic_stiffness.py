@@ -18,15 +18,6 @@ class CubicStiffness(LawElement):
     """
     Torque k θ + stiffness3 θ³ in place of k θ: hardening, or softening where negative.
 
-    Parameters
-    ----------
-    place : str
-        ``"joint1"`` or ``"joint2"``; any port of another structure.
-    stiffness3 : float
-        Cubic stiffness [N m/rad^3; N/m^3 at a port that is a displacement].
-
-    Notes
-    -----
     Duffing's spring. Its describing function is ¾ stiffness3 A². A softening one lets motion beyond √(k/-stiffness3) run away.
     """
 
@@ -36,6 +27,7 @@ class CubicStiffness(LawElement):
     inspection = "look at {place} for a contact that closes or opens under load, or a preload that is lost"
     proportional: ClassVar[bool] = True
 
+    # Cubic stiffness [N m/rad^3; N/m^3 at a port that is a displacement]
     stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "linear", minimum=None)
 
     @classmethod

@@ -19,17 +19,6 @@ class DryFriction(LawElement):
     """
     Elastic up to the torque, then sliding against it, of one size whatever the rate (Jenkins).
 
-    Parameters
-    ----------
-    place : str
-        ``"joint1"`` or ``"joint2"``; any port of another structure.
-    torque : float
-        Friction [N m; N at a port that is a displacement].
-    sticking_stiffness : float
-        Stiffness beside k while it sticks [N m/rad; N/m]. Infinite by default: Coulomb's law.
-
-    Notes
-    -----
     The describing function of Coulomb's law is the damper 4 torque/(π ω A): weaker as the motion grows. A motion below
     torque/sticking_stiffness does not slide, and sees a joint that is stiffer.
     """
@@ -39,7 +28,8 @@ class DryFriction(LawElement):
     sentence = "{place} has dry friction"
     inspection = "look at {place} for rubbing faces, seals or a lack of grease"
 
-    torque: float = parameter("N m", 1e-3, 20.0)
+    torque: float = parameter("N m", 1e-3, 20.0)  # Friction [N m; N at a port that is a displacement]
+    # Stiffness beside k while it sticks [N m/rad; N/m]. Infinite by default: Coulomb's law
     sticking_stiffness: float = parameter("N m/rad", 1e2, 1e8, default=math.inf)
 
     @classmethod

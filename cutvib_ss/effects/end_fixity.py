@@ -27,15 +27,6 @@ class EndFixity(Effect):
     """
     Rotational springs on the slopes of the rail at its ends.
 
-    Parameters
-    ----------
-    place : str
-        ``"rail_ends"``.
-    k_left, k_right : float
-        Stiffness against rotation at y = 0 and y = L [N m/rad].
-
-    Notes
-    -----
     Pinned sine modes carry an end slope as Σ rπ/L, whose compliance converges like 1/m in the number of modes m.
     """
 
@@ -45,7 +36,9 @@ class EndFixity(Effect):
     inspection = "check whether the ends of the rail are clamped over a length instead of pinned"
     example: ClassVar[Mapping[str, float]] = {"k_left": 2e5, "k_right": 5e5}
 
+    # Stiffness against rotation at y = 0 and y = L [N m/rad]
     k_left: float = parameter("N m/rad", 1e3, 1e7, limits=True)
+    # Stiffness against rotation at y = 0 and y = L [N m/rad]
     k_right: float = parameter("N m/rad", 1e3, 1e7, limits=True)
 
     @classmethod

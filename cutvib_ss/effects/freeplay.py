@@ -18,17 +18,6 @@ class Freeplay(LawElement):
     """
     No torque within ±gap, contact_stiffness (θ ∓ gap) beyond; the joint's damper acts in the gap, too.
 
-    Parameters
-    ----------
-    place : str
-        ``"joint1"`` or ``"joint2"``; a port of another structure that spans a spring.
-    gap : float
-        Half of the clearance [rad; m at a port that is a displacement].
-    contact_stiffness : float, optional
-        Stiffness beyond the gap [N m/rad; N/m]; by default the k of the spring that the port spans.
-
-    Notes
-    -----
     The linear model is the joint without clearance, which this nears as the motion grows where the contact is as stiff.
     """
 
@@ -37,7 +26,8 @@ class Freeplay(LawElement):
     sentence = "{place} has play"
     inspection = "move {place} by hand to feel for clearance; check its bearing and its bolts"
 
-    gap: float = parameter("rad", 1e-7, 1e-3)
+    gap: float = parameter("rad", 1e-7, 1e-3)  # Half of the clearance [rad; m at a port that is a displacement]
+    # Stiffness beyond the gap [N m/rad; N/m]; by default the k of the spring that the port spans
     contact_stiffness: float | None = parameter("N m/rad", 30.0, 3e5, default=None)
 
     @classmethod

@@ -27,28 +27,16 @@ SIDES: tuple[Literal["head", "rail"], ...] = ("head", "rail")
 
 @dataclass(frozen=True)
 class GuideCompliance(Effect):
-    """
-    A spring and damper in series between rail and head.
-
-    Parameters
-    ----------
-    place : str
-        ``"head_base"``.
-    stiffness : float
-        Stiffness [N/m]; infinite stiffness is no effect.
-    damping : float
-        Damping [N s/m].
-    sensor_side : {"head", "rail"}
-        Where the sensor ``base_x`` sits: on the head's base, or on the rail.
-    """
+    """A spring and damper in series between rail and head."""
 
     effect: ClassVar[str] = "guide_compliance"
     severity = Severity("infinity", ("stiffness", "damping"))
     sentence = "the guide between rail and head gives"
     inspection = "check the preload and the bolts of the guide carriages between rail and head"
 
-    stiffness: float = parameter("N/m", 1e6, 1e9, limits=True)
-    damping: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)
+    stiffness: float = parameter("N/m", 1e6, 1e9, limits=True)  # Stiffness [N/m]; infinite stiffness is no effect
+    damping: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)  # Damping [N s/m]
+    # Where the sensor ``base_x`` sits: on the head's base, or on the rail
     sensor_side: Literal["head", "rail"] = "head"
 
     def __post_init__(self) -> None:

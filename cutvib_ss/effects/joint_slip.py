@@ -17,19 +17,6 @@ class JointSlip(LawElement):
     """
     Elastic contacts in parallel to the joint, each sliding beyond a torque of its own (Iwan).
 
-    Parameters
-    ----------
-    place : str
-        ``"joint1"`` or ``"joint2"``; any port of another structure.
-    stiffness : float
-        Stiffness before it slides [N m/rad; N/m at a port that is a displacement].
-    slip_torque : float
-        Torque at which all of it slides in the mean [N m; N].
-    spread : float
-        Slip torques lie evenly between (1 - spread) and (1 + spread) times that, 0 to 1.
-
-    Notes
-    -----
     Iwan, J. Appl. Mech. 33, 1966. With spread 0, the default, it is one Jenkins element, the same as `dry_friction` with that
     sticking stiffness. The model's own stiffness is that of the joint when all slides: what is quiet is stiffer by ``stiffness``.
     """
@@ -39,8 +26,10 @@ class JointSlip(LawElement):
     sentence = "{place} slips a little"
     inspection = "check the bolts of {place} and the faces that they clamp"
 
+    # Stiffness before it slides [N m/rad; N/m at a port that is a displacement]
     stiffness: float = parameter("N m/rad", 30.0, 3e4)
-    slip_torque: float = parameter("N m", 1e-3, 20.0)
+    slip_torque: float = parameter("N m", 1e-3, 20.0)  # Torque at which all of it slides in the mean [N m; N]
+    # Slip torques lie evenly between (1 - spread) and (1 + spread) times that, 0 to 1
     spread: float = parameter("1", 0.0, 1.0, "linear", default=0.0)
 
     def alias(self, stds: Mapping[str, float]) -> LawElement:

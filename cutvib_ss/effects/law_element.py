@@ -43,13 +43,6 @@ class LawElement(Effect):
     """
     A nonlinear restoring force in a joint, or at any port of another structure.
 
-    Parameters
-    ----------
-    place : str
-        ``"joint1"`` or ``"joint2"``; any port of another structure.
-
-    Notes
-    -----
     The linear model stays as it is: poles, plants and frequency responses ignore the force. Its describing function is the linear
     element that it is at an amplitude. The law in `cutvib_ss.model.restoring_forces` has the effect's name.
     """

@@ -29,20 +29,7 @@ from cutvib_ss.model.machine import Machine
 
 @dataclass(frozen=True)
 class LocalResonator(Effect):
-    """
-    A sprung mass in X (Eq. 24 with the signs of an element in parallel).
-
-    Parameters
-    ----------
-    place : str
-        ``"tool"`` or ``"head"``; any port of another structure.
-    mass : float
-        Mass [kg].
-    frequency : float
-        Natural frequency of the mass on its spring [Hz].
-    damping_ratio : float
-        Damping ratio.
-    """
+    """A sprung mass in X (Eq. 24 with the signs of an element in parallel)."""
 
     effect: ClassVar[str] = "local_resonator"
     severity = Severity("zero", ("mass",))
@@ -50,9 +37,9 @@ class LocalResonator(Effect):
     inspection = "look for a panel, hose, cover or cable on {place} that can swing; hold it by hand and measure again"
     example: ClassVar[Mapping[str, float]] = {"mass": 0.1, "frequency": 150.0, "damping_ratio": 0.03}
 
-    mass: float = parameter("kg", 0.002, 5.0)
-    frequency: float = parameter("Hz", 10.0, 600.0)
-    damping_ratio: float = parameter("1", 0.002, 0.2)
+    mass: float = parameter("kg", 0.002, 5.0)  # Mass [kg]
+    frequency: float = parameter("Hz", 10.0, 600.0)  # Natural frequency of the mass on its spring [Hz]
+    damping_ratio: float = parameter("1", 0.002, 0.2)  # Damping ratio
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -25,23 +25,14 @@ FAR = 10.0
 
 @dataclass(frozen=True)
 class ModalTruncation(Effect):
-    """
-    The rail has more modes than the model; nothing to fit but their number.
-
-    Parameters
-    ----------
-    place : str
-        ``"rail"``.
-    n_modes : int
-        Number of modes that the response needs.
-    """
+    """The rail has more modes than the model; nothing to fit but their number."""
 
     effect: ClassVar[str] = "modal_truncation"
     severity = Severity("whole", ("n_modes",))
     sentence = "the model has too few rail modes"
     inspection = "nothing on the machine: raise n_modes of the model"
 
-    n_modes: int
+    n_modes: int  # Number of modes that the response needs
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -33,42 +33,19 @@ as another coefficient of damping.
 
 @dataclass(frozen=True)
 class ParameterShift(Effect):
-    """
-    One parameter times a factor.
-
-    Parameters
-    ----------
-    place : str
-        Where the parameter belongs: ``"joint1"``, ``"joint2"``, ``"head"``, ``"tool"``, ``"rail"`` or ``"structure"``.
-    parameter : str
-        Name of the parameter, as in machine.toml.
-    factor : float
-        Actual over nominal value.
-    """
+    """One parameter times a factor."""
 
     effect: ClassVar[str] = "parameter_shift"
     severity = Severity("one", ("factor",), {"factor": 1.05})
     sentence = "{what} is off by more than its tolerance, at {place}"
     inspection = "measure {what} by itself; look for wear, a loose bolt or a changed part at {place}"
 
-    parameter: str
-    factor: float = fitted("1", 0.05, 20.0)
+    parameter: str  # Name of the parameter, as in machine.toml
+    factor: float = fitted("1", 0.05, 20.0)  # Actual over nominal value
 
     @classmethod
     def choices(cls, model: Model) -> tuple[tuple[str, str], ...]:
-        """
-        Every (place, parameter) that can be off on a model.
-
-        Parameters
-        ----------
-        model : Machine or Structure
-            The model.
-
-        Returns
-        -------
-        tuple of (str, str)
-            Places and parameters.
-        """
+        """Every (place, parameter) that can be off on a model."""
         if isinstance(model, Machine):
             return tuple((place, name) for place, names in MACHINE_PARAMETERS.items() for name in names)
         return tuple(("structure", name) for name in STRUCTURE_PARAMETERS if getattr(model.system, name).any())

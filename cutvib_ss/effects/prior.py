@@ -10,29 +10,15 @@ from typing import Any, Literal
 
 @dataclass(frozen=True)
 class Range:
-    """
-    Unit and prior of an effect's parameter.
+    """Unit and prior of an effect's parameter."""
 
-    Parameters
-    ----------
-    unit : str
-        SI unit.
-    low, high : float
-        Range that an engineer would believe; the prior of the diagnosis, not a limit of `Effect.apply`.
-    scale : {"log", "linear", "normal"}
-        Whether the prior is even in the logarithm or in the value, or normal: mean ``low``, standard deviation ``high``.
-    minimum : float, optional
-        Smallest value that makes sense at all.
-    limits : bool
-        Whether the ends stand for limits, as free and clamped do, beyond which nothing changes.
-    """
-
-    unit: str
-    low: float
+    unit: str  # SI unit
+    low: float  # Range that an engineer would believe: the prior of the diagnosis, not a limit of `Effect.apply`
     high: float
+    # Whether the prior is even in the logarithm or in the value, or normal: mean ``low``, standard deviation ``high``
     scale: Literal["log", "linear", "normal"] = "log"
-    minimum: float | None = 0.0
-    limits: bool = False
+    minimum: float | None = 0.0  # Smallest value that makes sense at all
+    limits: bool = False  # Whether the ends stand for limits, as free and clamped do, beyond which nothing changes
 
     def at(self, part: float) -> float:
         """The value at a part of the range, 0 to 1, in the coordinate in which the prior is even."""
@@ -43,43 +29,23 @@ class Range:
 
 @dataclass(frozen=True)
 class Severity:
-    """
-    How an effect grows from nothing.
+    """How an effect grows from nothing."""
 
-    Parameters
-    ----------
-    end : {"zero", "one", "infinity", "whole"}
-        Value of the parameters at which it is nothing; ``"whole"`` for an effect that is there or not.
-    carried_by : tuple of str
-        Parameters that move with the severity; the first one states it.
-    reference : mapping of str to float
-        Values at severity one, for starts of a fit that are no effect at all.
-    """
-
+    # Value of the parameters at which it is nothing; ``"whole"`` for an effect that is there or not
     end: Literal["zero", "one", "infinity", "whole"]
-    carried_by: tuple[str, ...]
+    carried_by: tuple[str, ...]  # Parameters that move with the severity; the first one states it
+    # Values at severity one, for starts of a fit that are no effect at all
     reference: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """
-    Motion of a place in the records.
+    """Motion of a place in the records."""
 
-    Parameters
-    ----------
-    low, high : float
-        Peak in the quietest and in the loudest record [m or rad].
-    rate : float
-        Peak rate at a level between [m/s or rad/s].
-    force : float
-        Peak force that would hold the place still, zero where it is not known [N or N m].
-    """
-
-    low: float
+    low: float  # Peak in the quietest and in the loudest record [m or rad]
     high: float
-    rate: float
-    force: float = 0.0
+    rate: float  # Peak rate at a level between [m/s or rad/s]
+    force: float = 0.0  # Peak force that would hold the place still, zero where it is not known [N or N m]
 
     @property
     def middle(self) -> float:
@@ -89,46 +55,17 @@ class Motion:
 
 @dataclass(frozen=True)
 class Measured:
-    """
-    What is known of a measurement before any cause is fitted.
+    """What is known of a measurement before any cause is fitted."""
 
-    Parameters
-    ----------
-    band : (float, float)
-        Ends of the band [Hz].
-    channels : tuple of str
-        Measured channels.
-    motions : mapping of str to Motion
-        Motion of each port, where it is known.
-    """
-
-    band: tuple[float, float] = (1.0, 1000.0)
-    channels: tuple[str, ...] = ()
-    motions: Mapping[str, Motion] = field(default_factory=dict)
+    band: tuple[float, float] = (1.0, 1000.0)  # Ends of the band [Hz]
+    channels: tuple[str, ...] = ()  # Measured channels
+    motions: Mapping[str, Motion] = field(default_factory=dict)  # Motion of each port, where it is known
 
 
 def parameter(
     unit: str, low: float, high: float, scale: Literal["log", "linear", "normal"] = "log", **more: Any
 ) -> Any:
-    """
-    A dataclass field that is a fitted parameter of an effect.
-
-    Parameters
-    ----------
-    unit : str
-        SI unit.
-    low, high : float
-        Range that an engineer would believe.
-    scale : {"log", "linear", "normal"}
-        As in `Range`.
-    **more : object
-        ``minimum`` of `Range`, or ``default`` of the field.
-
-    Returns
-    -------
-    dataclasses.Field
-        The field.
-    """
+    """A dataclass field that is a fitted parameter of an effect."""
     default = more.pop("default", MISSING)
     meta = {"range": Range(unit, low, high, scale, **more)}
     return field(metadata=meta) if default is MISSING else field(default=default, metadata=meta)

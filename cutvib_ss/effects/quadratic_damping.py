@@ -18,15 +18,6 @@ class QuadraticDamping(LawElement):
     """
     Torque coefficient · rate · abs(rate).
 
-    Parameters
-    ----------
-    place : str
-        ``"joint1"`` or ``"joint2"``; any port of another structure.
-    coefficient : float
-        Coefficient [N m s^2/rad^2; N s^2/m^2 at a port that is a displacement].
-
-    Notes
-    -----
     Drag of a fluid that is pressed out. Its describing function is the damper 8/(3π) coefficient ω A.
     """
 
@@ -36,6 +27,7 @@ class QuadraticDamping(LawElement):
     inspection = "look at {place} for oil, grease or air that is pressed through a gap"
     proportional: ClassVar[bool] = True
 
+    # Coefficient [N m s^2/rad^2; N s^2/m^2 at a port that is a displacement]
     coefficient: float = parameter("N m s^2/rad^2", 0.01, 100.0)
 
     @classmethod

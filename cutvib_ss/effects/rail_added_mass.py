@@ -24,20 +24,7 @@ from cutvib_ss.model.rail import RailAttachment
 
 @dataclass(frozen=True)
 class RailAddedMass(Effect):
-    """
-    A mass at a point of the rail, with a damper to ground.
-
-    Parameters
-    ----------
-    place : str
-        ``"rail"``.
-    position : float
-        y / L of the mass.
-    mass : float
-        Mass [kg].
-    damping : float
-        Damping to ground [N s/m].
-    """
+    """A mass at a point of the rail, with a damper to ground."""
 
     effect: ClassVar[str] = "rail_added_mass"
     severity = Severity("zero", ("mass", "damping"))
@@ -45,9 +32,9 @@ class RailAddedMass(Effect):
     inspection = "look for a cable carrier, motor or bracket on the rail that the model lacks, and weigh it"
     example: ClassVar[Mapping[str, float]] = {"position": 0.31, "mass": 4.0, "damping": 30.0}
 
-    position: float = parameter("1", 0.02, 0.98, "linear")
-    mass: float = parameter("kg", 0.1, 60.0)
-    damping: float = parameter("N s/m", 0.0, 500.0, "linear", default=0.0)
+    position: float = parameter("1", 0.02, 0.98, "linear")  # y / L of the mass
+    mass: float = parameter("kg", 0.1, 60.0)  # Mass [kg]
+    damping: float = parameter("N s/m", 0.0, 500.0, "linear", default=0.0)  # Damping to ground [N s/m]
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -26,15 +26,6 @@ class RailShear(Effect):
     """
     Shear deformation and rotary inertia of the rail.
 
-    Parameters
-    ----------
-    place : str
-        ``"rail"``.
-    shear_ratio : float
-        κGA L²/(π² EI): stiffness of the first mode against shear over that against bending; infinite is no effect.
-
-    Notes
-    -----
     Timoshenko's beam (Phil. Mag. 41, 1921), derived in `cutvib_ss.model.pinned_modes`; every term is kept. The radius of
     gyration is no parameter of its own: κG/E = 0.33 ties it to the shear ratio, ρ² = 0.33 L²/(π² shear_ratio). The rail's
     ``first_frequency`` stays that of EI alone, so all frequencies fall, that of mode r by about 0.67 r²/shear_ratio; that r² is
@@ -48,6 +39,7 @@ class RailShear(Effect):
     inspection = "check the rail's cross-section: how thin its webs are, and its joints"
     example: ClassVar[Mapping[str, float]] = {"shear_ratio": 20.0}
 
+    # κGA L²/(π² EI): stiffness of the first mode against shear over that against bending; infinite is no effect
     shear_ratio: float = parameter("1", 4.0, 1000.0)
 
     def __post_init__(self) -> None:

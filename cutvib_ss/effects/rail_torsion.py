@@ -26,21 +26,6 @@ class RailTorsion(Effect):
     """
     Twist of the rail under the head's eccentric load (the paper's own outlook, end of Section 3.3).
 
-    Parameters
-    ----------
-    place : str
-        ``"rail"``.
-    eccentricity : float
-        Distance in Z from the rail's shear centre to the head's first joint [m].
-    inertia : float
-        Polar moment of inertia of the whole rail [kg m²].
-    torsion_frequency : float
-        First natural frequency of torsion, without the head [Hz].
-    damping_ratio : float
-        Damping ratio of the first torsion mode; of the others in proportion to their frequencies.
-
-    Notes
-    -----
     The head's first joint moves with w + e ψ, and both links turn with ψ (`cutvib_ss.model.head`). The
     accelerometer ``base_x`` lies on the shear centre and shows w alone.
     """
@@ -60,9 +45,11 @@ class RailTorsion(Effect):
         "elements": (None, "the rail twists as a continuous shaft")
     }
 
+    # Distance in Z from the rail's shear centre to the head's first joint [m]
     eccentricity: float = parameter("m", -0.2, 0.2, "linear", minimum=None)
-    inertia: float = parameter("kg m^2", 0.02, 10.0)
-    torsion_frequency: float = parameter("Hz", 30.0, 800.0)
+    inertia: float = parameter("kg m^2", 0.02, 10.0)  # Polar moment of inertia of the whole rail [kg m²]
+    torsion_frequency: float = parameter("Hz", 30.0, 800.0)  # First natural frequency of torsion, without the head [Hz]
+    # Damping ratio of the first torsion mode; of the others in proportion to their frequencies
     damping_ratio: float = parameter("1", 0.001, 0.1)
 
     @classmethod

@@ -21,22 +21,12 @@ TYPICAL_FORCE = 50.0
 
 @dataclass(frozen=True)
 class PortScale:
-    """
-    What a port carries.
+    """What a port carries."""
 
-    Parameters
-    ----------
-    mass : float
-        Mass that a force at the port moves at once, 1/(p M⁻¹ pᵀ) [kg, or kg m^2 at a joint].
-    stiffness : float
-        Stiffness against a slow force there, or where the structure is free that of its stiffest mode [N/m, or N m/rad].
-    motion : float
-        Displacement under a typical force [m or rad].
-    """
-
-    mass: float
+    mass: float  # Mass that a force at the port moves at once, 1/(p M⁻¹ pᵀ) [kg, or kg m^2 at a joint]
+    # Stiffness against a slow force there, or where the structure is free that of its stiffest mode [N/m, or N m/rad]
     stiffness: float
-    motion: float
+    motion: float  # Displacement under a typical force [m or rad]
 
     @property
     def holding(self) -> float:
@@ -50,23 +40,7 @@ class PortScale:
 
 
 def port_scale(model: Model, place: str, motion: float | None = None) -> PortScale:
-    """
-    What the port at a place carries.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model; what effects have put into it counts, too.
-    place : str
-        Place of an effect that sits at a port.
-    motion : float, optional
-        Peak displacement of the port in records, where it is known.
-
-    Returns
-    -------
-    PortScale
-        On the cutting machine with the head at mid-span.
-    """
+    """What the port at a place carries."""
     if isinstance(model, Machine):
         system, force = model.second_order(0.5, viscous_at=100.0), TYPICAL_FORCE
         port = PLACE_PORTS.get(place, place)
@@ -93,22 +67,6 @@ def spring_at(model: Model, place: str) -> tuple[float, Carried] | None:
     """
     The linear spring that a port spans.
 
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model.
-    place : str
-        A joint of the machine, or a port of another structure.
-
-    Returns
-    -------
-    stiffness : float
-        The spring [N m/rad or N/m].
-    carried : tuple of (path, weight)
-        Values of the model with which it moves.
-
-    Notes
-    -----
     None where there is none. A port between two degrees of freedom, e_i - e_j, spans -K_ij, a port that is one degree of
     freedom its spring to ground, the sum of that row of K.
     """

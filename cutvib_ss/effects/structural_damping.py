@@ -35,21 +35,6 @@ class StructuralDamping(Effect):
     """
     A spring with a loss factor in place of spring and viscous damper in one joint.
 
-    Parameters
-    ----------
-    place : str
-        ``"joint1"`` or ``"joint2"``.
-    loss_factor : float
-        η.
-    form : {"constant", "causal"}
-        ``"constant"``: k (1 + iη), which no causal material has. ``"causal"``: k √(1 + η²) (iω/ω_0)^α with tan(πα/2) = η,
-        the same loss at all frequencies with the storage stiffness that causality then asks for
-        (`cutvib_ss.model.elements.CausalHysteresis`).
-    reference_frequency : float
-        Frequency at which the storage stiffness of the causal form is k [Hz]; the search takes the middle of the band.
-
-    Notes
-    -----
     Exact in the frequency response; a plant takes the spring and damper that are the same at one frequency.
     """
 
@@ -58,8 +43,12 @@ class StructuralDamping(Effect):
     sentence = "{place} has hysteretic damping, not viscous"
     inspection = "look at the material and the contact at {place}: rubber, plastic, glued or bolted faces"
 
-    loss_factor: float = parameter("1", 0.001, 0.5)
+    loss_factor: float = parameter("1", 0.001, 0.5)  # η
+    # ``"constant"``: k (1 + iη), which no causal material has. ``"causal"``: k √(1 + η²) (iω/ω_0)^α with tan(πα/2) =
+    # η, the same loss at all frequencies with the storage stiffness that causality then asks for
+    # (`cutvib_ss.model.elements.CausalHysteresis`)
     form: str = "constant"
+    # Frequency at which the storage stiffness of the causal form is k [Hz]; the search takes the middle of the band
     reference_frequency: float = field(default=232.5, metadata={"unit": "Hz"})
 
     def __post_init__(self) -> None:

@@ -27,17 +27,6 @@ class SupportCompliance(Effect):
     """
     End springs in place of rigid pins, left (y = 0) and right apart.
 
-    Parameters
-    ----------
-    place : str
-        ``"rail_ends"``.
-    k_left, k_right : float
-        Stiffness under the ends [N/m]; infinite stiffness is no effect.
-    c_left, c_right : float
-        Damping under the ends [N s/m].
-
-    Notes
-    -----
     The pin is released and the rail's two rigid motions are added to its sine modes (`cutvib_ss.model.rail`). The rail's own
     damping goes with the rate of strain (Eq. 4): rigid motion is resisted by ``c_left`` and ``c_right`` alone.
     """
@@ -52,9 +41,11 @@ class SupportCompliance(Effect):
         "rigid_damping": (0.0, "the rail's own damping does not resist rigid motion; fit c_left and c_right again")
     }
 
+    # Stiffness under the ends [N/m]; infinite stiffness is no effect
     k_left: float = parameter("N/m", 1e6, 1e9, limits=True)
+    # Stiffness under the ends [N/m]; infinite stiffness is no effect
     k_right: float = parameter("N/m", 1e6, 1e9, limits=True)
-    c_left: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)
+    c_left: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)  # Damping under the ends [N s/m]
     c_right: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)
 
     @classmethod

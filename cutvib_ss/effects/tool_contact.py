@@ -28,18 +28,7 @@ from cutvib_ss.model.machine import Machine
 
 @dataclass(frozen=True)
 class ToolContact(Effect):
-    """
-    A spring and damper from the tool to ground in X.
-
-    Parameters
-    ----------
-    place : str
-        ``"tool"``; any port of another structure.
-    stiffness : float
-        Stiffness [N/m].
-    damping : float
-        Damping [N s/m].
-    """
+    """A spring and damper from the tool to ground in X."""
 
     effect: ClassVar[str] = "tool_contact"
     severity = Severity("zero", ("stiffness", "damping"))
@@ -47,8 +36,8 @@ class ToolContact(Effect):
     inspection = "look for what touches {place}: belt, cloth, cable, stop; take it away and measure again"
     example: ClassVar[Mapping[str, float]] = {"stiffness": 2e4, "damping": 10.0}
 
-    stiffness: float = parameter("N/m", 0.0, 1e6, "linear")
-    damping: float = parameter("N s/m", 0.0, 300.0, "linear", default=0.0)
+    stiffness: float = parameter("N/m", 0.0, 1e6, "linear")  # Stiffness [N/m]
+    damping: float = parameter("N s/m", 0.0, 300.0, "linear", default=0.0)  # Damping [N s/m]
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -11,16 +11,7 @@ from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, a
 
 @dataclass(frozen=True)
 class WindowDamping(Effect):
-    """
-    The frequency response at s = σ + jω in place of jω.
-
-    Parameters
-    ----------
-    place : str
-        ``"measurement"``.
-    decay_rate : float
-        σ of the window on force and response [1/s].
-    """
+    """The frequency response at s = σ + jω in place of jω."""
 
     effect: ClassVar[str] = "window_damping"
     measurement = True
@@ -29,7 +20,7 @@ class WindowDamping(Effect):
     inspection = "look in the analyser's settings for an exponential window on force and response"
     example: ClassVar[Mapping[str, float]] = {"decay_rate": 5.0}
 
-    decay_rate: float = parameter("1/s", 0.0, 100.0, "linear")
+    decay_rate: float = parameter("1/s", 0.0, 100.0, "linear")  # σ of the window on force and response [1/s]
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

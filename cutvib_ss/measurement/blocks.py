@@ -10,29 +10,7 @@ from cutvib_ss.results import FloatArray
 
 
 def welch_blocks(record: Record, block: float | None = None, overlap: float = 0.5) -> tuple[int, int]:
-    """
-    Blocks into which a continuous recording is cut.
-
-    Parameters
-    ----------
-    record : Record
-        Continuous recordings.
-    block : float, optional
-        Length of a block [s]; default the record's ``block``, else a sixteenth of the recording, rounded down to a power of
-        two of samples.
-    overlap : float
-        Overlap of the blocks, as a fraction.
-
-    Returns
-    -------
-    size, shared : int
-        Samples of a block, and of its overlap with the next.
-
-    Raises
-    ------
-    ParameterError
-        If a block does not fit the recording.
-    """
+    """Blocks into which a continuous recording is cut."""
     fs = record.histories[0].fs
     shortest = min(history.force.size for history in record.histories)
     seconds = record.block if block is None else block
@@ -48,23 +26,7 @@ def welch_blocks(record: Record, block: float | None = None, overlap: float = 0.
 
 
 def effective_averages(window: FloatArray, step: int, count: int) -> float:
-    """
-    Independent averages that overlapped blocks are worth.
-
-    Parameters
-    ----------
-    window : ndarray, shape (sample,)
-        The blocks' window.
-    step : int
-        Samples from one block to the next.
-    count : int
-        Number of blocks.
-
-    Returns
-    -------
-    float
-        The number (Welch 1967, for white noise).
-    """
+    """Independent averages that overlapped blocks are worth."""
     energy = float(np.sum(window**2))
     shared = 0.0
     for k in range(1, min(count, -(-window.size // step))):

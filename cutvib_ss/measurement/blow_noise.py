@@ -27,84 +27,37 @@ _STEADY = (
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """
-    Noise of the sensors of an impact record, and what it does to H1.
+    """Noise of the sensors of an impact record, and what it does to H1."""
 
-    Parameters
-    ----------
-    freq : ndarray, shape (frequency,)
-        Lines of the record's transform [Hz].
-    force : ndarray, shape (frequency,)
-        One-sided power spectral density of the force channel's noise [N^2/Hz]; NaN where no part is quiet.
-    responses : ndarray, shape (channel, frequency)
-        The same of each response channel [unit^2/Hz].
-    variance : ndarray, shape (channel, frequency)
-        Variance E|ΔH|² that it leaves on H1 of all blows; NaN where unknown, infinite at lines without force.
-    samples : ndarray of int, shape (1 + channel,)
-        Quiet samples behind the force and each channel, over all blows.
-    """
-
-    freq: FloatArray
+    freq: FloatArray  # Lines of the record's transform [Hz]
+    # One-sided power spectral density of the force channel's noise [N^2/Hz]; NaN where no part is quiet
     force: FloatArray
-    responses: FloatArray
+    responses: FloatArray  # The same of each response channel [unit^2/Hz]
+    # Variance E|ΔH|² that it leaves on H1 of all blows; NaN where unknown, infinite at lines without force
     variance: FloatArray
-    samples: np.ndarray
+    samples: np.ndarray  # Quiet samples behind the force and each channel, over all blows
 
 
 @dataclass(frozen=True)
 class BlowScatter:
-    """
-    Scatter of single blows about their H1, told apart by what orders with the force.
+    """Scatter of single blows about their H1, told apart by what orders with the force."""
 
-    Parameters
-    ----------
-    freq : ndarray, shape (frequency,)
-        Lines [Hz].
-    ordered : ndarray, shape (channel, frequency)
-        Mean square over the blows of the part of H that goes with the peak force, its own noise taken off (may be negative where
-        there is none); NaN with fewer than three blows.
-    rest : ndarray, shape (channel, frequency)
-        Variance of the H of a single blow about that, smoothed over frequency.
-    noise : ndarray, shape (channel, frequency)
-        Variance that the sensors' noise alone leaves on the H of a single blow; NaN where unknown.
-    ratio : ndarray, shape (channel,)
-        Mean of rest over noise: one where the sensors explain it, above where the hits differ.
-    significance : ndarray, shape (channel,)
-        Probability of an ordered part as large as this where nothing orders with the force; NaN where it cannot be told.
-    force_spread : float
-        Standard deviation of the peak forces over their mean.
-    """
-
-    freq: FloatArray
+    freq: FloatArray  # Lines [Hz]
+    # Mean square over the blows of the part of H that goes with the peak force, its own noise taken off (may be
+    # negative where there is none); NaN with fewer than three blows
     ordered: FloatArray
-    rest: FloatArray
-    noise: FloatArray
-    ratio: FloatArray
+    rest: FloatArray  # Variance of the H of a single blow about that, smoothed over frequency
+    noise: FloatArray  # Variance that the sensors' noise alone leaves on the H of a single blow; NaN where unknown
+    ratio: FloatArray  # Mean of rest over noise: one where the sensors explain it, above where the hits differ
+    # Probability of an ordered part as large as this where nothing orders with the force; NaN where it cannot be told
     significance: FloatArray
-    force_spread: float
+    force_spread: float  # Standard deviation of the peak forces over their mean
 
 
 def pretrigger_noise(record: Record) -> SensorNoise:
     """
     Noise of each channel from the samples before the blows and from tails that have died out.
 
-    Parameters
-    ----------
-    record : Record
-        Impact record.
-
-    Returns
-    -------
-    SensorNoise
-        Densities of the channels, and the variance of H1 that follows.
-
-    Raises
-    ------
-    ParameterError
-        If the record is of another kind.
-
-    Notes
-    -----
     With N_a on the response and N_f on the force, H1 = Σ A F* / Σ |F|² is off by Σ (N_a - H N_f) F* / Σ |F|², so that
     E|ΔH|² = (E|N_a|² + |H|² E|N_f|²) / Σ |F|². The powers come from the quiet parts of all blows (Welch 1967, Hann segments, each
     part's own mean taken off), on their coarse lines, and are interpolated. A force is quiet but for its blow. A response is quiet
@@ -142,27 +95,6 @@ def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_
     """
     What of the scatter from blow to blow orders with the peak force, and what is left.
 
-    Parameters
-    ----------
-    record : Record
-        Impact record of three blows or more; with fewer there is nothing to tell apart.
-    band : (float, float), optional
-        Lines to use [Hz]; default all at which the force has a thousandth of its largest power.
-    noise_bins : int
-        Half width of the smoothing of the powers [bins].
-
-    Returns
-    -------
-    BlowScatter
-        On the lines of the band.
-
-    Raises
-    ------
-    ParameterError
-        If the record is of another kind, or the band holds no line.
-
-    Notes
-    -----
     At each line A_i = (H + G x_i) F_i + E_i by least squares, x_i the peak force about its mean (weighted by |F_i|²) and of unit
     mean square: |G|² is the ordered power, with one complex degree of freedom, and what is left has n - 2.
 

@@ -25,29 +25,6 @@ def check_record(record: Record, machine: MachineLike, where: str) -> tuple[Reco
     """
     A record without what cannot be used, and a word on everything that was noticed.
 
-    Parameters
-    ----------
-    record : Record
-        Record as read.
-    machine : MachineLike
-        Nominal model: tells the driving point.
-    where : str
-        File, for the messages.
-
-    Returns
-    -------
-    record : Record
-        Without overloaded blows and dead channels, as long as others remain.
-    warnings : tuple of str
-        One line each.
-
-    Raises
-    ------
-    DataFormatError
-        If the force is zero in every blow, or no live response channel is left.
-
-    Notes
-    -----
     A double hit is kept: the force's spectrum is as it was measured, and H1 holds for any force. An overloaded blow is
     dropped where another is left, since its histories are not what happened.
     """
@@ -81,20 +58,6 @@ def second_hit(force: FloatArray, fraction: float = DOUBLE_HIT) -> tuple[int, fl
     """
     The largest second hit within a blow.
 
-    Parameters
-    ----------
-    force : ndarray, shape (sample,)
-        Force of one blow, of either sign.
-    fraction : float
-        Peaks below this fraction of the first do not count.
-
-    Returns
-    -------
-    (int, float) or None
-        Samples after the largest hit, and height as a fraction of it; None where there is but one.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> hit = np.hanning(20)
     >>> second_hit(np.concatenate([np.zeros(50), hit, np.zeros(30), 0.5 * hit, np.zeros(50)]))
@@ -120,18 +83,6 @@ def overloaded(values: FloatArray) -> bool:
     """
     Whether a signal is clipped: several consecutive samples at its extreme value.
 
-    Parameters
-    ----------
-    values : ndarray, shape (sample,)
-        Signal.
-
-    Returns
-    -------
-    bool
-        True if clipped.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> sine = np.sin(np.linspace(0, 20, 2000))
     >>> overloaded(sine), overloaded(np.clip(sine, -0.9, 0.9))

@@ -30,58 +30,14 @@ _PER = re.compile(r"^(?P<numerator>.+?)/(?P<denominator>N|newtons?|g|m/s\^?2|m/s
 
 
 def histories_of(contents: Contents, layout: Layout, where: str) -> tuple[History, ...]:
-    """
-    Time records of a file in SI units.
-
-    Parameters
-    ----------
-    contents : Contents
-        What the reader found.
-    layout : Layout
-        Quantity of every channel.
-    where : str
-        File, for the message.
-
-    Returns
-    -------
-    tuple of History
-        One per blow or recording; channels in the order of the layout.
-
-    Raises
-    ------
-    DataFormatError
-        If channels are missing, unknown, duplicate or of different lengths, a unit does not fit, or values are not
-        finite or absurd.
-    """
+    """Time records of a file in SI units."""
     if not contents.histories:
         raise DataFormatError(f"{where}: holds no time record; record at least one blow")
     return tuple(_history(history, layout, where, left_out(contents.warnings)) for history in contents.histories)
 
 
 def frf_of(contents: Contents, layout: Layout, where: str) -> RawFrf:
-    """
-    Frequency responses of a file in SI units.
-
-    Parameters
-    ----------
-    contents : Contents
-        What the reader found.
-    layout : Layout
-        Quantity of every channel.
-    where : str
-        File, for the message.
-
-    Returns
-    -------
-    RawFrf
-        The same in SI units, coherence within [0, 1]; channels in the order of the layout.
-
-    Raises
-    ------
-    DataFormatError
-        If channels are missing, unknown or duplicate, a unit does not fit, frequencies do not ascend, or values are
-        not finite.
-    """
+    """Frequency responses of a file in SI units."""
     frf = contents.frf
     if frf is None or not frf.responses:
         raise DataFormatError(f"{where}: holds no frequency response of a channel; export at least one")
@@ -130,21 +86,7 @@ def _ascending(frf: RawFrf) -> RawFrf:
 
 
 def to_contents(histories: Sequence[History], layout: Layout) -> Contents:
-    """
-    Histories as a writer takes them, in SI units.
-
-    Parameters
-    ----------
-    histories : sequence of History
-        Blows or recordings.
-    layout : Layout
-        Quantity of every channel.
-
-    Returns
-    -------
-    Contents
-        One raw history each, the force first.
-    """
+    """Histories as a writer takes them, in SI units."""
     raw = []
     names = [history.name for history in histories]
     for k, history in enumerate(histories):

@@ -122,40 +122,12 @@ def estimate(
 
 
 def h1(force: ComplexArray, response: ComplexArray) -> ComplexArray:
-    """
-    H1 = Σ A F* / Σ |F|²: least squares with the noise on the response.
-
-    Parameters
-    ----------
-    force : ndarray of complex, shape (average, frequency)
-        Spectra F of the force.
-    response : ndarray of complex, shape (average, frequency)
-        Spectra A of a response.
-
-    Returns
-    -------
-    ndarray of complex, shape (frequency,)
-        Estimate; zero at lines without force.
-    """
+    """H1 = Σ A F* / Σ |F|²: least squares with the noise on the response."""
     return _quotient(np.sum(response * force.conj(), axis=0), np.sum(np.abs(force) ** 2, axis=0))
 
 
 def h2(force: ComplexArray, response: ComplexArray) -> ComplexArray:
-    """
-    H2 = Σ |A|² / Σ F A*: least squares with the noise on the force.
-
-    Parameters
-    ----------
-    force : ndarray of complex, shape (average, frequency)
-        Spectra F of the force.
-    response : ndarray of complex, shape (average, frequency)
-        Spectra A of a response.
-
-    Returns
-    -------
-    ndarray of complex, shape (frequency,)
-        Estimate; zero at lines without response.
-    """
+    """H2 = Σ |A|² / Σ F A*: least squares with the noise on the force."""
     return _quotient(np.sum(np.abs(response) ** 2, axis=0), np.sum(force * response.conj(), axis=0))
 
 
@@ -163,20 +135,6 @@ def hv(force: ComplexArray, response: ComplexArray) -> ComplexArray:
     """
     Hv: the phase of H1 and the geometric mean of |H1| and |H2|.
 
-    Parameters
-    ----------
-    force : ndarray of complex, shape (average, frequency)
-        Spectra F of the force.
-    response : ndarray of complex, shape (average, frequency)
-        Spectra A of a response.
-
-    Returns
-    -------
-    ndarray of complex, shape (frequency,)
-        Estimate.
-
-    Notes
-    -----
     Total least squares with noise on both sides in proportion to their powers: |Hv|² = Σ|A|² / Σ|F|².
     """
     cross = np.sum(response * force.conj(), axis=0)
@@ -185,21 +143,7 @@ def hv(force: ComplexArray, response: ComplexArray) -> ComplexArray:
 
 
 def coherence(force: ComplexArray, response: ComplexArray) -> FloatArray:
-    """
-    Ordinary coherence γ² = |Σ A F*|² / (Σ |F|² Σ |A|²).
-
-    Parameters
-    ----------
-    force : ndarray of complex, shape (average, frequency)
-        Spectra F of the force.
-    response : ndarray of complex, shape (average, frequency)
-        Spectra A of a response.
-
-    Returns
-    -------
-    ndarray, shape (frequency,)
-        0 to 1; NaN with fewer than two averages.
-    """
+    """Ordinary coherence γ² = |Σ A F*|² / (Σ |F|² Σ |A|²)."""
     if len(force) < 2:
         return np.full(force.shape[-1], np.nan)
     cross = np.abs(np.sum(response * force.conj(), axis=0)) ** 2
@@ -211,18 +155,6 @@ def blow_start(force: FloatArray) -> int:
     """
     Sample before which the structure is at rest: a little before the force first leaves its noise.
 
-    Parameters
-    ----------
-    force : ndarray, shape (sample,)
-        Force of one blow.
-
-    Returns
-    -------
-    int
-        Number of samples at rest; 0 where the blow opens the record.
-
-    Notes
-    -----
     The blow has begun where the force passes 5 % of its peak, and six times its noise (1.48 times the median deviation:
     a force is noise but for the blow). A sixteenth of the samples before that, eight at least,
     are given away: a digitiser's filter rings before an edge.
@@ -267,23 +199,7 @@ def _from_blows(
 
 
 def without_offset(history: History, samples: int) -> tuple[FloatArray, FloatArray]:
-    """
-    Force and responses of a blow, less what they read before it.
-
-    Parameters
-    ----------
-    history : History
-        One blow.
-    samples : int
-        Samples to keep.
-
-    Returns
-    -------
-    force : ndarray, shape (sample,)
-        Force.
-    responses : ndarray, shape (channel, sample)
-        Responses.
-    """
+    """Force and responses of a blow, less what they read before it."""
     rest = min(blow_start(history.force), samples)
     force, responses = history.force[:samples], history.responses[:, :samples]
     if rest == 0:

@@ -19,33 +19,7 @@ _CUTTING_MACHINE_NODES = {"tool": 1, "base": 2}
 def layout_of(
     machine: MachineLike, dofs: Mapping[str, int] | None = None, where: str = "dofs", struck: str | None = None
 ) -> Layout:
-    """
-    Quantities of a model's channels, and the node and direction where each is in formats that number nodes.
-
-    Parameters
-    ----------
-    machine : MachineLike
-        Nominal model.
-    dofs : mapping of str to int, optional
-        Node number of each place: of a port (``"drive"``), of a channel, or of either without its axis (``"tool"`` for
-        ``tool_x`` and ``tool_z``). Default: ``tool`` 1, ``base`` 2; ports of other models are numbered from 1
-        in the order of the channels.
-    where : str
-        For the message.
-    struck : str, optional
-        Port at which the force acts, if not the model's input; ``"rail@0.25"``.
-
-    Returns
-    -------
-    Layout
-        Of the force and every channel; a name that ends in ``_x``, ``_y`` or ``_z`` has direction 1, 2 or 3,
-        others any.
-
-    Raises
-    ------
-    DataFormatError
-        If a place is not the model's.
-    """
+    """Quantities of a model's channels, and the node and direction where each is in formats that number nodes."""
     ports = {name: str(channel.port) for name, channel in machine.channels.items()} | {FORCE: machine.input_port}
     if struck is not None:
         ports[FORCE] = struck

@@ -29,22 +29,6 @@ def smooth_noise(power: FloatArray, gain: FloatArray, half_width: int) -> FloatA
     """
     Expected noise power a(f) + b(f) |H|² behind scattered estimates of it.
 
-    Parameters
-    ----------
-    power : ndarray, shape (frequency,)
-        Estimates of noise power, any unit; entries that are not finite are left out.
-    gain : ndarray, shape (frequency,)
-        Modulus |H| of the response.
-    half_width : int
-        Half width of the running window over which a and b are taken as constant [bins].
-
-    Returns
-    -------
-    ndarray, shape (frequency,)
-        Expected noise power.
-
-    Notes
-    -----
     Weighted least squares within a running window, weights 1/S_e² iterated from the running mean (the estimates are
     gamma distributed: their spread is proportional to their mean); neither a nor b is let below zero.
     """
@@ -75,25 +59,7 @@ def smooth_noise(power: FloatArray, gain: FloatArray, half_width: int) -> FloatA
 
 
 def scatter_correction(freedom: float, half_width: int, correlation: FloatArray, size: int) -> float:
-    """
-    Factor ν/(ν-2) that makes the mean of |ΔH|² over its estimated variance one.
-
-    Parameters
-    ----------
-    freedom : float
-        Degrees of freedom of one bin's noise estimate: 2 (n-1) for n averages.
-    half_width : int
-        Half width of the smoothing [bins].
-    correlation : ndarray, shape (lag,)
-        Squared modulus of the correlation between spectra of noise a number of bins apart (1 at lag 0).
-    size : int
-        Number of frequency bins.
-
-    Returns
-    -------
-    float
-        The factor.
-    """
+    """Factor ν/(ν-2) that makes the mean of |ΔH|² over its estimated variance one."""
     bins = min(2 * half_width + 1, size)
     lags = correlation[1:bins]
     independent = bins / (1 + 2 * float(np.sum(lags * (1 - np.arange(1, lags.size + 1) / bins))))
@@ -105,18 +71,6 @@ def bin_correlation(window: FloatArray) -> FloatArray:
     """
     Squared modulus of the correlation between bins of a windowed noise spectrum, by lag.
 
-    Parameters
-    ----------
-    window : ndarray, shape (sample,)
-        Window on the block.
-
-    Returns
-    -------
-    ndarray, shape (lag,)
-        1 at lag 0; zero elsewhere for a boxcar.
-
-    Notes
-    -----
     White noise under a window w has E[X_k X_l*] ∝ DFT(w²)[k-l].
     """
     spectrum = np.abs(np.fft.rfft(window**2)) ** 2
@@ -127,18 +81,6 @@ def residual_correlation(residual: ComplexArray) -> FloatArray:
     """
     Squared modulus of the correlation between bins of a measured noise, by lag.
 
-    Parameters
-    ----------
-    residual : ndarray of complex, shape (average, frequency)
-        What each average has beside the estimate.
-
-    Returns
-    -------
-    ndarray, shape (lag,)
-        1 at lag 0; zero from the first lag on at which no correlation stands out.
-
-    Notes
-    -----
     A window that nobody told of (exponential, on the analyser) lets neighbouring bins go together, and an estimate from fifteen of
     them is worth few. Each bin is brought to unit power first.
     """
@@ -160,20 +102,6 @@ def power_correlation(power: FloatArray, expected: FloatArray) -> FloatArray:
     """
     Squared modulus of the correlation between bins of a noise of which only the power is known, by lag.
 
-    Parameters
-    ----------
-    power : ndarray, shape (frequency,)
-        Estimates of noise power; entries that are not finite are left out.
-    expected : ndarray, shape (frequency,)
-        Their mean, smooth along frequency.
-
-    Returns
-    -------
-    ndarray, shape (lag,)
-        1 at lag 0; zero from the first lag on at which no correlation stands out.
-
-    Notes
-    -----
     Of complex Gaussian noise with correlation ρ the powers have the correlation |ρ|², whatever the number of averages.
     """
     lags = np.zeros(power.size)
@@ -193,22 +121,7 @@ def power_correlation(power: FloatArray, expected: FloatArray) -> FloatArray:
 
 
 def widened(half_width: int, correlation: FloatArray) -> int:
-    """
-    Half width in bins where neighbouring bins are not independent.
-
-    Parameters
-    ----------
-    half_width : int
-        Half width for independent bins.
-    correlation : ndarray, shape (lag,)
-        Of `bin_correlation`.
-
-    Returns
-    -------
-    int
-        Half width, widened by the square root of the number of bins that go together: a compromise between independent
-        samples and a noise that varies along frequency.
-    """
+    """Half width in bins where neighbouring bins are not independent."""
     return round(half_width * float(np.sqrt(1 + 2 * np.sum(correlation[1:]))))
 
 
@@ -216,24 +129,6 @@ def frf_variance(data: ComplexArray, coherence: FloatArray, averages: int, noise
     """
     Variance of frequency responses that were estimated elsewhere.
 
-    Parameters
-    ----------
-    data : ndarray of complex, shape (channel, frequency)
-        H1 estimates.
-    coherence : ndarray, shape (channel, frequency)
-        Ordinary coherence, NaN where unknown.
-    averages : int
-        Blows or blocks n behind each estimate.
-    noise_bins : int
-        Half width of the smoothing [bins].
-
-    Returns
-    -------
-    ndarray, shape (channel, frequency)
-        Variance E|ΔH|² of the complex estimate, finite and positive.
-
-    Notes
-    -----
     With coherence from n averages the noise-to-force ratio R = |H|² (1 - γ²)/γ² is smoothed (`smooth_noise`), and the
     variance is R/(n-1): per real part |H|² (1 - γ²)/(2 (n-1) γ²). With one average, or without coherence, or where it
     is one throughout, coherence says nothing: then the noise is what a fourth difference along frequency leaves, by its
@@ -260,20 +155,6 @@ def high_pass_variance(data: ComplexArray, noise_bins: int = NOISE_BINS) -> Floa
     """
     Variance of a single estimate, from what scatters along frequency.
 
-    Parameters
-    ----------
-    data : ndarray of complex, shape (frequency,)
-        Estimate.
-    noise_bins : int
-        Half width of the running median [bins].
-
-    Returns
-    -------
-    ndarray, shape (frequency,)
-        Variance E|ΔH|².
-
-    Notes
-    -----
     The fourth difference of white noise has 70 times its variance; the median of an exponential variable is ln 2 times
     its mean.
     """
@@ -286,21 +167,7 @@ def high_pass_variance(data: ComplexArray, noise_bins: int = NOISE_BINS) -> Floa
 
 
 def floored(variance: FloatArray, gain: FloatArray) -> FloatArray:
-    """
-    The same variance, kept from zero and from NaN.
-
-    Parameters
-    ----------
-    variance : ndarray, shape (..., frequency)
-        Variance.
-    gain : ndarray, shape (..., frequency)
-        Modulus of the response.
-
-    Returns
-    -------
-    ndarray, shape (..., frequency)
-        At least 1e-20 of the largest squared gain; where unknown, the squared gain.
-    """
+    """The same variance, kept from zero and from NaN."""
     largest = np.max(gain, axis=-1, keepdims=True)
     known = np.where(np.isfinite(variance), variance, gain**2)
     return np.asarray(np.maximum(known, np.maximum(_FLOOR * largest**2, 1e-300)), dtype=np.float64)

@@ -27,49 +27,19 @@ PULSE_SAMPLES = 12
 
 @dataclass(frozen=True)
 class Replay:
-    """
-    H1 of one record as the functional of its responses that it is.
+    """H1 of one record as the functional of its responses that it is."""
 
-    Parameters
-    ----------
-    forces : tuple of ndarray, shape (sample,)
-        Force of each blow or recording, its offset removed [N].
-    fs : float
-        Sampling frequency [Hz].
-    lines : ndarray of int, shape (frequency,)
-        Lines of the estimator's transform that are kept.
-    block, overlap : int
-        Samples of a Welch block and of its overlap; a block of 0 takes each blow as one.
-    measured : tuple of ndarray, shape (channel, sample)
-        The measured responses to each force; empty where only estimates were recorded.
-    assumed : bool
-        Whether the force is made up (a half sine), since only estimated responses were recorded.
-    """
-
-    forces: tuple[FloatArray, ...]
-    fs: float
-    lines: np.ndarray
-    block: int = 0
+    forces: tuple[FloatArray, ...]  # Force of each blow or recording, its offset removed [N]
+    fs: float  # Sampling frequency [Hz]
+    lines: np.ndarray  # Lines of the estimator's transform that are kept
+    block: int = 0  # Samples of a Welch block and of its overlap; a block of 0 takes each blow as one
     overlap: int = 0
+    # The measured responses to each force; empty where only estimates were recorded
     measured: tuple[FloatArray, ...] = ()
-    assumed: bool = False
+    assumed: bool = False  # Whether the force is made up (a half sine), since only estimated responses were recorded
 
     def ratio(self, under: Sequence[FloatArray], over: Sequence[FloatArray]) -> ComplexArray:
-        """
-        H1 of some histories over others.
-
-        Parameters
-        ----------
-        under : sequence of ndarray, shape (sample,)
-            One history a blow, in place of the force.
-        over : sequence of ndarray, shape (..., sample)
-            What is estimated, one a blow.
-
-        Returns
-        -------
-        ndarray, shape (..., frequency)
-            The ratio on the kept lines; zero where ``under`` is.
-        """
+        """H1 of some histories over others."""
         crossed, power = np.zeros(0, dtype=np.complex128), np.zeros(0)
         for x, y in zip(under, over, strict=True):
             if self.block:
@@ -92,67 +62,19 @@ class Replay:
         return np.asarray(density, dtype=np.complex128)[..., self.lines]
 
     def data(self, responses: Sequence[FloatArray]) -> ComplexArray:
-        """
-        Frequency responses as the record's estimator would show them.
-
-        Parameters
-        ----------
-        responses : sequence of ndarray, shape (channel, sample)
-            Responses to each of ``forces``.
-
-        Returns
-        -------
-        ndarray, shape (channel, frequency)
-            The estimate.
-        """
+        """Frequency responses as the record's estimator would show them."""
         return self.ratio(self.forces, responses)
 
     def only(self, blows: int) -> Replay:
-        """
-        The first blows alone.
-
-        Parameters
-        ----------
-        blows : int
-            How many.
-
-        Returns
-        -------
-        Replay
-            Their estimator.
-        """
+        """The first blows alone."""
         return replace(self, forces=self.forces[:blows], measured=self.measured[:blows])
 
     def at(self, keep: np.ndarray | slice) -> Replay:
-        """
-        Some of the lines.
-
-        Parameters
-        ----------
-        keep : ndarray of bool, or slice
-            Which of the kept lines stay.
-
-        Returns
-        -------
-        Replay
-            The estimator on them.
-        """
+        """Some of the lines."""
         return replace(self, lines=self.lines[keep])
 
     def longer(self, factor: float) -> Replay:
-        """
-        The same blows drawn out about their peaks, their impulse kept.
-
-        Parameters
-        ----------
-        factor : float
-            By which they last longer.
-
-        Returns
-        -------
-        Replay
-            With such forces.
-        """
+        """The same blows drawn out about their peaks, their impulse kept."""
         t = np.arange(self.forces[0].size)
         drawn = []
         for force in self.forces:
@@ -161,15 +83,7 @@ class Replay:
         return replace(self, forces=tuple(drawn))
 
     def slower(self) -> Replay:
-        """
-        The same blows on a slower clock that still holds the kept lines and most of an octave above them.
-
-        Returns
-        -------
-        Replay
-            Forces and responses resampled through their spectra, by a whole divisor of the number of samples; recordings
-            that are cut into blocks stay as they are.
-        """
+        """The same blows on a slower clock that still holds the kept lines and most of an octave above them."""
         size = self.forces[0].size
         if self.block or not self.lines.size:
             return self
@@ -191,24 +105,7 @@ class Replay:
 
 
 def replay_of(record: Record) -> Replay:
-    """
-    The estimator of a record with histories, on all its lines.
-
-    Parameters
-    ----------
-    record : Record
-        Blows or continuous recordings.
-
-    Returns
-    -------
-    Replay
-        Its H1.
-
-    Raises
-    ------
-    ParameterError
-        If the record holds estimated responses.
-    """
+    """The estimator of a record with histories, on all its lines."""
     if record.kind == "frf":
         raise ParameterError(f"record {record.name!r} holds no histories; use `assumed_blow`")
     fs = record.histories[0].fs
@@ -227,27 +124,7 @@ def replay_of(record: Record) -> Replay:
 def assumed_blow(
     freq: FloatArray, block: float, blow_at: float, peak_force: float, variance: FloatArray | None = None
 ) -> Replay:
-    """
-    A blow that may have been behind an estimated frequency response.
-
-    Parameters
-    ----------
-    freq : ndarray, shape (frequency,)
-        Frequencies of the response [Hz], whole multiples of 1/block.
-    block : float
-        Length of the estimator's block [s].
-    blow_at : float
-        Instant of the blow [s].
-    peak_force : float
-        Its peak [N].
-    variance : ndarray, shape (frequency,), optional
-        Variance of the response: with white noise on the response it goes as 1/|F|², which tells the blow's length.
-
-    Returns
-    -------
-    Replay
-        A half sine of that peak, and H1.
-    """
+    """A blow that may have been behind an estimated frequency response."""
     length = 1.0 / float(freq[-1])
     if variance is not None:
         lengths = np.geomspace(0.15, 1.4, 60) / float(freq[-1])

@@ -20,16 +20,7 @@ class _Table(BaseModel):
 
 
 class CampaignTable(_Table):
-    """
-    The ``[campaign]`` table.
-
-    Parameters
-    ----------
-    title : str
-        Title.
-    machine : str, optional
-        File of the nominal model, relative to campaign.toml.
-    """
+    """The ``[campaign]`` table."""
 
     title: str = ""
     machine: str | None = None
@@ -78,48 +69,7 @@ def _short_channels(value: Any) -> Any:
 
 
 class RecordTable(_Table):
-    """
-    A ``[[record]]`` table: one position and level, its files, and how they were measured.
-
-    Parameters
-    ----------
-    file : str or list of str
-        File, or files of one blow each.
-    kind : {"impact", "frf", "timeseries"}
-        What the files hold.
-    use : {"fit", "check"}, optional
-        What the record may be used for.
-    position : float, optional
-        Position y_b / L of the head, strictly inside (0, 1).
-    peak_force : float, optional
-        Excitation level [N].
-    averages : int
-        Blows or blocks behind each FRF.
-    excitation : {"impact", "random", "multisine", "sine"}, optional
-        How the structure was excited.
-    block : float, optional
-        Length of an FRF's block [s].
-    blow_at : float, optional
-        Instant of the blow within the block [s].
-    exponential_decay : float
-        Decay rate [1/s] of an exponential window on the response alone.
-    session : str, optional
-        Records of one session share their drift; left out: all records at one position (without positions: each record).
-    band_hz : (float, float), optional
-        Lines to use [Hz].
-    input : str, optional
-        Port that was struck, or ``rail@`` and a fraction of the rail's length.
-    sweep : {"up", "down", "random"}, optional
-        Order in which a sine record ran through its lines.
-    controlled : {"force", "response"}, optional
-        Amplitude that was held during a sine record.
-    peak_response : float, optional
-        The response amplitude that was held, in the channel's unit.
-    channels : dict of str to ChannelTable
-        What this record's files call the channels.
-    csv : CsvTable, optional
-        How this record's CSV files are written.
-    """
+    """A ``[[record]]`` table: one position and level, its files, and how they were measured."""
 
     file: str | list[str]
     kind: Literal["impact", "frf", "timeseries"]
@@ -174,22 +124,7 @@ class RecordTable(_Table):
 
 
 class CampaignFile(_Table):
-    """
-    The whole of campaign.toml.
-
-    Parameters
-    ----------
-    campaign : CampaignTable
-        Title and nominal model.
-    record : list of RecordTable
-        Records, at least one.
-    dofs : dict of str to int
-        Node number of each place.
-    channels : dict of str to ChannelTable
-        What the files call the channels.
-    csv : CsvTable
-        How CSV files are written, where that cannot be told from them.
-    """
+    """The whole of campaign.toml."""
 
     campaign: CampaignTable = CampaignTable()
     record: Annotated[list[RecordTable], Field(min_length=1)]
@@ -213,24 +148,7 @@ class CampaignFile(_Table):
 
 
 def read_campaign_file(path: Path) -> CampaignFile:
-    """
-    Parse and check a campaign.toml.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    CampaignFile
-        Its tables.
-
-    Raises
-    ------
-    DataFormatError
-        If it is missing, not TOML, or a key is unknown, missing or impossible; the message names the key's path.
-    """
+    """Parse and check a campaign.toml."""
     try:
         with path.open("rb") as file:
             content = tomllib.load(file)

@@ -21,24 +21,6 @@ def turned_signs(
     """
     A word on every channel of a record whose sign is turned.
 
-    Parameters
-    ----------
-    record : Record
-        Record of any kind.
-    machine : MachineLike
-        Nominal model: names the driving point, and tells a turned force from a turned sensor.
-    where : str
-        File, for the messages.
-    frf : MeasuredFrequencyResponse, optional
-        The record's responses, where they are known already.
-
-    Returns
-    -------
-    list of str
-        One line each; empty where all is well.
-
-    Notes
-    -----
     That something is turned is certain from the driving point alone (`sign_at_driving_point`). Whether it is the force
     (a hammer that acts along -X turns every channel) or one sensor is read from the correlation with the nominal model.
     """
@@ -71,21 +53,6 @@ def sign_at_driving_point(frf: MeasuredFrequencyResponse, output: str) -> float:
     """
     Sign of a driving point's response: +1 where force and motion are counted in one direction.
 
-    Parameters
-    ----------
-    frf : MeasuredFrequencyResponse
-        Responses with a force as input.
-    output : str
-        Channel at the place and in the direction of the force.
-
-    Returns
-    -------
-    float
-        Mean sign of Im(accelerance), weighted by its fourth power so that the peaks decide: -1 to 1; 0 where no line
-        stands out of the noise.
-
-    Notes
-    -----
     A passive structure takes up power at every frequency, so that Im(accelerance) is positive at every peak of a
     driving point. Lines within ten times the noise are left out. A late channel turns the phase of the mass line first,
     which is real; this is why the peaks decide.

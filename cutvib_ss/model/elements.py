@@ -41,25 +41,13 @@ class Element(Protocol):
 
 @dataclass(frozen=True)
 class SpringDamperMass:
-    """
-    Spring, damper and mass from a port to ground: z = k (1 + iη) + s c + s² m.
+    """Spring, damper and mass from a port to ground: z = k (1 + iη) + s c + s² m."""
 
-    Parameters
-    ----------
-    stiffness : float
-        k [N/m or N m/rad].
-    damping : float
-        c [N s/m or N m s/rad].
-    mass : float
-        m [kg or kg m²].
-    loss_stiffness : float
-        k η of a hysteretic spring [N/m or N m/rad]: a force in quadrature with the displacement at every frequency, as
-        exact in the frequency response as it is non-causal in time.
-    """
-
-    stiffness: float = 0.0
-    damping: float = 0.0
-    mass: float = 0.0
+    stiffness: float = 0.0  # k [N/m or N m/rad]
+    damping: float = 0.0  # c [N s/m or N m s/rad]
+    mass: float = 0.0  # m [kg or kg m²]
+    # k η of a hysteretic spring [N/m or N m/rad]: a force in quadrature with the displacement at every frequency, as
+    # exact in the frequency response as it is non-causal in time
     loss_stiffness: float = 0.0
 
     def __post_init__(self) -> None:
@@ -90,22 +78,11 @@ class SpringDamperMass:
 
 @dataclass(frozen=True)
 class SprungMass:
-    """
-    A mass on a spring and damper: absorber, panel or hose (Eq. 24).
+    """A mass on a spring and damper: absorber, panel or hose (Eq. 24)."""
 
-    Parameters
-    ----------
-    mass : float
-        m [kg].
-    frequency : float
-        Natural frequency of the mass on its spring [Hz].
-    damping_ratio : float
-        ζ.
-    """
-
-    mass: float
-    frequency: float
-    damping_ratio: float
+    mass: float  # m [kg]
+    frequency: float  # Natural frequency of the mass on its spring [Hz]
+    damping_ratio: float  # ζ
 
     def __post_init__(self) -> None:
         check_number("mass", self.mass, 0.0)
@@ -159,26 +136,15 @@ class CausalHysteresis:
     """
     What hysteresis adds to a spring k, so that both together are a fractional spring: causal, and damped alike at all frequencies.
 
-    Parameters
-    ----------
-    stiffness : float
-        k, the spring's storage stiffness at the reference frequency [N/m or N m/rad].
-    loss_factor : float
-        η, the same at all frequencies.
-    reference_frequency : float
-        f_0 [Hz].
-
-    Notes
-    -----
     The spring with it is k √(1 + η²) (s/ω_0)^α, with α = (2/π) atan η: at s = iω its phase is πα/2 throughout, so that the loss
     is tan(πα/2) = η, and its modulus at ω_0 is k √(1 + η²), so that the storage there is k. A power of s is analytic in the right
     half plane: storage and loss are what Kramers and Kronig ask of each other, storage rises by (ω/ω_0)^α, 2η/π per unit of
     ln ω. A constant k (1 + iη) is its limit for small η near ω_0, and is not causal.
     """
 
-    stiffness: float
-    loss_factor: float
-    reference_frequency: float
+    stiffness: float  # k, the spring's storage stiffness at the reference frequency [N/m or N m/rad]
+    loss_factor: float  # η, the same at all frequencies
+    reference_frequency: float  # f_0 [Hz]
 
     def __post_init__(self) -> None:
         check_number("stiffness", self.stiffness)
@@ -222,23 +188,13 @@ class SmoothElement:
     """
     A dynamic stiffness of unknown form that varies smoothly with frequency, as a reduced-rank Gaussian process.
 
-    Parameters
-    ----------
-    scale : float
-        Standard deviation of z(iω), real and imaginary part [N/m or N m/rad].
-    band : (float, float)
-        Band over which its knots lie [Hz].
-    coefficients : tuple of float
-        Of the real, then of the imaginary shapes; independent N(0, 1) for a process of that standard deviation.
-
-    Notes
-    -----
     z(s) = scale Σ_k (a_k + i b_k) g_k(ln(s / 2πi)), with g = Λ^(-1/2) Vᵀ κ(u, u_k), κ the squared exponential and V Λ Vᵀ its
     matrix at the knots (Rasmussen and Williams 2006, section 8.1). The shapes are analytic in s.
     """
 
-    scale: float
-    band: tuple[float, float]
+    scale: float  # Standard deviation of z(iω), real and imaginary part [N/m or N m/rad]
+    band: tuple[float, float]  # Band over which its knots lie [Hz]
+    # Of the real, then of the imaginary shapes; independent N(0, 1) for a process of that standard deviation
     coefficients: tuple[float, ...]
 
     def _shapes(self, s: ComplexArray) -> ComplexArray:
@@ -298,39 +254,19 @@ def viscous_equivalent(element: Element, s: complex) -> Element:
 
 @dataclass(frozen=True)
 class Attachment:
-    """
-    An element at a port.
+    """An element at a port."""
 
-    Parameters
-    ----------
-    port : str
-        Name of the port.
-    element : Element
-        What is attached there.
-    """
-
-    port: str
-    element: Element
+    port: str  # Name of the port
+    element: Element  # What is attached there
 
 
 @dataclass(frozen=True)
 class Guide:
-    """
-    Give of the guide's ball bearings, in series between rail and head.
+    """Give of the guide's ball bearings, in series between rail and head."""
 
-    Parameters
-    ----------
-    stiffness : float
-        k [N/m].
-    damping : float
-        c [N s/m].
-    sensor_side : {"head", "rail"}
-        On which side of the guide ``base_x`` sits.
-    """
-
-    stiffness: float
-    damping: float = 0.0
-    sensor_side: Literal["head", "rail"] = "head"
+    stiffness: float  # k [N/m]
+    damping: float = 0.0  # c [N s/m]
+    sensor_side: Literal["head", "rail"] = "head"  # On which side of the guide ``base_x`` sits
 
     def __post_init__(self) -> None:
         check_number("guide stiffness", self.stiffness, 0.0, strict=True)

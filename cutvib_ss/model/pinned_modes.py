@@ -29,31 +29,15 @@ SHEAR_TO_EXTENSION = 0.33
 
 @dataclass(frozen=True)
 class PinnedModes:
-    """
-    Modes of the pinned rail; all of modal mass μL/2, all values dimensionless.
+    """Modes of the pinned rail; all of modal mass μL/2, all values dimensionless."""
 
-    Parameters
-    ----------
-    number : ndarray, shape (mode,)
-        r, the half waves of each mode: 1 … m; with shear then 0 … m of the upper branch.
-    frequency : ndarray, shape (mode,)
-        Natural frequency over Euler-Bernoulli's first.
-    deflection : ndarray, shape (mode,)
-        Amplitude of w = d sin(rπy/L) per unit amplitude of the mode.
-    rotation : ndarray, shape (mode,)
-        Amplitude of L ψ = t cos(rπy/L) per unit amplitude.
-    coupling : ndarray, shape (mode, 2)
-        Inertial coupling with the rail's rigid motions h = (1 - y/L, y/L), whose rotation is h': ∫ (w h + ρ² ψ h') dy/L.
-    rigid_inertia : ndarray, shape (2, 2)
-        Of the rigid motions themselves: ∫ (h hᵀ + ρ² h' h'ᵀ) dy/L.
-    """
-
-    number: FloatArray
-    frequency: FloatArray
-    deflection: FloatArray
-    rotation: FloatArray
+    number: FloatArray  # r, the half waves of each mode: 1 … m; with shear then 0 … m of the upper branch
+    frequency: FloatArray  # Natural frequency over Euler-Bernoulli's first
+    deflection: FloatArray  # Amplitude of w = d sin(rπy/L) per unit amplitude of the mode
+    rotation: FloatArray  # Amplitude of L ψ = t cos(rπy/L) per unit amplitude
+    # Inertial coupling with the rail's rigid motions h = (1 - y/L, y/L), whose rotation is h': ∫ (w h + ρ² ψ h') dy/L
     coupling: FloatArray
-    rigid_inertia: FloatArray
+    rigid_inertia: FloatArray  # Of the rigid motions themselves: ∫ (h hᵀ + ρ² h' h'ᵀ) dy/L
 
     def __post_init__(self) -> None:
         for f in fields(self):
@@ -80,8 +64,6 @@ def euler_bernoulli(n_modes: int) -> PinnedModes:
     """
     Modes of a beam that bends only (Eqs. 7 and 8).
 
-    Examples
-    --------
     >>> euler_bernoulli(3).frequency
     array([1., 4., 9.])
     """
@@ -98,8 +80,6 @@ def timoshenko(n_modes: int, ratio: float) -> tuple[PinnedModes, PinnedModes]:
     In the coordinates (a, √(εx) β), in which the mass is the identity, the two modes of a sine are (cos φ, sin φ) and
     (sin φ, -cos φ), with tan φ = √(εx) (1 - xλ) at the lower root. Second root of the quadratic: λ = 1/(ε x² λ_lower).
 
-    Examples
-    --------
     >>> modes, _ = timoshenko(2, 40.0)
     >>> modes.number, modes.frequency.round(2)
     (array([1., 2., 0., 1., 2.]), array([ 0.98,  3.76, 69.63, 70.77, 74.02]))

@@ -12,22 +12,11 @@ from cutvib_ss.results import FloatArray, read_only
 
 @dataclass(frozen=True)
 class PositionDependence:
-    """
-    A machine as M(y) = Σ_k ρ_k(y) M_k, and C and K likewise.
+    """A machine as M(y) = Σ_k ρ_k(y) M_k, and C and K likewise."""
 
-    Parameters
-    ----------
-    exact : Coupling
-        The machine.
-    names : tuple of str
-        The functions ρ_k: ``1``, ``phi[eta1]``, ``phi[eta1]*phi[eta2]`` ...
-    mass, damping, stiffness : array_like, shape (term, n, n)
-        The constant matrices.
-    """
-
-    exact: Coupling
-    names: tuple[str, ...]
-    mass: FloatArray
+    exact: Coupling  # The machine
+    names: tuple[str, ...]  # The functions ρ_k: ``1``, ``phi[eta1]``, ``phi[eta1]*phi[eta2]`` ..
+    mass: FloatArray  # The constant matrices
     damping: FloatArray
     stiffness: FloatArray
 
@@ -49,8 +38,6 @@ def position_dependence(exact: Coupling) -> PositionDependence:
     T = T_0 + Σ_a ρ_a e_c(a) e_i(a)ᵀ, so that TᵀXT has the constant T_0ᵀXT_0; for each ρ_a the row X_c(a) T_0 at i(a), and its
     transpose; and for each product ρ_a ρ_b the entries X_c(a)c(b) at i(a), i(b).
 
-    Examples
-    --------
     >>> from cutvib_ss.model.machine import published_machine
     >>> position_dependence(published_machine().coupling()).names[:6]
     ('1', 'phi[eta1]', 'phi[eta2]', 'phi[eta3]', 'phi[eta4]', 'phi[eta1]*phi[eta1]')

@@ -24,27 +24,11 @@ from cutvib_ss.results import FloatArray, Quantity
 
 @dataclass(frozen=True)
 class NonlinearElement:
-    """
-    A nonlinear law between a port's motion and the force there, which linear analyses ignore.
+    """A nonlinear law between a port's motion and the force there, which linear analyses ignore."""
 
-    Parameters
-    ----------
-    port : str
-        Name of the port.
-    law : str
-        Name of the law, one of `cutvib_ss.model.restoring_forces`.
-    parameters : mapping of str to float
-        The law's parameters [SI].
-
-    Raises
-    ------
-    ParameterError
-        If there is no such law, or its parameters are not those given.
-    """
-
-    port: str
-    law: str
-    parameters: Mapping[str, float]
+    port: str  # Name of the port
+    law: str  # Name of the law, one of `cutvib_ss.model.restoring_forces`
+    parameters: Mapping[str, float]  # The law's parameters [SI]
 
     def __post_init__(self) -> None:
         kind = law(self.law)

@@ -33,20 +33,11 @@ from cutvib_ss.results import FloatArray
 
 @dataclass(frozen=True)
 class EndSupports:
-    """
-    Springs and dampers under the rail's ends, in place of rigid pins.
+    """Springs and dampers under the rail's ends, in place of rigid pins."""
 
-    Parameters
-    ----------
-    k_left, k_right : float
-        Stiffness at y = 0 and y = L [N/m].
-    c_left, c_right : float
-        Damping [N s/m].
-    """
-
-    k_left: float
+    k_left: float  # Stiffness at y = 0 and y = L [N/m]
     k_right: float
-    c_left: float = 0.0
+    c_left: float = 0.0  # Damping [N s/m]
     c_right: float = 0.0
 
     def __post_init__(self) -> None:
@@ -58,16 +49,10 @@ class EndSupports:
 
 @dataclass(frozen=True)
 class Shear:
-    """
-    Shear deformation and rotary inertia (Timoshenko), in place of bending alone.
+    """Shear deformation and rotary inertia (Timoshenko), in place of bending alone."""
 
-    Parameters
-    ----------
-    ratio : float
-        κGA L²/(π² EI): stiffness of the first mode against shear over that against bending. The first frequency of the rail's
-        parameters goes on standing for EI, so that shear lowers every frequency, the first about 0.67/ratio.
-    """
-
+    # κGA L²/(π² EI): stiffness of the first mode against shear over that against bending. The first frequency of the
+    # rail's parameters goes on standing for EI, so that shear lowers every frequency, the first about 0.67/ratio
     ratio: float
 
     def __post_init__(self) -> None:
@@ -76,25 +61,13 @@ class Shear:
 
 @dataclass(frozen=True)
 class Torsion:
-    """
-    Twist of the rail about its shear centre.
+    """Twist of the rail about its shear centre."""
 
-    Parameters
-    ----------
-    eccentricity : float
-        Distance e in Z from the shear centre to the head's first joint [m].
-    inertia : float
-        Polar moment of inertia J of the whole rail [kg m²].
-    torsion_frequency : float
-        First natural frequency of torsion, without the head [Hz].
-    damping_ratio : float
-        Damping ratio of the first torsion mode; damping goes with the rate of strain, so that of mode s is s times as
-        large.
-    """
-
-    eccentricity: float
-    inertia: float
-    torsion_frequency: float
+    eccentricity: float  # Distance e in Z from the shear centre to the head's first joint [m]
+    inertia: float  # Polar moment of inertia J of the whole rail [kg m²]
+    torsion_frequency: float  # First natural frequency of torsion, without the head [Hz]
+    # Damping ratio of the first torsion mode; damping goes with the rate of strain, so that of mode s is s times as
+    # large
     damping_ratio: float
 
     def __post_init__(self) -> None:
@@ -106,21 +79,11 @@ class Torsion:
 
 @dataclass(frozen=True)
 class RailAttachment:
-    """
-    An element at a point of the rail.
+    """An element at a point of the rail."""
 
-    Parameters
-    ----------
-    element : SpringDamperMass
-        What is attached.
-    position : float
-        y / L of the point; 0 or 1 for the slope at an end.
-    slope : bool
-        Whether it acts on the slope there (of the cross-section, where the rail shears) instead of on the displacement.
-    """
-
-    element: SpringDamperMass
-    position: float
+    element: SpringDamperMass  # What is attached
+    position: float  # y / L of the point; 0 or 1 for the slope at an end
+    # Whether it acts on the slope there (of the cross-section, where the rail shears) instead of on the displacement
     slope: bool = False
 
     def __post_init__(self) -> None:
@@ -130,28 +93,13 @@ class RailAttachment:
 
 @dataclass(frozen=True)
 class Rail:
-    """
-    The rail's parameters and what is added to the pinned beam; nothing by default.
+    """The rail's parameters and what is added to the pinned beam; nothing by default."""
 
-    Parameters
-    ----------
-    parameters : RailParameters
-        The pinned beam.
-    supports : EndSupports, optional
-        Ends that give.
-    torsion : Torsion, optional
-        A rail that twists.
-    attachments : tuple of RailAttachment
-        Elements along it.
-    shear : Shear, optional
-        A rail that shears.
-    """
-
-    parameters: RailParameters
-    supports: EndSupports | None = None
-    torsion: Torsion | None = None
-    attachments: tuple[RailAttachment, ...] = field(default=())
-    shear: Shear | None = None
+    parameters: RailParameters  # The pinned beam
+    supports: EndSupports | None = None  # Ends that give
+    torsion: Torsion | None = None  # A rail that twists
+    attachments: tuple[RailAttachment, ...] = field(default=())  # Elements along it
+    shear: Shear | None = None  # A rail that shears
 
     @property
     def modes(self) -> PinnedModes:

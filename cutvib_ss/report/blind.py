@@ -22,19 +22,7 @@ _MET = {True: "yes", False: "no", None: "-"}
 
 
 def heading(score: Score) -> list[str]:
-    """
-    What the trial was.
-
-    Parameters
-    ----------
-    score : Score
-        A trial's score.
-
-    Returns
-    -------
-    list of str
-        Sentences.
-    """
+    """What the trial was."""
     about = score.about
     kinds = ", ".join(f"{n} {kind}" for kind, n in about["kinds"].items())
     said = [f"{about['cases']} cases: {kinds}."]
@@ -48,21 +36,7 @@ def heading(score: Score) -> list[str]:
 
 
 def figure(value: float, unit: str) -> str:
-    """
-    A figure of the score.
-
-    Parameters
-    ----------
-    value : float
-        The figure.
-    unit : str
-        ``"%"`` for a part of one, ``"s"``, or none.
-
-    Returns
-    -------
-    str
-        For instance ``"93.2 %"``; "-" where it is not known.
-    """
+    """A figure of the score."""
     if not math.isfinite(value):
         return "-"
     if unit == "%":
@@ -77,19 +51,7 @@ def figure(value: float, unit: str) -> str:
 
 
 def goal(row: Row) -> str:
-    """
-    A row's goal.
-
-    Parameters
-    ----------
-    row : Row
-        The row.
-
-    Returns
-    -------
-    str
-        For instance ``"≥ 95 %"``.
-    """
+    """A row's goal."""
     if row.goal is None:
         return ""
     sign = "≥" if row.at_least else "≤" if row.goal else "="
@@ -98,21 +60,7 @@ def goal(row: Row) -> str:
 
 
 def interval(estimate: Estimate, unit: str) -> str:
-    """
-    A 95 % interval.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        A figure with its interval.
-    unit : str
-        As in `figure`.
-
-    Returns
-    -------
-    str
-        For instance ``"90.1-95.0 %"``; empty without cases.
-    """
+    """A 95 % interval."""
     if estimate.cases == 0:
         return ""
     low, high = figure(estimate.low, unit), figure(estimate.high, unit)
@@ -124,21 +72,7 @@ def interval(estimate: Estimate, unit: str) -> str:
 
 
 def row_cells(score: Score, row: Row) -> list[str]:
-    """
-    A row as cells: figure, goal, measured, interval, cases, met, and each baseline's figure.
-
-    Parameters
-    ----------
-    score : Score
-        The score that it belongs to.
-    row : Row
-        The row.
-
-    Returns
-    -------
-    list of str
-        Cells.
-    """
+    """A row as cells: figure, goal, measured, interval, cases, met, and each baseline's figure."""
     others = []
     for own in score.baselines.values():
         same = next((r for r in own if r.key == row.key), None)
@@ -149,55 +83,19 @@ def row_cells(score: Score, row: Row) -> list[str]:
 
 
 def group_cells(group: Group) -> list[str]:
-    """
-    A group of cases as cells: name, right, interval, cases.
-
-    Parameters
-    ----------
-    group : Group
-        The group.
-
-    Returns
-    -------
-    list of str
-        Cells.
-    """
+    """A group of cases as cells: name, right, interval, cases."""
     return [group.name, figure(group.right.value, "%"), interval(group.right, "%"), str(group.right.cases)]
 
 
 def wrong_cells(case: Case) -> list[str]:
-    """
-    A case that was sure and wrong, as cells: campaign, truth, named, stated, size of the gap.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-
-    Returns
-    -------
-    list of str
-        Cells.
-    """
+    """A case that was sure and wrong, as cells: campaign, truth, named, stated, size of the gap."""
     named = "-" if case.answer.first is None else name_of(case.answer.first)
     truth = case.truth.name if case.truth.kind != "outside" else f"{case.truth.name} at {'+'.join(case.truth.place)}"
     return [case.name, truth, named, f"{case.answer.confidence:.3f}", f"{case.truth.gap_sigma:.3g}"]
 
 
 def score_markdown(score: Score) -> str:
-    """
-    The score as tables in Markdown, to stand in a page.
-
-    Parameters
-    ----------
-    score : Score
-        A trial's score.
-
-    Returns
-    -------
-    str
-        Goals beside figures, then the groups and the list of sure and wrong answers.
-    """
+    """The score as tables in Markdown, to stand in a page."""
     methods = list(score.baselines)
     parts = ["## Figures", "", *(f"{line}  " for line in heading(score)), ""]
     head = ["figure", "goal", "measured", "95 % interval", "cases", "met", *methods]
@@ -226,19 +124,7 @@ def _table(head: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
 
 
 def score_html(score: Score) -> str:
-    """
-    The score as one self-contained page.
-
-    Parameters
-    ----------
-    score : Score
-        A trial's score.
-
-    Returns
-    -------
-    str
-        HTML with its pictures inside; nothing is loaded from anywhere.
-    """
+    """The score as one self-contained page."""
     environment = Environment(
         loader=PackageLoader("cutvib_ss.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,

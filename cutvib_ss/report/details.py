@@ -33,19 +33,7 @@ _PLAIN = {"frequency": "Hz", "delay": "s"}
 
 
 def sentences(d: Diagnosis) -> list[str]:
-    """
-    All that was found beside the verdict, for reading.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        The diagnosis.
-
-    Returns
-    -------
-    list of str
-        What the unknown dynamic stiffnesses look like, what the choice is worth, whether a controller would notice, what it means.
-    """
+    """All that was found beside the verdict, for reading."""
     f = d.findings
     said = [*stiffness_sentences(f.stiffness), second_best_sentence(d)]
     if f.nu_gap is not None:
@@ -56,19 +44,7 @@ def sentences(d: Diagnosis) -> list[str]:
 
 
 def stiffness_sentences(functions: Sequence[DynamicStiffness]) -> list[str]:
-    """
-    What the shape of each unknown dynamic stiffness says.
-
-    Parameters
-    ----------
-    functions : sequence of DynamicStiffness
-        The functions.
-
-    Returns
-    -------
-    list of str
-        One sentence each.
-    """
+    """What the shape of each unknown dynamic stiffness says."""
     out = []
     for z in functions:
         what = f"{place_name(z.place)} ({z.label})" if z.label != z.place else place_name(z.place)
@@ -88,19 +64,7 @@ def stiffness_sentences(functions: Sequence[DynamicStiffness]) -> list[str]:
 
 
 def nu_gap_sentence(gap: NuGap) -> str:
-    """
-    Whether a controller would notice.
-
-    Parameters
-    ----------
-    gap : NuGap
-        The ν-gaps.
-
-    Returns
-    -------
-    str
-        A sentence for the first channel, and the winding condition.
-    """
+    """Whether a controller would notice."""
     first = gap.channels[0]
     largest = max(first.before, first.models)
     if largest < FORGIVES:
@@ -121,19 +85,7 @@ def nu_gap_sentence(gap: NuGap) -> str:
 
 
 def nu_gap_rows(gap: NuGap) -> list[Row]:
-    """
-    The ν-gaps by channel.
-
-    Parameters
-    ----------
-    gap : NuGap
-        The ν-gaps.
-
-    Returns
-    -------
-    list of tuple of str
-        Channel; before, tuned, after; noise; between the models; scale.
-    """
+    """The ν-gaps by channel."""
     return [
         (
             c.channel,
@@ -145,21 +97,7 @@ def nu_gap_rows(gap: NuGap) -> list[Row]:
 
 
 def metric_rows(metrics: Sequence[Metric], by: str) -> list[Row]:
-    """
-    Distances averaged over records, by position, level or channel.
-
-    Parameters
-    ----------
-    metrics : sequence of Metric
-        A row for each record and channel.
-    by : {"position", "level", "channel"}
-        What the rows are told apart by.
-
-    Returns
-    -------
-    list of tuple of str
-        Label; mean modulus before, tuned, after, with the second-best cause, of noise; FRAC and logarithmic error before and after.
-    """
+    """Distances averaged over records, by position, level or channel."""
     single = [m for m in metrics if m.channel != ALL]
     labels = list(dict.fromkeys(getattr(m, by) for m in single))
     if by != "channel":
@@ -188,19 +126,7 @@ def metric_rows(metrics: Sequence[Metric], by: str) -> list[Row]:
 
 
 def band_rows(bands: Sequence[Band]) -> list[Row]:
-    """
-    The error by bands.
-
-    Parameters
-    ----------
-    bands : sequence of Band
-        The bands.
-
-    Returns
-    -------
-    list of tuple of str
-        Band; before, tuned, after, second-best cause, noise; what else is said of it.
-    """
+    """The error by bands."""
     return [
         (
             f"{b.low:.4g}-{b.high:.4g}",
@@ -226,19 +152,7 @@ def _band_remarks(b: Band) -> str:
 
 
 def second_best_sentence(d: Diagnosis) -> str:
-    """
-    What the choice of the best cause is worth against the second-best.
-
-    Parameters
-    ----------
-    d : Diagnosis
-        The diagnosis.
-
-    Returns
-    -------
-    str
-        A sentence; empty where no second cause was judged.
-    """
+    """What the choice of the best cause is worth against the second-best."""
     judged = [c for c in d.causes if c.effect not in ("none", "unknown") and np.isfinite(c.after)]
     if len(judged) < 2:
         return ""
@@ -255,36 +169,12 @@ def second_best_sentence(d: Diagnosis) -> str:
 
 
 def changes_vibration(consequences: Consequences) -> bool:
-    """
-    Whether mending a cause changes the vibration: not without a cause, nor where it lies in the measurement.
-
-    Parameters
-    ----------
-    consequences : Consequences
-        What the diagnosis means.
-
-    Returns
-    -------
-    bool
-        True where some figure differs.
-    """
+    """Whether mending a cause changes the vibration: not without a cause, nor where it lies in the measurement."""
     return any(o.fixed != o.now for o in consequences.vibration)
 
 
 def consequence_rows(consequences: Consequences) -> list[Row]:
-    """
-    The vibration now and with the cause fixed.
-
-    Parameters
-    ----------
-    consequences : Consequences
-        What the diagnosis means.
-
-    Returns
-    -------
-    list of tuple of str
-        Position; measured; now with its interval; and where fixing the cause changes it, the same fixed, and the change.
-    """
+    """The vibration now and with the cause fixed."""
     rows = []
     for o in consequences.vibration:
         row: Row = (
@@ -311,19 +201,7 @@ def _change(o: Consequence) -> str:
 
 
 def loop_rows(loops: Sequence[Loop]) -> list[Row]:
-    """
-    A controller on both models.
-
-    Parameters
-    ----------
-    loops : sequence of Loop
-        The controller at each position.
-
-    Returns
-    -------
-    list of tuple of str
-        Position; margin and attenuation on the nominal model; the same on the corrected one.
-    """
+    """A controller on both models."""
     return [
         (
             "-" if loop.position is None else figure(loop.position),
@@ -337,19 +215,7 @@ def loop_rows(loops: Sequence[Loop]) -> list[Row]:
 
 
 def consequences_sentence(consequences: Consequences) -> str:
-    """
-    The figures that matter most, in one sentence.
-
-    Parameters
-    ----------
-    consequences : Consequences
-        What the diagnosis means.
-
-    Returns
-    -------
-    str
-        Vibration now and with the cause fixed over the positions; what becomes of the controller. Empty where nothing is known.
-    """
+    """The figures that matter most, in one sentence."""
     if not consequences.vibration:
         return ""
 

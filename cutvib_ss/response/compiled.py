@@ -53,40 +53,7 @@ def interact(
     sliders: FloatArray,
     state: FloatArray,
 ) -> tuple[FloatArray, np.ndarray, FloatArray]:
-    """
-    Nonlinear forces at ports whose linear motion is known.
-
-    Parameters
-    ----------
-    motion : ndarray, shape (blow, 2, element, instant)
-        Displacement and velocity of the elements' ports without nonlinear forces.
-    surplus : ndarray, shape (blow, 2, mode)
-        Modes at the first instant, real and imaginary part, whose free response ``motion`` has in excess.
-    step : float
-        Time between instants [s].
-    turn : ndarray, shape (2, mode)
-        Real and imaginary part of e^(p h), the factor of each mode over a step.
-    pushes : ndarray, shape (2, 2, element, mode)
-        Change of each mode by x0 and x1 of a linear course of each element's force; then real and imaginary part.
-    reads : ndarray, shape (2, 2, element, mode)
-        Displacement and velocity of each element's port by the modes; then by real and imaginary part.
-    compliance : ndarray, shape (2, element, element)
-        Displacement of each element's port (row) that modes beyond those kept add at once, and velocity.
-    laws, values, sliders : ndarray
-        The elements' laws, as `packed` gives them.
-    state : ndarray, shape (blow, element, slider)
-        Forces of the Jenkins elements at the first instant.
-
-    Returns
-    -------
-    forces : ndarray, shape (blow, element, instant)
-        Force of each element against its port's motion: at the instants, corrected so that its linear course between them has the
-        right mean; for friction, the mean over the step that ends there.
-    ran_away : ndarray of bool, shape (blow,)
-        Whether the motion ran away; forces are zero from there on.
-    kept : ndarray, shape (blow, element, slider)
-        Forces of the Jenkins elements at the last instant; of others the force, in the first place.
-    """
+    """Nonlinear forces at ports whose linear motion is known."""
     blows, _, elements, instants = motion.shape
     modes = turn.shape[1]
     forces = np.zeros((blows, elements, instants))

@@ -17,31 +17,7 @@ def advance(
     begin: FloatArray,
     every: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """
-    Modes under forces that are linear between instants.
-
-    Parameters
-    ----------
-    forces : ndarray, shape (force, instant)
-        The forces.
-    turn : ndarray, shape (2, mode)
-        Real and imaginary part of e^(p h), the factor of each mode over a step.
-    pushes : ndarray, shape (2, 2, force, mode)
-        Change of each mode by each force at the start and at the end of a step; then real and imaginary part.
-    reads : ndarray, shape (2, output, mode)
-        Outputs by the modes' real and imaginary parts.
-    begin : ndarray, shape (2, mode)
-        Modes at the first instant.
-    every : int
-        Instants from one output to the next.
-
-    Returns
-    -------
-    histories : ndarray, shape (output, sample)
-        The outputs.
-    end : ndarray, shape (2, mode)
-        Modes at the last instant.
-    """
+    """Modes under forces that are linear between instants."""
     count, instants = forces.shape
     modes, outputs = turn.shape[1], reads.shape[1]
     histories = np.zeros((outputs, (instants - 1) // every + 1))

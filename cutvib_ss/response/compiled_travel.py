@@ -74,39 +74,7 @@ def travel_steps(
     rules: FloatArray,
     begin: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """
-    Steps of a machine whose head travels, forces being linear between samples.
-
-    Parameters
-    ----------
-    fixed : ndarray, shape (3, n, n)
-        Constant parts of M, C and K.
-    rows : ndarray, shape (3, n)
-        What couples the riding coordinate to the others, in M, C and K.
-    own : ndarray, shape (3,)
-        M, C and K of the riding coordinate itself.
-    pushes : ndarray, shape (n, input)
-        Constant part of where forces act.
-    own_pushes : ndarray, shape (input,)
-        Force on the riding coordinate per unit of each input.
-    carried : ndarray, shape (3, step, 3, n)
-        The riding row p, and its first and second time derivative, at the stages of each step.
-    forces : ndarray, shape (step + 1, input)
-        Forces at the ends of the steps.
-    h : float
-        Length of a step [s].
-    rules : ndarray, shape (9, 3)
-        `RULES`.
-    begin : ndarray, shape (2, n)
-        Coordinates and rates at the start.
-
-    Returns
-    -------
-    motion : ndarray, shape (step + 1, 2, n)
-        Coordinates and rates.
-    stages : ndarray, shape (step, 3, n)
-        Accelerations of the coordinates at the stages.
-    """
+    """Steps of a machine whose head travels, forces being linear between samples."""
     _, steps, _, n = carried.shape
     count = own_pushes.size
     motion, stages = np.zeros((steps + 1, 2, n)), np.zeros((steps, 3, n))

@@ -37,20 +37,7 @@ Part: TypeAlias = tuple[ComplexArray | float, FloatArray]
 
 
 class ResponseDerivatives:
-    """
-    Derivatives of the responses from one input to some outputs.
-
-    Parameters
-    ----------
-    condensed : CondensedModel
-        The model at positions and frequencies.
-    outputs : sequence of str
-        Signals.
-    input : str
-        Signal or port of the force.
-    factors : sequence of ndarray, optional
-        What each output's receptance is multiplied by, shape (frequency,); one by default.
-    """
+    """Derivatives of the responses from one input to some outputs."""
 
     def __init__(
         self,

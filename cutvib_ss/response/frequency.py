@@ -103,23 +103,7 @@ def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form
 
 
 class ChainedResponse:
-    """
-    Responses through the measurement chain, and their derivatives.
-
-    Parameters
-    ----------
-    machine : Machine or Structure
-        The model.
-    positions : ndarray, shape (position,)
-        y_b / L.
-    s : ndarray of complex, shape (frequency,)
-        Laplace variable of the measurement [rad/s].
-    quantities : sequence of str
-        Motion quantity of each output.
-    outputs, inputs : sequence of str
-        Signals.
-
-    """
+    """Responses through the measurement chain, and their derivatives."""
 
     def __init__(
         self,

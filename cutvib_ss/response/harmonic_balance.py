@@ -104,28 +104,7 @@ def sine_response(
 
 
 class SineSweep:
-    """
-    A sine sweep and its derivatives; the arguments are those of `sine_response`.
-
-    Parameters
-    ----------
-    machine : Machine or Structure
-        The model with its nonlinear elements.
-    positions : array_like, shape (position,)
-        y_b / L of the head; None for a structure.
-    freq : array_like, shape (frequency,)
-        Frequencies, ascending [Hz].
-    amplitude : float
-        Amplitude of the force [N], or of the base's acceleration [m/s^2].
-    direction : {"up", "down"}
-        Direction of the sweep.
-    harmonics : int
-        Highest harmonic of the ports' motion.
-    outputs : sequence of str, optional
-        Channels and ports; the model's channels by default.
-    viscous_at : float, optional
-        Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one where it meets the nonlinear elements.
-    """
+    """A sine sweep and its derivatives; the arguments are those of `sine_response`."""
 
     def __init__(
         self,
@@ -230,20 +209,7 @@ class SineSweep:
         )  # fmt: skip
 
     def derivative(self, path: Path) -> ComplexArray:
-        """
-        Derivative of the responses to one of the model's values, as a fit takes it.
-
-        Parameters
-        ----------
-        path : tuple of str and int
-            The value's path, as `slots.value_at` takes it; ``("nonlinear", k, "parameters", name)`` for those of a law.
-
-        Returns
-        -------
-        ndarray, shape (position, output, frequency)
-            The derivative along the branch that the motion is on; exact but for what a value of the linear model changes of the
-            receptances at higher harmonics.
-        """
+        """Derivative of the responses to one of the model's values, as a fit takes it."""
         n, f = len(self.outputs), self.amplitude
         by_law = path[0] == "nonlinear"
         d = np.zeros(self._receptances.shape, dtype=np.complex128) if by_law else self._linear.derivative(path)

@@ -18,26 +18,14 @@ _RIGID = 1e-10
 
 @dataclass(frozen=True)
 class ModalBasis:
-    """
-    Complex modes of a second-order system.
+    """Complex modes of a second-order system."""
 
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (mode,)
-        Poles of positive imaginary part, and real ones [rad/s], the slowest first.
-    shapes : ndarray of complex, shape (n, mode)
-        Displacement of the degrees of freedom by the modes' amplitudes; of a conjugate pair twice its half, so that the real part
-        of the sum over these modes is the motion.
-    drives : ndarray of complex, shape (mode, n)
-        How forces on the degrees of freedom drive the modes.
-    from_state : ndarray of complex, shape (mode, 2 n)
-        Amplitudes of an initial displacement and velocity.
-    """
-
-    poles: ComplexArray
+    poles: ComplexArray  # Poles of positive imaginary part, and real ones [rad/s], the slowest first
+    # Displacement of the degrees of freedom by the modes' amplitudes; of a conjugate pair twice its half, so that the
+    # real part of the sum over these modes is the motion
     shapes: ComplexArray
-    drives: ComplexArray
-    from_state: ComplexArray
+    drives: ComplexArray  # How forces on the degrees of freedom drive the modes
+    from_state: ComplexArray  # Amplitudes of an initial displacement and velocity
 
 
 def modal_basis(system: SecondOrder, classical_above: float = np.inf) -> ModalBasis:

@@ -20,37 +20,19 @@ from cutvib_ss.units import DERIVATIVE_ORDER
 
 @dataclass(frozen=True)
 class ModalForm:
-    """
-    A model at a position as a sum over its complex modes.
+    """A model at a position as a sum over its complex modes."""
 
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (mode,)
-        Poles of positive imaginary part, and real ones [rad/s].
-    drives : ndarray of complex, shape (mode, input)
-        Participation of the inputs: the force, then the ports.
-    shapes : ndarray of complex, shape (output, mode)
-        Displacement of the outputs: the channels, then the ports. A conjugate pair counts twice its real part.
-    quantities : tuple of str
-        Motion quantity of each channel.
-    outputs, ports : tuple of str
-        Names of the channels, and of the ports of nonlinear elements.
-    from_state : ndarray of complex, shape (mode, 2 n)
-        Modes of an initial displacement and velocity of the degrees of freedom.
-    dofs : tuple of str
-        Names of the degrees of freedom.
-    base_shares : tuple of float
-        How the channels move with a shaker's base, where they read absolute motion; the sum over the modes is relative to it.
-    """
-
-    poles: ComplexArray
-    drives: ComplexArray
+    poles: ComplexArray  # Poles of positive imaginary part, and real ones [rad/s]
+    drives: ComplexArray  # Participation of the inputs: the force, then the ports
+    # Displacement of the outputs: the channels, then the ports. A conjugate pair counts twice its real part
     shapes: ComplexArray
-    quantities: tuple[Quantity, ...]
-    outputs: tuple[str, ...]
+    quantities: tuple[Quantity, ...]  # Motion quantity of each channel
+    outputs: tuple[str, ...]  # Names of the channels, and of the ports of nonlinear elements
     ports: tuple[str, ...]
-    from_state: ComplexArray
-    dofs: tuple[str, ...]
+    from_state: ComplexArray  # Modes of an initial displacement and velocity of the degrees of freedom
+    dofs: tuple[str, ...]  # Names of the degrees of freedom
+    # How the channels move with a shaker's base, where they read absolute motion; the sum over the modes is relative
+    # to it
     base_shares: tuple[float, ...] = ()
 
     @cached_property

@@ -110,27 +110,6 @@ def mac(a: ArrayLike, b: ArrayLike, mass: ArrayLike | None = None) -> FloatArray
     """
     Modal assurance criterion between two sets of mode shapes.
 
-    Parameters
-    ----------
-    a : array_like, shape (dof, i)
-        Mode shapes, real or complex.
-    b : array_like, shape (dof, j)
-        Mode shapes.
-    mass : array_like, shape (dof, dof), optional
-        Weight of the inner product; the identity by default.
-
-    Returns
-    -------
-    ndarray, shape (i, j)
-        abs(aᴴ M b)² / ((aᴴ M a)(bᴴ M b)), 0 to 1.
-
-    Raises
-    ------
-    ParameterError
-        If the shapes have different numbers of degrees of freedom.
-
-    Examples
-    --------
     >>> mac([[1.0], [0.0]], [[1.0, 0.0], [1.0, 2.0]])
     array([[0.5, 0. ]])
     """

@@ -39,22 +39,11 @@ Rows: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class RidingState:
-    """
-    Motion at instants.
+    """Motion at instants."""
 
-    Parameters
-    ----------
-    motion : tuple of ndarray, shape (instant, n)
-        q, q̇ and q̈.
-    rows : tuple of ndarray, shape (instant, n)
-        p, ṗ and p̈.
-    forces : ndarray, shape (instant, input)
-        The forces.
-    """
-
-    motion: tuple[FloatArray, FloatArray, FloatArray]
-    rows: Rows
-    forces: FloatArray
+    motion: tuple[FloatArray, FloatArray, FloatArray]  # q, q̇ and q̈
+    rows: Rows  # p, ṗ and p̈
+    forces: FloatArray  # The forces
 
     @property
     def ridden(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -65,31 +54,14 @@ class RidingState:
 
 @dataclass(frozen=True)
 class RidingCourse:
-    """
-    Constant matrices of a machine whose head travels.
+    """Constant matrices of a machine whose head travels."""
 
-    Parameters
-    ----------
-    exact : Coupling
-        The machine.
-    fixed : ndarray, shape (3, n, n)
-        Constant parts of M, C and K.
-    rows : ndarray, shape (3, n)
-        What couples the riding coordinate to the others, in M, C and K.
-    own : ndarray, shape (3,)
-        M, C and K of the riding coordinate itself.
-    pushes : ndarray, shape (n, input)
-        Constant part of where forces act.
-    own_pushes : ndarray, shape (input,)
-        Force on the riding coordinate per unit of each input.
-    """
-
-    exact: Coupling
-    fixed: FloatArray
-    rows: FloatArray
-    own: FloatArray
-    pushes: FloatArray
-    own_pushes: FloatArray
+    exact: Coupling  # The machine
+    fixed: FloatArray  # Constant parts of M, C and K
+    rows: FloatArray  # What couples the riding coordinate to the others, in M, C and K
+    own: FloatArray  # M, C and K of the riding coordinate itself
+    pushes: FloatArray  # Constant part of where forces act
+    own_pushes: FloatArray  # Force on the riding coordinate per unit of each input
 
     @classmethod
     def of(cls, exact: Coupling, ports: Sequence[str]) -> RidingCourse:

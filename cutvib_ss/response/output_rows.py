@@ -26,23 +26,12 @@ END_FORCES = ("rail_left_force", "rail_right_force")
 
 @dataclass(frozen=True)
 class OutputRow:
-    """
-    An output as a sum over displacement, velocity and acceleration of the degrees of freedom, and over forces.
+    """An output as a sum over displacement, velocity and acceleration of the degrees of freedom, and over forces."""
 
-    Parameters
-    ----------
-    name, unit : str
-        Name and SI unit.
-    motion : ndarray, shape (3, n)
-        Rows over displacement, velocity and acceleration.
-    forces : ndarray, shape (force,)
-        What each force adds directly.
-    """
-
-    name: str
+    name: str  # Name and SI unit
     unit: str
-    motion: FloatArray
-    forces: FloatArray
+    motion: FloatArray  # Rows over displacement, velocity and acceleration
+    forces: FloatArray  # What each force adds directly
 
     def weights(self, modes: ModalBasis) -> ComplexArray:
         """The output as a sum over modes, shape (mode,)."""

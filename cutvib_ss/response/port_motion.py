@@ -28,18 +28,7 @@ _STEP = 1e-6
 
 
 class PortMotion:
-    """
-    The harmonic balance of a model at a position.
-
-    Parameters
-    ----------
-    system : tuple
-        Poles (mode,), participation of the force and the ports (mode, 1 + port), displacement of the ports (port, mode).
-    laws : sequence of RestoringForce
-        The law at each port, without jumps.
-    tables : tuple
-        From `harmonic_tables`.
-    """
+    """The harmonic balance of a model at a position."""
 
     def __init__(self, system: System, laws: Sequence[RestoringForce], tables: Tables) -> None:
         from cutvib_ss.response import compiled_balance  # numba takes half a second to import
@@ -133,25 +122,7 @@ class PortMotion:
 
 
 def harmonic_tables(numbers: np.ndarray, samples: int) -> Tables:
-    """
-    What takes harmonics to samples of a period and back.
-
-    Parameters
-    ----------
-    numbers : ndarray of int, shape (harmonic,)
-        Harmonics, ascending; a zero for the mean.
-    samples : int
-        Samples of a period.
-
-    Returns
-    -------
-    numbers : ndarray of int
-        The harmonics.
-    table, rate, later : ndarray, shape (sample, unknown)
-        Motion, its derivative to the phase, and the motion half a sample later, of each cosine and sine.
-    back : ndarray, shape (unknown, sample)
-        What takes a force's samples to its cosines and sines.
-    """
+    """What takes harmonics to samples of a period and back."""
     turn = 2 * np.pi * np.arange(samples) / samples
     later = turn + np.pi / samples
 

@@ -106,31 +106,6 @@ def harmonic_force(
     """
     A sum of cosines.
 
-    Parameters
-    ----------
-    fs : float
-        Sampling frequency [Hz].
-    duration : float
-        Length [s].
-    freq : array_like, shape (harmonic,)
-        Frequencies [Hz].
-    amplitude : array_like, shape (harmonic,)
-        Amplitudes [N].
-    phase : array_like, shape (harmonic,), optional
-        Phases at the first sample [rad].
-
-    Returns
-    -------
-    ndarray, shape (sample,)
-        The force [N].
-
-    Raises
-    ------
-    ParameterError
-        If a frequency lies at or above half the sampling frequency.
-
-    Examples
-    --------
     >>> harmonic_force(4.0, 1.0, [1.0], [2.0]).round(12)
     array([ 2., 0., -2., -0.])
     """

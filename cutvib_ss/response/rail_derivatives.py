@@ -19,14 +19,7 @@ from cutvib_ss.results import ComplexArray, FloatArray
 
 
 class RailPair:
-    """
-    The derivatives of the receptance between two ports.
-
-    Parameters
-    ----------
-    left, right : RailField
-        Fields of the port where motion is read, and of the one where the force acts.
-    """
+    """The derivatives of the receptance between two ports."""
 
     def __init__(self, left: RailField, right: RailField) -> None:
         self.rail, self.left, self.right = left.rail, left, right

@@ -27,35 +27,15 @@ from cutvib_ss.results import ComplexArray, FloatArray
 
 @dataclass(frozen=True)
 class RailPort:
-    """
-    A port of the rail.
+    """A port of the rail."""
 
-    Parameters
-    ----------
-    elastic : ndarray, shape (position or 1, mode)
-        Row over the modes' amplitudes.
-    rigid : ndarray, shape (position or 1, 2)
-        Row over the ends' motions.
-    position : ndarray, shape (position or 1,), optional
-        y / L, where the port is the displacement of points.
-    """
-
-    elastic: FloatArray
-    rigid: FloatArray
-    position: FloatArray | None = None
+    elastic: FloatArray  # Row over the modes' amplitudes
+    rigid: FloatArray  # Row over the ends' motions
+    position: FloatArray | None = None  # y / L, where the port is the displacement of points
 
 
 class RailReceptance:
-    """
-    The rail at given frequencies.
-
-    Parameters
-    ----------
-    model : Rail
-        The rail.
-    s : ndarray of complex, shape (frequency,)
-        Laplace variable [rad/s].
-    """
+    """The rail at given frequencies."""
 
     def __init__(self, model: Rail, s: ComplexArray) -> None:
         p = model.parameters
@@ -178,16 +158,7 @@ class RailReceptance:
 
 
 class RailField:
-    """
-    The rail's motion for a unit force at a port; each part is computed once, when it is asked for.
-
-    Parameters
-    ----------
-    rail : RailReceptance
-        The rail.
-    port : RailPort
-        Where the force acts.
-    """
+    """The rail's motion for a unit force at a port; each part is computed once, when it is asked for."""
 
     def __init__(self, rail: RailReceptance, port: RailPort) -> None:
         self.rail, self.port = rail, port

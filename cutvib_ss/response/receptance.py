@@ -33,18 +33,7 @@ Row: TypeAlias = FloatArray | ComplexArray
 
 
 class CondensedModel:
-    """
-    A model at given positions and frequencies.
-
-    Parameters
-    ----------
-    model : Machine or Structure
-        The model; its measurement chain is not applied here.
-    positions : array_like, shape (position,)
-        y_b / L; one NaN for a structure.
-    s : ndarray of complex, shape (frequency,)
-        Laplace variable [rad/s].
-    """
+    """A model at given positions and frequencies."""
 
     def __init__(self, model: Machine | Structure, positions: FloatArray, s: ComplexArray) -> None:
         self.model, self.positions, self.s = model, np.atleast_1d(positions), s
@@ -200,18 +189,7 @@ class CondensedModel:
 
 
 class Answer:
-    """
-    What a unit force at a signal's port does; each part is computed once, when it is asked for.
-
-    Parameters
-    ----------
-    condensed : CondensedModel
-        The model.
-    row : ndarray, shape (n,) or (n, frequency)
-        The port's row over the head's degrees of freedom; zeros for a port of the rail.
-    field : RailField or None
-        Motion of the rail without the head; None for a port of the head.
-    """
+    """What a unit force at a signal's port does; each part is computed once, when it is asked for."""
 
     def __init__(self, condensed: CondensedModel, row: Row, field: RailField | None) -> None:
         self.condensed, self.row, self.field = condensed, row, field

@@ -46,25 +46,12 @@ _CHUNK = 1 << 15
 
 @dataclass(frozen=True)
 class Stepped:
-    """
-    Responses in time.
+    """Responses in time."""
 
-    Parameters
-    ----------
-    responses : ndarray, shape (blow, channel, sample)
-        Channels, each in its quantity.
-    motions : ndarray, shape (blow, element, sample)
-        Displacement of each nonlinear element's port.
-    forces : ndarray, shape (blow, element, sample)
-        Force of each nonlinear element against that motion.
-    ran_away : ndarray of bool, shape (blow,)
-        Whether a softening law let the motion run away; its force is zero from there on.
-    """
-
-    responses: FloatArray
-    motions: FloatArray
-    forces: FloatArray
-    ran_away: np.ndarray
+    responses: FloatArray  # Channels, each in its quantity
+    motions: FloatArray  # Displacement of each nonlinear element's port
+    forces: FloatArray  # Force of each nonlinear element against that motion
+    ran_away: np.ndarray  # Whether a softening law let the motion run away; its force is zero from there on
 
 
 def step(
@@ -77,39 +64,7 @@ def step(
     dynamic_below: float = np.inf,
     steps: float = STEPS,
 ) -> Stepped:
-    """
-    Responses to a sampled force that is band-limited between its samples, from rest or an initial state.
-
-    Parameters
-    ----------
-    form : ModalForm
-        The model at its position.
-    force : array_like, shape (blow, sample)
-        What a campaign's ``force`` channel holds [N, or m/s^2 of the base].
-    fs : float
-        Sampling frequency [Hz].
-    elements : sequence of NonlinearElement
-        Nonlinear elements, one for each of the form's ports.
-    oversample : int, optional
-        Steps of the nonlinear forces in a sample; by default a power of two that gives a period at the mean frequency of the
-        ports' rates at least ``steps`` steps, and twice as many where there is friction.
-    initial : array_like, shape (2 n,) or (blow, 2 n), optional
-        Displacement, then velocity, of the model's degrees of freedom at the first sample; at rest by default.
-    dynamic_below : float
-        Frequency [Hz] above which modes only yield statically to the nonlinear forces; all are stepped by default.
-    steps : float
-        Steps in a period, where ``oversample`` does not fix them.
-
-    Returns
-    -------
-    Stepped
-        Responses, and the elements' motions and forces, at the samples, without what lies above fs/2.
-
-    Raises
-    ------
-    ParameterError
-        If shapes do not fit.
-    """
+    """Responses to a sampled force that is band-limited between its samples, from rest or an initial state."""
     f = np.asarray(force, dtype=np.float64)
     if f.ndim != 2 or not f.size or not np.isfinite(f).all():
         raise ParameterError(f"force has shape {f.shape}; give finite numbers of shape (blow, sample)")

@@ -17,21 +17,9 @@ from cutvib_ss.results import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Travel:
-    """
-    Position y_b / L as a function of time.
+    """Position y_b / L as a function of time."""
 
-    Parameters
-    ----------
-    curve : scipy.interpolate.PPoly
-        Pieces; before the first and after the last the head stands.
-
-    Raises
-    ------
-    ParameterError
-        If the head would leave the rail.
-    """
-
-    curve: interpolate.PPoly
+    curve: interpolate.PPoly  # Pieces; before the first and after the last the head stands
 
     def __post_init__(self) -> None:
         # Extremes lie at the ends of pieces and where the rate vanishes.
@@ -46,19 +34,7 @@ class Travel:
         return float(self.curve.x[-1])
 
     def at(self, time: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """
-        Position, and its first and second derivative to time.
-
-        Parameters
-        ----------
-        time : array_like
-            Instants [s].
-
-        Returns
-        -------
-        position, rate, acceleration : ndarray
-            y_b / L, of the shape of ``time``; per second, per second squared.
-        """
+        """Position, and its first and second derivative to time."""
         t = np.asarray(time, dtype=float)
         held = np.clip(t, self.curve.x[0], self.curve.x[-1])
         moving = (t >= self.curve.x[0]) & (t < self.curve.x[-1])
@@ -66,19 +42,7 @@ class Travel:
 
 
 def standing(position: float) -> Travel:
-    """
-    A head that stands.
-
-    Parameters
-    ----------
-    position : float
-        y_b / L.
-
-    Returns
-    -------
-    Travel
-        The same position for ever.
-    """
+    """A head that stands."""
     return Travel(interpolate.PPoly(np.array([[check_position(position)]]), np.array([0.0, 1.0])))
 
 
@@ -86,26 +50,6 @@ def trapezoid(start: float, end: float, speed: float, acceleration: float, lengt
     """
     Even acceleration, even speed, even deceleration.
 
-    Parameters
-    ----------
-    start, end : float
-        y_b / L.
-    speed : float
-        Largest speed [m/s]; not reached on a short way.
-    acceleration : float
-        Acceleration and deceleration [m/s^2].
-    length : float
-        Length L of the rail [m].
-    begin : float
-        Instant at which it starts [s].
-
-    Returns
-    -------
-    Travel
-        Its rate is continuous, its acceleration jumps.
-
-    Examples
-    --------
     >>> round(trapezoid(0.2, 0.8, 1.0, 5.0, 2.5).duration, 6)
     1.7
     """
@@ -122,29 +66,9 @@ def s_curve(
     """
     A travel whose acceleration is continuous: seven pieces of even jerk.
 
-    Parameters
-    ----------
-    start, end : float
-        y_b / L.
-    speed, acceleration, jerk : float
-        Largest [m/s, m/s^2, m/s^3]; not reached on a short way.
-    length : float
-        Length L of the rail [m].
-    begin : float
-        Instant at which it starts [s].
-
-    Returns
-    -------
-    Travel
-        The fastest of its kind.
-
-    Notes
-    -----
     From rest to speed v takes v/a + a/j, or 2√(v/j) where the acceleration a is not reached; on the way of length D the
     speed is the largest for which v times that is at most D.
 
-    Examples
-    --------
     >>> round(s_curve(0.2, 0.8, 1.0, 5.0, 50.0, 2.5).duration, 6)
     1.8
     """
@@ -167,28 +91,7 @@ def s_curve(
 
 
 def recorded(time: ArrayLike, position: ArrayLike, smoothness: int = 5) -> Travel:
-    """
-    A recorded travel: a spline through the record.
-
-    Parameters
-    ----------
-    time : array_like, shape (sample,)
-        Instants [s], ascending.
-    position : array_like, shape (sample,)
-        y_b / L.
-    smoothness : int
-        Degree of the spline; 5 has continuous accelerations and their derivatives.
-
-    Returns
-    -------
-    Travel
-        Through every sample. Noise in the record shakes the machine: smooth it before.
-
-    Raises
-    ------
-    ParameterError
-        If the record is too short, its instants do not ascend, or the head would leave the rail.
-    """
+    """A recorded travel: a spline through the record."""
     t, y = np.asarray(time, dtype=float), np.asarray(position, dtype=float)
     if t.ndim != 1 or t.shape != y.shape or t.size <= smoothness:
         raise ParameterError(f"a recorded travel needs more than {smoothness} instants and as many positions")

@@ -16,17 +16,6 @@ class TwistReceptance:
     """
     Twist per torque at points of the rail.
 
-    Parameters
-    ----------
-    torsion : Torsion
-        The rail's twist.
-    positions : ndarray, shape (position,)
-        y / L.
-    s : ndarray of complex, shape (frequency,)
-        Laplace variable [rad/s].
-
-    Notes
-    -----
     Σ ψ_k² / (J/2 (s² + g_k (2ζω_1 s + ω_1²))) [rad/(N m)], as in `cutvib_ss.model.twist`.
     """
 

@@ -54,19 +54,7 @@ class Drawn(Displayed):
     """Base of results that draw themselves too."""
 
     def plot(self, **options: Any) -> Any:
-        """
-        Draw the result with the function that `cutvib_ss.plot` has for its type; no window is opened.
-
-        Parameters
-        ----------
-        **options : object
-            For that function, such as ``ax`` or ``title``.
-
-        Returns
-        -------
-        Axes or Figure
-            What was drawn; `cutvib_ss.plot.save` writes it to a file.
-        """
+        """Draw the result with the function that `cutvib_ss.plot` has for its type; no window is opened."""
         # Drawing is above results in the order of imports: the package is asked for it when a picture is wanted.
         return sys.modules[__name__.partition(".")[0]].plot.draw(self, **options)
 

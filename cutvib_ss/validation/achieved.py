@@ -27,28 +27,7 @@ from cutvib_ss.validation.seal import SealError, Trial
 
 
 def with_achieved(trial: Trial, cases: Sequence[Case], jobs: int = 1) -> tuple[Case, ...]:
-    """
-    Cases with what their corrected models achieve; kept in the trial's folder, so that a second call is quick.
-
-    Parameters
-    ----------
-    trial : Trial
-        An opened trial.
-    cases : sequence of Case
-        Its cases.
-    jobs : int
-        At a time.
-
-    Returns
-    -------
-    tuple of Case
-        The same; those that have fresh records and a corrected model say how far the gap shrank there.
-
-    Raises
-    ------
-    SealError
-        If the fresh records are not those of the label.
-    """
+    """Cases with what their corrected models achieve; kept in the trial's folder, so that a second call is quick."""
     kept = trial.folder / "achieved.json"
     known: dict[str, float] = read_json(kept) if kept.is_file() else {}
     able = [
@@ -69,20 +48,6 @@ def closed(trial: Trial, name: str) -> float:
     """
     Part of the nominal model's error that one corrected model closes.
 
-    Parameters
-    ----------
-    trial : Trial
-        The trial.
-    name : str
-        The case.
-
-    Returns
-    -------
-    float
-        1 for a perfect model, 0 for the nominal one, below for a worse.
-
-    Notes
-    -----
     The mean modulus of the error over records, channels and the lines of the diagnosis' band, as in the diagnosis.
     """
     low, high = read_json(trial.diagnosis(name))["gap"]["band_hz"]

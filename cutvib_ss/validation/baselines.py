@@ -40,30 +40,7 @@ SET, SURE = 0.95, 0.9
 
 
 def with_baselines(score: Score, folders: Sequence[Path], train: Sequence[Path], jobs: int = 1) -> Score:
-    """
-    A score with the figures of the simpler methods beside it.
-
-    Parameters
-    ----------
-    score : Score
-        Of one trial, or of several together.
-    folders : sequence of Path
-        Their folders.
-    train : sequence of Path
-        Opened trials to learn from.
-    jobs : int
-        Campaigns at a time.
-
-    Returns
-    -------
-    Score
-        The same, with baselines.
-
-    Raises
-    ------
-    ParameterError
-        If a trial to learn from is sealed or is the same one, or scikit-learn is not installed.
-    """
+    """A score with the figures of the simpler methods beside it."""
     for other in train:
         if not Trial(other).labels.is_file():
             raise ParameterError(
@@ -104,39 +81,13 @@ def seen_as(campaign: Path) -> FloatArray | None:
 
 
 def answered(cases: Sequence[Case], odds: Sequence[Odds]) -> tuple[Case, ...]:
-    """
-    Cases with the answers of another method.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-        The cases.
-    odds : sequence of mapping
-        Probability of each answer, for each case; empty where the method has none.
-
-    Returns
-    -------
-    tuple of Case
-        The same truths.
-    """
+    """Cases with the answers of another method."""
     # They correct no model: nothing is closed.
     return tuple(replace(c, answer=answer(o), run={}, achieved=np.nan) for c, o in zip(cases, odds, strict=True))
 
 
 def answer(odds: Odds) -> Answer:
-    """
-    Probabilities as the diagnosis would give them.
-
-    Parameters
-    ----------
-    odds : mapping of frozenset to float
-        Probability of each answer.
-
-    Returns
-    -------
-    Answer
-        With a verdict by the diagnosis' own thresholds.
-    """
+    """Probabilities as the diagnosis would give them."""
     ranked = sorted(odds.items(), key=lambda item: -item[1])
     if not ranked:
         return Answer("failed", (), frozenset(), frozenset(), {})
@@ -149,23 +100,7 @@ def answer(odds: Odds) -> Answer:
 
 
 def nearest_signature(learnt: FloatArray, truths: Sequence[Causes], asked: FloatArray) -> list[Odds]:
-    """
-    The causes of the campaigns whose errors look most alike, in shape and whatever their size.
-
-    Parameters
-    ----------
-    learnt : ndarray, shape (campaign, feature)
-        Features of labelled campaigns.
-    truths : sequence of frozenset
-        Their causes.
-    asked : ndarray, shape (case, feature)
-        Features of the cases.
-
-    Returns
-    -------
-    list of mapping
-        Votes of the nearest, by cosine.
-    """
+    """The causes of the campaigns whose errors look most alike, in shape and whatever their size."""
     mean, spread_of = learnt.mean(axis=0), learnt.std(axis=0) + 1e-9
     # Of each channel its signature alone.
     width = learnt.shape[1] // len(CHANNELS)
@@ -188,28 +123,7 @@ def nearest_signature(learnt: FloatArray, truths: Sequence[Causes], asked: Float
 
 
 def forest(learnt: FloatArray, truths: Sequence[Causes], asked: FloatArray) -> list[Odds]:
-    """
-    A random forest's votes.
-
-    Parameters
-    ----------
-    learnt : ndarray, shape (campaign, feature)
-        Features of labelled campaigns.
-    truths : sequence of frozenset
-        Their causes.
-    asked : ndarray, shape (case, feature)
-        Features of the cases.
-
-    Returns
-    -------
-    list of mapping
-        Share of the trees for each answer.
-
-    Raises
-    ------
-    ParameterError
-        If scikit-learn is not installed.
-    """
+    """A random forest's votes."""
     try:
         ensemble = import_module("sklearn.ensemble")
     except ImportError:

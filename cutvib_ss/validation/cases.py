@@ -35,31 +35,14 @@ OUTSIDE = "outside:"
 
 @dataclass(frozen=True)
 class Truth:
-    """
-    What is wrong with the machine.
+    """What is wrong with the machine."""
 
-    Parameters
-    ----------
-    kind : {"none", "single", "pair", "outside"}
-        Of the case.
-    causes : frozenset of (effect, place)
-        What a right answer names: the causes, none, or unknown.
-    name : str
-        The cause in words of the label.
-    place : frozenset of str
-        Where.
-    gap_sigma : float
-        Size of the gap over the measurement's noise.
-    label : dict
-        The whole label.
-    """
-
-    kind: Kind
-    causes: Causes
-    name: str
-    place: frozenset[str]
-    gap_sigma: float
-    label: Mapping[str, Any]
+    kind: Kind  # Of the case
+    causes: Causes  # What a right answer names: the causes, none, or unknown
+    name: str  # The cause in words of the label
+    place: frozenset[str]  # Where
+    gap_sigma: float  # Size of the gap over the measurement's noise
+    label: Mapping[str, Any]  # The whole label
 
     @property
     def accepted(self) -> frozenset[str]:
@@ -96,51 +79,25 @@ class Truth:
 
 @dataclass(frozen=True)
 class Entry:
-    """
-    One row of a diagnosis, equivalent causes under one name.
+    """One row of a diagnosis, equivalent causes under one name."""
 
-    Parameters
-    ----------
-    causes : frozenset of (effect, place)
-        The causes.
-    probability : float
-        Stated probability.
-    reduced_chi2 : float
-        χ² a degree of freedom on held-out records; NaN where not judged.
-    """
-
-    causes: Causes
-    probability: float
-    reduced_chi2: float
+    causes: Causes  # The causes
+    probability: float  # Stated probability
+    reduced_chi2: float  # χ² a degree of freedom on held-out records; NaN where not judged
 
 
 @dataclass(frozen=True)
 class Answer:
-    """
-    What a diagnosis said.
+    """What a diagnosis said."""
 
-    Parameters
-    ----------
-    verdict : str
-        ``"no_gap"``, ``"explained"``, ``"partly_explained"``, ``"ambiguous"``, ``"unknown"``; ``"failed"`` where there is no
-        diagnosis.
-    entries : tuple of Entry
-        As the diagnosis ranked them.
-    likely : frozenset of frozenset
-        The distinct causes of the 95 % set.
-    place : frozenset of str
-        Where it says the gap lies.
-    place_set : frozenset of str
-        The places that carry 0.95 of the probability; the place alone where the diagnosis does not say.
-    diagnosis : dict
-        The JSON.
-    """
-
+    # ``"no_gap"``, ``"explained"``, ``"partly_explained"``, ``"ambiguous"``, ``"unknown"``; ``"failed"`` where there
+    # is no diagnosis
     verdict: str
-    entries: tuple[Entry, ...]
-    likely: frozenset[Causes]
-    place: frozenset[str]
-    diagnosis: Mapping[str, Any]
+    entries: tuple[Entry, ...]  # As the diagnosis ranked them
+    likely: frozenset[Causes]  # The distinct causes of the 95 % set
+    place: frozenset[str]  # Where it says the gap lies
+    diagnosis: Mapping[str, Any]  # The JSON
+    # The places that carry 0.95 of the probability; the place alone where the diagnosis does not say
     place_set: frozenset[str] = frozenset()
 
     @property
@@ -154,19 +111,7 @@ class Answer:
         return 0.0 if self.first is None else self.probability_of(self.first)
 
     def probability_of(self, causes: Causes) -> float:
-        """
-        Probability stated for some causes.
-
-        Parameters
-        ----------
-        causes : frozenset of (effect, place)
-            The causes.
-
-        Returns
-        -------
-        float
-            Sum over the rows that name exactly these.
-        """
+        """Probability stated for some causes."""
         return float(sum(e.probability for e in self.entries if e.causes == causes))
 
     def probability_that(self, truth: Truth) -> float:
@@ -185,27 +130,13 @@ FAILED = Answer("failed", (), frozenset(), frozenset(), {})
 
 @dataclass(frozen=True)
 class Case:
-    """
-    A case of an opened trial.
+    """A case of an opened trial."""
 
-    Parameters
-    ----------
-    name : str
-        Its campaign.
-    truth : Truth
-        What is wrong.
-    answer : Answer
-        What was said.
-    run : dict
-        Record of the diagnosis.
-    achieved : float
-        Part of the nominal model's error that the corrected one closes on fresh records; NaN where that is not known.
-    """
-
-    name: str
-    truth: Truth
-    answer: Answer
-    run: Mapping[str, Any]
+    name: str  # Its campaign
+    truth: Truth  # What is wrong
+    answer: Answer  # What was said
+    run: Mapping[str, Any]  # Record of the diagnosis
+    # Part of the nominal model's error that the corrected one closes on fresh records; NaN where that is not known
     achieved: float = float("nan")
 
     @property
@@ -231,19 +162,7 @@ class Case:
 
 
 def truth_of(label: Mapping[str, Any]) -> Truth:
-    """
-    A label, read.
-
-    Parameters
-    ----------
-    label : dict
-        Of the rig.
-
-    Returns
-    -------
-    Truth
-        The truth.
-    """
+    """A label, read."""
     effect, place = str(label["effect"]), str(label["place"])
     sigma = float("nan") if label.get("gap_sigma") is None else float(label["gap_sigma"])
     places = frozenset(place.split("+"))
@@ -256,19 +175,7 @@ def truth_of(label: Mapping[str, Any]) -> Truth:
 
 
 def answer_of(diagnosis: Mapping[str, Any]) -> Answer:
-    """
-    A diagnosis, read.
-
-    Parameters
-    ----------
-    diagnosis : dict
-        JSON of ``cutvib diagnose``.
-
-    Returns
-    -------
-    Answer
-        The answer.
-    """
+    """A diagnosis, read."""
     rows: Sequence[Mapping[str, Any]] = diagnosis["causes"]
     entries = tuple(
         Entry(
@@ -294,20 +201,6 @@ def causes_of(effect: str, place: str, parameters: Mapping[str, Any]) -> Causes:
     """
     Causes of a label or of a diagnosis' row, under the names that count.
 
-    Parameters
-    ----------
-    effect, place : str
-        Ids, joined by ``+`` where several act together.
-    parameters : mapping
-        Values by name, or ``{"value": …}`` by name; that of a pair's member may have its effect's id before it.
-
-    Returns
-    -------
-    frozenset of (effect, place)
-        The causes.
-
-    Examples
-    --------
     >>> sorted(causes_of("parameter_shift", "tool", {"parameter": "m2", "factor": 1.05}))
     [('added_mass', 'tool')]
     >>> sorted(causes_of("support_compliance+cubic_stiffness", "rail_ends+joint2", {}))
@@ -325,40 +218,14 @@ def causes_of(effect: str, place: str, parameters: Mapping[str, Any]) -> Causes:
 
 
 def name_of(causes: Causes) -> str:
-    """
-    Causes in words, as in the catalogue.
-
-    Parameters
-    ----------
-    causes : frozenset of (effect, place)
-        The causes.
-
-    Returns
-    -------
-    str
-        Effects with their places, joined by a plus.
-    """
+    """Causes in words, as in the catalogue."""
     if causes in (UNKNOWN, NONE):
         return next(iter(causes))[0]
     return " + ".join(f"{effect} ({place})" if place else effect for effect, place in sorted(causes))
 
 
 def read_cases(trial: Trial, labels: Mapping[str, Any]) -> tuple[Case, ...]:
-    """
-    All cases of an opened trial.
-
-    Parameters
-    ----------
-    trial : Trial
-        The trial.
-    labels : mapping of str to dict
-        Label of each case.
-
-    Returns
-    -------
-    tuple of Case
-        By name; those without a diagnosis are among them.
-    """
+    """All cases of an opened trial."""
     out = []
     for name in sorted(labels):
         run = read_json(trial.run(name))

@@ -22,13 +22,6 @@ def forbid(folders: list[str]) -> None:
     """
     Refuse this process every file below some folders, from now on and for good.
 
-    Parameters
-    ----------
-    folders : list of str
-        The folders.
-
-    Notes
-    -----
     An audit hook: it cannot be taken away again, and it sees what Python opens, imports and lists. Compiled code that opens
     files by itself is not seen. It is a tripwire for the package's own code, not a jail for hostile code.
     """
@@ -47,19 +40,7 @@ def forbid(folders: list[str]) -> None:
 
 
 def main(arguments: list[str]) -> int:
-    """
-    Run a command confined.
-
-    Parameters
-    ----------
-    arguments : list of str
-        File for the usage, forbidden folders, ``--``, and the command with its arguments.
-
-    Returns
-    -------
-    int
-        The command's exit status.
-    """
+    """Run a command confined."""
     cut = arguments.index("--")
     usage, forbidden, command = Path(arguments[0]), arguments[1:cut], arguments[cut + 1 :]
     code = code_hash()

@@ -23,16 +23,7 @@ QUIET = 0.01
 
 
 def main(request: dict[str, Any], folder: Path) -> None:
-    """
-    Make a case: its campaign, its label, and records for the score that the diagnosis never has.
-
-    Parameters
-    ----------
-    request : dict
-        Fields of `plan.Request`.
-    folder : Path
-        Where they go.
-    """
+    """Make a case: its campaign, its label, and records for the score that the diagnosis never has."""
     from cutvib_ss.validation.rig import draw_case, write_campaign
 
     case = draw_case(
@@ -51,16 +42,7 @@ def main(request: dict[str, Any], folder: Path) -> None:
 
 
 def write_fresh(case: Any, folder: Path) -> None:
-    """
-    Records of the same machine at other positions, with hardly any noise, no calibration errors and nothing that drifts.
-
-    Parameters
-    ----------
-    case : rig.Case
-        The case.
-    folder : Path
-        Where to.
-    """
+    """Records of the same machine at other positions, with hardly any noise, no calibration errors and nothing that drifts."""
     from cutvib_ss.validation.rig import files
     from cutvib_ss.validation.rig.campaign import Campaign
     from cutvib_ss.validation.rig.repeatability import Repeatability
@@ -85,18 +67,6 @@ def between(positions: Sequence[float | None]) -> tuple[float | None, ...]:
     """
     Positions in the middle of the widest gaps that a campaign leaves.
 
-    Parameters
-    ----------
-    positions : sequence of (float or None)
-        Of the campaign.
-
-    Returns
-    -------
-    tuple of (float or None)
-        Ascending; one record of a structure that has no positions.
-
-    Examples
-    --------
     >>> between((0.02, 0.1, 0.4, 0.5, 0.9))
     (0.25, 0.7)
     """

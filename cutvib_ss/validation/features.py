@@ -47,25 +47,7 @@ class _Seen:
 
 
 def features(folder: Path) -> FloatArray:
-    """
-    Features of a campaign on the cutting machine.
-
-    Parameters
-    ----------
-    folder : Path
-        The campaign's folder.
-
-    Returns
-    -------
-    ndarray, shape (feature,)
-        By channel and band: logarithm of the error's part of the nominal response, in-phase and quadrature part of that error,
-        change with the level over noise, coherence lost; by channel and zone of the rail: logarithm of the error's part.
-
-    Raises
-    ------
-    ParameterError
-        If the campaign's model is another structure.
-    """
+    """Features of a campaign on the cutting machine."""
     campaign = read_campaign(folder)
     machine = campaign.machine
     if not isinstance(machine, Machine):

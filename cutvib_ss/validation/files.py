@@ -22,14 +22,7 @@ _NOT_CODE = {".pyc", ".pyo", ".nbi", ".nbc"}
 
 
 def now() -> str:
-    """
-    The time, to the microsecond.
-
-    Returns
-    -------
-    str
-        ISO 8601, UTC.
-    """
+    """The time, to the microsecond."""
     return datetime.now(UTC).isoformat(timespec="microseconds")
 
 
@@ -37,18 +30,6 @@ def canonical(data: Any) -> bytes:
     """
     Data as JSON in the one form that is hashed.
 
-    Parameters
-    ----------
-    data : object
-        What JSON can hold, without NaN or Infinity.
-
-    Returns
-    -------
-    bytes
-        UTF-8, keys in order.
-
-    Examples
-    --------
     >>> canonical({"b": 1, "a": [0.5]})
     b'{"a":[0.5],"b":1}'
     """
@@ -56,48 +37,17 @@ def canonical(data: Any) -> bytes:
 
 
 def digest(content: bytes) -> str:
-    """
-    SHA-256 of some bytes.
-
-    Parameters
-    ----------
-    content : bytes
-        What to hash.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
+    """SHA-256 of some bytes."""
     return hashlib.sha256(content).hexdigest()
 
 
 def folder_hash(folder: Path) -> str:
-    """
-    SHA-256 of a folder's content: the files' names and bytes, not their dates.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
+    """SHA-256 of a folder's content: the files' names and bytes, not their dates."""
     return _hash_of(folder, [p for p in folder.rglob("*") if p.is_file()])
 
 
 def code_hash() -> str:
-    """
-    SHA-256 of the package as it runs: its modules and the data that ship with it.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
+    """SHA-256 of the package as it runs: its modules and the data that ship with it."""
     files = (p for p in PACKAGE.rglob("*") if p.is_file() and p.suffix not in _NOT_CODE)
     return _hash_of(PACKAGE, [p for p in files if "__pycache__" not in p.parts and not p.name.startswith(".")])
 
@@ -111,16 +61,7 @@ def _hash_of(root: Path, files: list[Path]) -> str:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """
-    Write a file so that a reader finds the old one or the new one, never a part.
-
-    Parameters
-    ----------
-    path : Path
-        The file; its folder exists.
-    content : bytes
-        What goes into it.
-    """
+    """Write a file so that a reader finds the old one or the new one, never a part."""
     descriptor, draft = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
         with os.fdopen(descriptor, "wb") as file:
@@ -134,38 +75,12 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """
-    Write data as indented JSON, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    data : object
-        What JSON can hold.
-    """
+    """Write data as indented JSON, whole or not at all."""
     write_bytes(path, (json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode())
 
 
 def read_json(path: Path) -> Any:
-    """
-    Read JSON.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    object
-        Its content.
-
-    Raises
-    ------
-    DataFormatError
-        If it cannot be read.
-    """
+    """Read JSON."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -175,19 +90,7 @@ def read_json(path: Path) -> Any:
 
 
 def packed(folder: Path) -> bytes:
-    """
-    A folder's files as one archive, without dates and owners.
-
-    Parameters
-    ----------
-    folder : Path
-        The folder.
-
-    Returns
-    -------
-    bytes
-        An uncompressed tar archive.
-    """
+    """A folder's files as one archive, without dates and owners."""
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w") as archive:
         for file in sorted(folder.rglob("*")):
@@ -200,16 +103,7 @@ def packed(folder: Path) -> bytes:
 
 
 def unpack(archive: bytes, folder: Path) -> None:
-    """
-    Unpack an archive into a folder that appears once it is complete.
-
-    Parameters
-    ----------
-    archive : bytes
-        From `packed`.
-    folder : Path
-        Folder to be; what an interrupted attempt left beside it is cleared away.
-    """
+    """Unpack an archive into a folder that appears once it is complete."""
     draft = folder.with_name(f".{folder.name}.part")
     shutil.rmtree(draft, ignore_errors=True)
     with tarfile.open(fileobj=io.BytesIO(archive)) as content:

@@ -33,70 +33,29 @@ SMALL: Mapping[str, Any] = {
 
 @dataclass(frozen=True)
 class Request:
-    """
-    A case to be made by the rig.
+    """A case to be made by the rig."""
 
-    Parameters
-    ----------
-    seed : int
-        Of everything about the case.
-    kind : {"none", "single", "pair", "outside"}
-        What is wrong with the machine.
-    cause : str or None
-        Which cause, where the kind leaves a choice; None leaves it to the rig.
-    severity : tuple of float
-        Range from which the severity is drawn, relative to the rig's usual one.
-    small : bool
-        Whether the campaign is one of an hour, not of a day.
-    traits : tuple of str
-        What else the case has, of `TRAITS`.
-    """
-
-    seed: int
-    kind: Kind
-    cause: str | None
-    severity: tuple[float, float]
-    small: bool = False
-    traits: tuple[str, ...] = ()
+    seed: int  # Of everything about the case
+    kind: Kind  # What is wrong with the machine
+    cause: str | None  # Which cause, where the kind leaves a choice; None leaves it to the rig
+    severity: tuple[float, float]  # Range from which the severity is drawn, relative to the rig's usual one
+    small: bool = False  # Whether the campaign is one of an hour, not of a day
+    traits: tuple[str, ...] = ()  # What else the case has, of `TRAITS`
 
 
 @dataclass(frozen=True)
 class Settings:
-    """
-    What was asked for: the same settings make the same cases.
+    """What was asked for: the same settings make the same cases."""
 
-    Parameters
-    ----------
-    cases : int
-        Number of cases.
-    seed : int
-        Of all cases.
-    mix : mapping of str to int
-        Number of cases of each kind.
-    severity : tuple of float
-        Range of severities.
-    small : bool
-        Whether all campaigns have `SMALL` extent, instead of one that is drawn.
-    traits : mapping of str to float
-        Part of the cases that has each of `TRAITS`.
-    """
-
-    cases: int
-    seed: int
-    mix: Mapping[str, int]
-    severity: tuple[float, float] = (0.3, 2.0)
-    small: bool = False
-    traits: Mapping[str, float] = field(default_factory=dict)
+    cases: int  # Number of cases
+    seed: int  # Of all cases
+    mix: Mapping[str, int]  # Number of cases of each kind
+    severity: tuple[float, float] = (0.3, 2.0)  # Range of severities
+    small: bool = False  # Whether all campaigns have `SMALL` extent, instead of one that is drawn
+    traits: Mapping[str, float] = field(default_factory=dict)  # Part of the cases that has each of `TRAITS`
 
     def to_dict(self) -> dict[str, Any]:
-        """
-        The settings as plain data.
-
-        Returns
-        -------
-        dict
-            By field.
-        """
+        """The settings as plain data."""
         return {**asdict(self), "severity": list(self.severity)}
 
 
@@ -106,32 +65,6 @@ def settings(
     """
     Settings of a trial from what a user gives.
 
-    Parameters
-    ----------
-    cases : int
-        Number of cases.
-    seed : int
-        Of all cases.
-    mix : str, optional
-        Numbers by kind, such as ``"none=150,outside=60,pair=40"``; the rest has one cause. Numbers of `TRAITS` may follow,
-        ``"drifting=130"``; those that are not given have their default share.
-    severity : tuple of float
-        Range of severities.
-    small : bool
-        Whether all campaigns are small.
-
-    Returns
-    -------
-    Settings
-        The settings.
-
-    Raises
-    ------
-    ParameterError
-        If they contradict each other.
-
-    Examples
-    --------
     >>> settings(500, 1).mix
     {'none': 150, 'outside': 60, 'pair': 40, 'single': 250}
     >>> settings(12, 1, "none=3,pair=1").mix
@@ -171,21 +104,7 @@ def _counts(mix: str) -> dict[str, int]:
 
 
 def requests(asked: Settings, causes: Sequence[str], outside: Sequence[str]) -> tuple[Request, ...]:
-    """
-    The cases of a trial.
-
-    Parameters
-    ----------
-    asked : Settings
-        What was asked for.
-    causes, outside : sequence of str
-        Causes that the rig can make, inside the catalogue and outside it; each comes about equally often.
-
-    Returns
-    -------
-    tuple of Request
-        In random order.
-    """
+    """The cases of a trial."""
     rng, dealer = np.random.default_rng(asked.seed), np.random.default_rng([asked.seed, 1])
     seeds = np.random.SeedSequence(asked.seed).generate_state(asked.cases, np.uint32)
     choices: dict[str, Sequence[str]] = {"single": causes, "outside": outside}
@@ -208,18 +127,6 @@ def options_of(asked: Mapping[str, Any]) -> str:
     """
     Options of ``cutvib blind run`` that make a trial's cases.
 
-    Parameters
-    ----------
-    asked : mapping
-        `Settings.to_dict` of the trial.
-
-    Returns
-    -------
-    str
-        As on a command line.
-
-    Examples
-    --------
     >>> options_of(settings(12, 9, "none=6,outside=1", small=True).to_dict())
     '--cases 12 --seed 9 --mix none=6,outside=1,pair=0,drifting=4,varied=6,rough=4,structure=2 --severity 0.3:2 --small'
     """
@@ -231,19 +138,5 @@ def options_of(asked: Mapping[str, Any]) -> str:
 
 
 def neutral_name(salt: bytes, index: int) -> str:
-    """
-    A name for a case that tells neither its kind nor its turn.
-
-    Parameters
-    ----------
-    salt : bytes
-        Secret of the trial.
-    index : int
-        The case's turn.
-
-    Returns
-    -------
-    str
-        Twelve hexadecimal digits.
-    """
+    """A name for a case that tells neither its kind nor its turn."""
     return hmac.new(salt, str(index).encode(), hashlib.sha256).hexdigest()[:12]

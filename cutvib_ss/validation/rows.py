@@ -29,34 +29,15 @@ Cases: TypeAlias = Sequence[Case]
 
 @dataclass(frozen=True)
 class Row:
-    """
-    One figure of the score.
+    """One figure of the score."""
 
-    Parameters
-    ----------
-    key : str
-        Its name in JSON.
-    title : str
-        What it is.
-    unit : {"%", "", "s"}
-        How it is printed; ``"%"`` is a fraction of one.
-    estimate : Estimate
-        Figure, interval and number of cases.
-    goal : float or None
-        What is to be reached; None for a row that only informs.
-    at_least : bool
-        Whether more is better.
-    note : str
-        What else to know.
-    """
-
-    key: str
-    title: str
-    unit: Unit
-    estimate: Estimate
-    goal: float | None = None
-    at_least: bool = True
-    note: str = ""
+    key: str  # Its name in JSON
+    title: str  # What it is
+    unit: Unit  # How it is printed; ``"%"`` is a fraction of one
+    estimate: Estimate  # Figure, interval and number of cases
+    goal: float | None = None  # What is to be reached; None for a row that only informs
+    at_least: bool = True  # Whether more is better
+    note: str = ""  # What else to know
 
     @property
     def met(self) -> bool | None:
@@ -68,19 +49,7 @@ class Row:
 
 
 def rows(cases: Cases) -> tuple[Row, ...]:
-    """
-    All figures of a trial.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-        All its cases, those without a diagnosis among them: they count as wrong wherever that can be said.
-
-    Returns
-    -------
-    tuple of Row
-        In the order of the goals.
-    """
+    """All figures of a trial."""
     return (
         *_causes(cases),
         *_places(cases),
@@ -165,19 +134,7 @@ def _confidence(cases: Cases) -> list[Row]:
 
 
 def confidences(cases: Cases) -> list[float]:
-    """
-    What each first answer stated for itself.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-        The cases.
-
-    Returns
-    -------
-    list of float
-        Probabilities; 0 where there is no diagnosis.
-    """
+    """What each first answer stated for itself."""
     return [min(max(c.answer.confidence, 0.0), 1.0) for c in cases]
 
 
@@ -230,55 +187,19 @@ def _how_far(cases: Cases) -> list[Row]:
 
 
 def left_over(case: Case) -> float:
-    """
-    Reduced χ² on held-out records with the cause that the diagnosis would add.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-
-    Returns
-    -------
-    float
-        Of its first cause of the catalogue; NaN where the diagnosis states none.
-    """
+    """Reduced χ² on held-out records with the cause that the diagnosis would add."""
     known = (e.reduced_chi2 for e in case.answer.entries if ELEMENT not in e.causes)
     return next(known, np.nan)
 
 
 def excess_closed(case: Case) -> float:
-    """
-    Part of the error over noise, on held-out records, that the diagnosis closes.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-
-    Returns
-    -------
-    float
-        1 where the residual is noise alone; NaN where there is hardly anything to close.
-    """
+    """Part of the error over noise, on held-out records, that the diagnosis closes."""
     stated = stated_closed(case)
     return float("nan") if stated is None else min(stated[0], 1.0)
 
 
 def stated_closed(case: Case) -> tuple[float, float, float] | None:
-    """
-    Part of the error over noise that a diagnosis says it closes, with its 95 % interval.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-
-    Returns
-    -------
-    (float, float, float) or None
-        Part, lower and upper end; None where there is hardly anything to close.
-    """
+    """Part of the error over noise that a diagnosis says it closes, with its 95 % interval."""
     gap = case.answer.diagnosis.get("gap", {})
     figures = (
         gap.get("before"),

@@ -41,107 +41,53 @@ SEVERITIES = (0.0, SMALL, 1.0, LARGE, 5.0, 15.0, math.inf)
 
 @dataclass(frozen=True)
 class Confusion:
-    """
-    How often each truth got each name.
+    """How often each truth got each name."""
 
-    Parameters
-    ----------
-    truths, named : tuple of str
-        Rows and columns.
-    counts : ndarray, shape (truth, named)
-        Cases.
-    """
-
-    truths: tuple[str, ...]
+    truths: tuple[str, ...]  # Rows and columns
     named: tuple[str, ...]
-    counts: np.ndarray[tuple[int, ...], np.dtype[np.int64]]
+    counts: np.ndarray[tuple[int, ...], np.dtype[np.int64]]  # Cases
 
 
 @dataclass(frozen=True)
 class Group:
-    """
-    Cases counted together.
+    """Cases counted together."""
 
-    Parameters
-    ----------
-    name : str
-        What they share.
-    right : Estimate
-        Part whose first answer is right.
-    probability : float
-        Mean probability on the truth.
-    """
-
-    name: str
-    right: Estimate
-    probability: float
+    name: str  # What they share
+    right: Estimate  # Part whose first answer is right
+    probability: float  # Mean probability on the truth
 
 
 @dataclass(frozen=True)
 class Shrinkage:
-    """
-    How far the gap is said to shrink, and how far it does.
+    """How far the gap is said to shrink, and how far it does."""
 
-    Parameters
-    ----------
-    name : str
-        The case.
-    stated, low, high : float
-        Part of the error over noise that is said to be closed on held-out records, and its 95 % interval.
-    achieved : float
-        Part of the nominal model's error that is closed on fresh records, without noise and at other positions.
-    right : bool
-        Whether the first answer is the truth.
-    """
-
-    name: str
-    stated: float
+    name: str  # The case
+    stated: float  # Part of the error over noise that is said to be closed on held-out records, and its 95 % interval
     low: float
     high: float
+    # Part of the nominal model's error that is closed on fresh records, without noise and at other positions
     achieved: float
-    right: bool
+    right: bool  # Whether the first answer is the truth
 
 
 @dataclass(frozen=True)
 class Score:
-    """
-    A trial's score.
+    """A trial's score."""
 
-    Parameters
-    ----------
-    about : dict
-        When, by which code, how many cases of which kind.
-    rows : tuple of Row
-        The figures.
-    causes, places : Confusion
-        Truths against names.
-    bins : tuple of Bin
-        Reliability.
-    coverage, risk : ndarray
-        Part of wrong answers among the surest.
-    by_severity, by_cause : tuple of Group
-        Cases with one cause by size of the gap; all cases by cause.
-    groups : mapping of str to tuple of Group
-        All cases by kind, by how far the machine moves, by kind of the machine; those with one cause by how far its form is from
-        the catalogue's.
-    cases : tuple of Case
-        All cases.
-    baselines : mapping of str to tuple of Row
-        The same figures of simpler methods.
-    """
-
-    about: Mapping[str, Any]
-    rows: tuple[Row, ...]
-    causes: Confusion
+    about: Mapping[str, Any]  # When, by which code, how many cases of which kind
+    rows: tuple[Row, ...]  # The figures
+    causes: Confusion  # Truths against names
     places: Confusion
-    bins: tuple[Bin, ...]
-    coverage: FloatArray
+    bins: tuple[Bin, ...]  # Reliability
+    coverage: FloatArray  # Part of wrong answers among the surest
     risk: FloatArray
-    by_severity: tuple[Group, ...]
-    by_cause: tuple[Group, ...]
+    by_severity: tuple[Group, ...]  # Cases with one cause by size of the gap
+    by_cause: tuple[Group, ...]  # All cases by cause
+    # All cases by kind, by how far the machine moves, by kind of the machine; those with one cause by how far its
+    # form is from the catalogue's
     groups: Mapping[str, tuple[Group, ...]]
-    cases: tuple[Case, ...]
-    baselines: Mapping[str, tuple[Row, ...]] = field(default_factory=dict)
+    cases: tuple[Case, ...]  # All cases
+    baselines: Mapping[str, tuple[Row, ...]] = field(default_factory=dict)  # The same figures of simpler methods
 
     @property
     def shrinkage(self) -> tuple[Shrinkage, ...]:
@@ -155,14 +101,7 @@ class Score:
         return tuple(sorted(found, key=lambda c: -c.answer.confidence))
 
     def to_dict(self) -> dict[str, Any]:
-        """
-        The score as plain data; what is not finite becomes None.
-
-        Returns
-        -------
-        dict
-            Of the schema ``cutvib-blind-score/1``.
-        """
+        """The score as plain data; what is not finite becomes None."""
         p, right = confidences(self.cases), [c.right for c in self.cases]
         chance, bound = calibration_error_if_perfect(p)
         data = {
@@ -195,21 +134,7 @@ class Score:
 
 
 def scored(cases: Sequence[Case], about: Mapping[str, Any]) -> Score:
-    """
-    The score of some cases.
-
-    Parameters
-    ----------
-    cases : sequence of Case
-        All cases of a trial.
-    about : mapping
-        What to say of the trial.
-
-    Returns
-    -------
-    Score
-        The score.
-    """
+    """The score of some cases."""
     kinds = Counter(c.truth.kind for c in cases)
     coverage, risk = risk_coverage(confidences(cases), [c.right for c in cases])
     single = [c for c in cases if c.truth.kind == "single"]
@@ -299,19 +224,7 @@ def _grouped(name: str, cases: Sequence[Case]) -> Group:
 
 
 def case_data(case: Case) -> dict[str, Any]:
-    """
-    One case as plain data.
-
-    Parameters
-    ----------
-    case : Case
-        The case.
-
-    Returns
-    -------
-    dict
-        What was wrong beside what was said.
-    """
+    """One case as plain data."""
     gap = case.answer.diagnosis.get("gap", {})
     first: Causes | None = case.answer.first
     return {

@@ -30,16 +30,9 @@ class SealError(CutvibError):
 
 @dataclass(frozen=True)
 class Trial:
-    """
-    Where the parts of a trial lie.
+    """Where the parts of a trial lie."""
 
-    Parameters
-    ----------
-    folder : Path
-        Its folder, DIR.
-    """
-
-    folder: Path
+    folder: Path  # Its folder, DIR
 
     @property
     def campaigns(self) -> Path:
@@ -73,85 +66,26 @@ class Trial:
         return resolved.with_name(resolved.name + ".sealed")
 
     def diagnosis(self, name: str) -> Path:
-        """
-        Where a case's diagnosis goes.
-
-        Parameters
-        ----------
-        name : str
-            The case.
-
-        Returns
-        -------
-        Path
-            The file.
-        """
+        """Where a case's diagnosis goes."""
         return self.diagnoses / f"{name}.json"
 
     def machine(self, name: str) -> Path:
-        """
-        Where a case's corrected model goes.
-
-        Parameters
-        ----------
-        name : str
-            The case.
-
-        Returns
-        -------
-        Path
-            The file.
-        """
+        """Where a case's corrected model goes."""
         return self.diagnoses / f"{name}.toml"
 
     def fresh(self, name: str) -> Path:
-        """
-        Where the records lie that only the score looks at.
-
-        Parameters
-        ----------
-        name : str
-            The case.
-
-        Returns
-        -------
-        Path
-            An archive among what is sealed.
-        """
+        """Where the records lie that only the score looks at."""
         return self.sealed / "cases" / f"{name}.tar"
 
     def run(self, name: str) -> Path:
         """
         Where the record of a case's diagnosis goes: when, how long, by which code; its being there says that the case is done.
-
-        Parameters
-        ----------
-        name : str
-            The case.
-
-        Returns
-        -------
-        Path
-            The file.
         """
         return self.diagnoses / f"{name}.run.json"
 
 
 def commit(trial: Trial, secret: Mapping[str, Any], salt: bytes, campaigns: Mapping[str, str]) -> None:
-    """
-    Seal what must not be known, and publish the commitment.
-
-    Parameters
-    ----------
-    trial : Trial
-        The trial.
-    secret : mapping
-        ``labels`` of the cases by name, and the ``settings``, whose seed would tell the labels.
-    salt : bytes
-        Secret of the trial.
-    campaigns : mapping of str to str
-        Hash of each campaign's folder.
-    """
+    """Seal what must not be known, and publish the commitment."""
     from cutvib_ss import __version__
 
     write_json(trial.sealed / "labels.json", {"salt": salt.hex(), "secret": secret})
@@ -183,45 +117,12 @@ def _revision() -> str | None:
 
 
 def labels_hash(secret: Mapping[str, Any], salt: bytes) -> str:
-    """
-    What a commitment says of the labels.
-
-    Parameters
-    ----------
-    secret : mapping
-        Labels and settings.
-    salt : bytes
-        Secret of the trial.
-
-    Returns
-    -------
-    str
-        SHA-256 of the salt followed by labels and settings as canonical JSON.
-    """
+    """What a commitment says of the labels."""
     return digest(salt + canonical(secret))
 
 
 def check_code(trial: Trial, what: str) -> dict[str, Any]:
-    """
-    The commitment, if the code is still the one that it names.
-
-    Parameters
-    ----------
-    trial : Trial
-        The trial.
-    what : str
-        What shall be done, for the message.
-
-    Returns
-    -------
-    dict
-        The commitment.
-
-    Raises
-    ------
-    SealError
-        If there is none, or the code has changed.
-    """
+    """The commitment, if the code is still the one that it names."""
     if not trial.commitment.is_file():
         raise SealError(
             f"{trial.folder}: no commitment.json, so no sealed trial; make one with `cutvib blind run --out {trial.folder}`"
@@ -238,25 +139,7 @@ def check_code(trial: Trial, what: str) -> dict[str, Any]:
 
 
 def open_seal(trial: Trial) -> dict[str, Any]:
-    """
-    Open the labels, once; later calls find them open and check that nothing was diagnosed since.
-
-    Parameters
-    ----------
-    trial : Trial
-        The trial.
-
-    Returns
-    -------
-    dict
-        ``labels`` of the cases by name, and the ``settings``.
-
-    Raises
-    ------
-    SealError
-        If the code has changed, a case is not diagnosed, labels or diagnoses are not those that were committed to, or a
-        diagnosis is newer than the opening.
-    """
+    """Open the labels, once; later calls find them open and check that nothing was diagnosed since."""
     commitment = check_code(trial, "the score")
     if not trial.labels.is_file():
         _lay_open(trial, commitment)
@@ -291,24 +174,7 @@ def _lay_open(trial: Trial, commitment: Mapping[str, Any]) -> None:
 
 
 def opened(trial: Trial) -> dict[str, Any]:
-    """
-    The labels of a trial that has been opened before, by whatever code is installed now.
-
-    Parameters
-    ----------
-    trial : Trial
-        The trial.
-
-    Returns
-    -------
-    dict
-        ``labels`` of the cases by name, and the ``settings``.
-
-    Raises
-    ------
-    SealError
-        If the seal is closed, or labels or diagnoses are not those of the opening, or not by the code committed to.
-    """
+    """The labels of a trial that has been opened before, by whatever code is installed now."""
     if not (trial.commitment.is_file() and trial.opening.is_file() and trial.labels.is_file()):
         raise SealError(
             f"{trial.folder}: the seal is not open; score it by itself first: cutvib blind score {trial.folder}"

@@ -17,41 +17,18 @@ BINS = 10
 
 @dataclass(frozen=True)
 class Estimate:
-    """
-    A figure with its interval.
+    """A figure with its interval."""
 
-    Parameters
-    ----------
-    value : float
-        The figure; NaN without cases.
-    low, high : float
-        95 % interval.
-    cases : int
-        Cases behind it.
-    """
-
-    value: float
-    low: float
+    value: float  # The figure; NaN without cases
+    low: float  # 95 % interval
     high: float
-    cases: int
+    cases: int  # Cases behind it
 
 
 def proportion(hits: Sequence[bool]) -> Estimate:
     """
     Part of cases that hold, with the exact interval of Clopper and Pearson.
 
-    Parameters
-    ----------
-    hits : sequence of bool
-        One a case.
-
-    Returns
-    -------
-    Estimate
-        The part.
-
-    Examples
-    --------
     >>> estimate = proportion([False] * 300)
     >>> estimate.value, round(estimate.high, 4)
     (0.0, 0.0122)
@@ -67,21 +44,7 @@ def proportion(hits: Sequence[bool]) -> Estimate:
 def resampled(
     values: Sequence[float], figure: Callable[[FloatArray], FloatArray] = lambda v: np.mean(v, axis=-1)
 ) -> Estimate:
-    """
-    A figure of a sample, by default its mean, with a bootstrap interval over the cases.
-
-    Parameters
-    ----------
-    values : sequence of float
-        One a case.
-    figure : callable
-        Of an array, along its last axis.
-
-    Returns
-    -------
-    Estimate
-        The figure.
-    """
+    """A figure of a sample, by default its mean, with a bootstrap interval over the cases."""
     sample = np.asarray(values, dtype=np.float64)
     if sample.size == 0:
         return Estimate(np.nan, np.nan, np.nan, 0)
@@ -91,21 +54,7 @@ def resampled(
 
 
 def quantile(values: Sequence[float], q: float) -> Estimate:
-    """
-    A quantile with the interval that order statistics give it.
-
-    Parameters
-    ----------
-    values : sequence of float
-        One a case.
-    q : float
-        Between 0 and 1.
-
-    Returns
-    -------
-    Estimate
-        The quantile; an end of the interval is infinite where the cases are too few to bound it.
-    """
+    """A quantile with the interval that order statistics give it."""
     sample = np.sort(np.asarray(values, dtype=np.float64))
     n = sample.size
     if n == 0:
@@ -119,41 +68,16 @@ def quantile(values: Sequence[float], q: float) -> Estimate:
 
 @dataclass(frozen=True)
 class Bin:
-    """
-    Answers of about one confidence.
+    """Answers of about one confidence."""
 
-    Parameters
-    ----------
-    low, high : float
-        Limits of the confidence.
-    confidence : float
-        Mean confidence; NaN in an empty bin.
-    right : Estimate
-        Part of them that is right.
-    """
-
-    low: float
+    low: float  # Limits of the confidence
     high: float
-    confidence: float
-    right: Estimate
+    confidence: float  # Mean confidence; NaN in an empty bin
+    right: Estimate  # Part of them that is right
 
 
 def reliability(confidence: Sequence[float], right: Sequence[bool]) -> tuple[Bin, ...]:
-    """
-    How often answers are right, by how sure they were.
-
-    Parameters
-    ----------
-    confidence : sequence of float
-        Probability that each first answer stated for itself.
-    right : sequence of bool
-        Whether it was right.
-
-    Returns
-    -------
-    tuple of Bin
-        Ten bins of equal width.
-    """
+    """How often answers are right, by how sure they were."""
     p, hit = np.asarray(confidence, dtype=np.float64), np.asarray(right, dtype=bool)
     which = _bin_of(p)
     out = []
@@ -168,39 +92,13 @@ def calibration_error(confidence: Sequence[float], right: Sequence[bool]) -> flo
     """
     Expected calibration error: mean distance of stated and true rates over ten bins, weighted by their cases.
 
-    Parameters
-    ----------
-    confidence : sequence of float
-        Probability that each first answer stated for itself.
-    right : sequence of bool
-        Whether it was right.
-
-    Returns
-    -------
-    float
-        0 where probabilities come true in every bin.
-
-    Notes
-    -----
     Guo, Pleiss, Sun, Weinberger, "On calibration of modern neural networks" (2017), Eq. 5.
     """
     return float(_errors(np.asarray(confidence, dtype=np.float64), np.asarray(right, dtype=np.float64)[None])[0])
 
 
 def calibration_error_if_perfect(confidence: Sequence[float]) -> tuple[float, float]:
-    """
-    What the expected calibration error would be if every stated probability came true: chance alone.
-
-    Parameters
-    ----------
-    confidence : sequence of float
-        Stated probabilities.
-
-    Returns
-    -------
-    mean, quantile95 : float
-        Over simulated trials of as many cases.
-    """
+    """What the expected calibration error would be if every stated probability came true: chance alone."""
     p = np.asarray(confidence, dtype=np.float64)
     if p.size == 0:
         return np.nan, np.nan
@@ -224,21 +122,7 @@ def _errors(confidence: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def risk_coverage(confidence: Sequence[float], right: Sequence[bool]) -> tuple[FloatArray, FloatArray]:
-    """
-    Part of wrong answers among the surest, against how many are counted in.
-
-    Parameters
-    ----------
-    confidence : sequence of float
-        Probability that each first answer stated for itself.
-    right : sequence of bool
-        Whether it was right.
-
-    Returns
-    -------
-    coverage, risk : ndarray, shape (case,)
-        Ascending coverage; answers of one confidence enter together.
-    """
+    """Part of wrong answers among the surest, against how many are counted in."""
     p, wrong = np.asarray(confidence, dtype=np.float64), 1.0 - np.asarray(right, dtype=np.float64)
     order = np.argsort(-p, kind="stable")
     p, wrong = p[order], wrong[order]

@@ -30,39 +30,17 @@ REDRAWS = 20
 
 @dataclass(frozen=True)
 class Tools:
-    """
-    What makes and what diagnoses the cases; a test brings its own.
+    """What makes and what diagnoses the cases; a test brings its own."""
 
-    Parameters
-    ----------
-    rig : callable
-        Makes a case of a request.
-    diagnose : callable or None
-        Diagnoses the archive of a campaign; None stands for ``cutvib diagnose`` in a process of its own.
-    causes, outside : sequence of str
-        What the rig can make.
-    """
-
-    rig: Rig
+    rig: Rig  # Makes a case of a request
+    # Diagnoses the archive of a campaign; None stands for ``cutvib diagnose`` in a process of its own
     diagnose: Diagnoser | None
-    causes: Sequence[str]
+    causes: Sequence[str]  # What the rig can make
     outside: Sequence[str]
 
 
 def package_tools() -> Tools:
-    """
-    The package's own rig and diagnosis.
-
-    Returns
-    -------
-    Tools
-        Both.
-
-    Raises
-    ------
-    ParameterError
-        If the rig's simulator is not installed.
-    """
+    """The package's own rig and diagnosis."""
     try:
         import exudyn  # noqa: F401
 
@@ -81,40 +59,7 @@ def run_trial(
     timeout: float | None = None,
     progress: Progress = lambda stage, done, total: None,
 ) -> Trial:
-    """
-    Run a trial, or the rest of one.
-
-    Parameters
-    ----------
-    asked : Settings
-        Cases, seed and mix.
-    out : Path
-        The trial's folder; the labels go to a folder of that name with ``.sealed`` after it.
-    tools : Tools
-        Rig and diagnosis.
-    jobs : int
-        Cases at a time.
-    scheduler : str, optional
-        Address of a Dask scheduler whose workers do the work.
-    timeout : float, optional
-        After which a diagnosis is stopped, and counts as failed [s].
-    progress : callable
-        Told how far it is.
-
-    Returns
-    -------
-    Trial
-        All its cases diagnosed.
-
-    Raises
-    ------
-    ParameterError
-        If the folder holds something else.
-    SealError
-        If the seal is open, or the code has changed since.
-    RigError
-        If the rig fails again and again on a case.
-    """
+    """Run a trial, or the rest of one."""
     trial = Trial(out)
     salt = _prepared(trial, asked)
     if trial.opening.is_file():

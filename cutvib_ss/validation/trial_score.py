@@ -14,27 +14,7 @@ from cutvib_ss.validation.seal import SealError, Trial, open_seal, opened
 
 
 def score_trials(folders: Sequence[Path], jobs: int = 1) -> Score:
-    """
-    Score a trial, opening its seal where that is still closed; or several opened trials of one code, as one.
-
-    Parameters
-    ----------
-    folders : sequence of Path
-        The trials' folders.
-    jobs : int
-        Corrected models at a time that are tried on fresh records.
-
-    Returns
-    -------
-    Score
-        The score.
-
-    Raises
-    ------
-    SealError
-        If the seal of one trial does not hold or cases are not diagnosed yet; of several, if a seal is closed or does not hold, or
-        they were diagnosed by different code.
-    """
+    """Score a trial, opening its seal where that is still closed; or several opened trials of one code, as one."""
     trials = [Trial(folder) for folder in folders]
     secrets = [open_seal(trials[0])] if len(trials) == 1 else [opened(trial) for trial in trials]
     codes = {str(read_json(trial.commitment)["code_sha256"]) for trial in trials}

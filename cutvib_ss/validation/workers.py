@@ -41,72 +41,31 @@ class RigError(CutvibError):
 
 @dataclass(frozen=True)
 class Made:
-    """
-    A case as the rig made it.
+    """A case as the rig made it."""
 
-    Parameters
-    ----------
-    label : dict
-        What is wrong with the machine.
-    campaign : bytes
-        Archive of the campaign's folder.
-    fresh : bytes or None
-        Archive of records for the score alone.
-    """
-
-    label: dict[str, Any]
-    campaign: bytes
-    fresh: bytes | None = None
+    label: dict[str, Any]  # What is wrong with the machine
+    campaign: bytes  # Archive of the campaign's folder
+    fresh: bytes | None = None  # Archive of records for the score alone
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """
-    What became of a diagnosis.
+    """What became of a diagnosis."""
 
-    Parameters
-    ----------
-    status : {"done", "failed", "timeout"}
-        Whether there is a diagnosis.
-    exit_status : int or None
-        Of the process; None where it was stopped.
-    started, finished : str
-        ISO 8601, UTC.
-    seconds, cpu_seconds : float or None
-        Wall clock, and time on one core, start-up included.
-    code_sha256 : str or None
-        Hash of the code that diagnosed.
-    host : str
-        Machine that diagnosed.
-    message : str
-        Last words on standard error.
-    diagnosis : bytes or None
-        The JSON.
-    machine : bytes or None
-        The corrected model as a machine.toml.
-    """
-
-    status: Literal["done", "failed", "timeout"]
-    exit_status: int | None
-    started: str
+    status: Literal["done", "failed", "timeout"]  # Whether there is a diagnosis
+    exit_status: int | None  # Of the process; None where it was stopped
+    started: str  # ISO 8601, UTC
     finished: str
-    seconds: float
+    seconds: float  # Wall clock, and time on one core, start-up included
     cpu_seconds: float | None
-    code_sha256: str | None
-    host: str
-    message: str
-    diagnosis: bytes | None
-    machine: bytes | None = None
+    code_sha256: str | None  # Hash of the code that diagnosed
+    host: str  # Machine that diagnosed
+    message: str  # Last words on standard error
+    diagnosis: bytes | None  # The JSON
+    machine: bytes | None = None  # The corrected model as a machine.toml
 
     def record(self) -> dict[str, Any]:
-        """
-        All but diagnosis and model themselves.
-
-        Returns
-        -------
-        dict
-            Plain data.
-        """
+        """All but diagnosis and model themselves."""
         return {name: value for name, value in asdict(self).items() if name not in ("diagnosis", "machine")}
 
 
@@ -115,24 +74,7 @@ Diagnoser: TypeAlias = Callable[[bytes], Outcome]
 
 
 def rig_case(request: Request) -> Made:
-    """
-    Make a case with the package's rig, in a process of its own: a solver that crashes takes nothing else along.
-
-    Parameters
-    ----------
-    request : Request
-        What to make.
-
-    Returns
-    -------
-    Made
-        The case.
-
-    Raises
-    ------
-    RigError
-        If the rig fails.
-    """
+    """Make a case with the package's rig, in a process of its own: a solver that crashes takes nothing else along."""
     with tempfile.TemporaryDirectory(prefix="cutvib-") as name:
         folder = Path(name)
         ended = subprocess.run(
@@ -146,23 +88,7 @@ def rig_case(request: Request) -> Made:
 
 
 def diagnosed(archive: bytes, forbidden: Sequence[str] = (), timeout: float | None = None) -> Outcome:
-    """
-    Diagnose a campaign in a process of its own that knows nothing of the trial.
-
-    Parameters
-    ----------
-    archive : bytes
-        The campaign's folder; it is unpacked into a fresh folder under a name that is the same for all.
-    forbidden : sequence of str
-        Folders in which that process may open nothing.
-    timeout : float, optional
-        After which it is stopped [s].
-
-    Returns
-    -------
-    Outcome
-        What became of it.
-    """
+    """Diagnose a campaign in a process of its own that knows nothing of the trial."""
     with tempfile.TemporaryDirectory(prefix="cutvib-") as name:
         folder = Path(name)
         unpack(archive, folder / CAMPAIGN)
@@ -201,19 +127,7 @@ def diagnosed(archive: bytes, forbidden: Sequence[str] = (), timeout: float | No
 
 
 def clean_environment(folder: Path) -> dict[str, str]:
-    """
-    An environment that holds nothing but what a program needs to start.
-
-    Parameters
-    ----------
-    folder : Path
-        The process's own folder, its home and place for temporary files.
-
-    Returns
-    -------
-    dict of str to str
-        Variables.
-    """
+    """An environment that holds nothing but what a program needs to start."""
     # Windows programs do not start without SYSTEMROOT.
     kept = {name: os.environ[name] for name in ("PATH", "LANG", "SYSTEMROOT") if name in os.environ}
     own = dict.fromkeys(("HOME", "USERPROFILE", "TMPDIR", "TEMP", "TMP", "MPLCONFIGDIR"), str(folder))
@@ -225,32 +139,7 @@ def clean_environment(folder: Path) -> dict[str, str]:
 def spread(
     work: Callable[[TaskT], ResultT], tasks: Iterable[tuple[str, Callable[[], TaskT]]], jobs: int, scheduler: str | None
 ) -> Iterator[tuple[str, ResultT]]:
-    """
-    Run tasks side by side and give their results as they come.
-
-    Parameters
-    ----------
-    work : callable
-        What each task is given to.
-    tasks : iterable of (str, callable)
-        Name of each task, and what loads it once its turn has come.
-    jobs : int
-        Tasks at a time, here; on a cluster, tasks waiting there.
-    scheduler : str or None
-        Address of a Dask scheduler; None works here.
-
-    Yields
-    ------
-    name : str
-        Of the task.
-    result : object
-        What the work gave.
-
-    Raises
-    ------
-    ParameterError
-        If Dask is not installed or the scheduler does not answer.
-    """
+    """Run tasks side by side and give their results as they come."""
     if scheduler is None:
         pool = ThreadPoolExecutor(jobs)
         try:

@@ -27,23 +27,7 @@ def read(path: Path, frf: bool, options: TextOptions) -> Contents:
 
 
 def write(path: Path, contents: Contents, layout: Layout) -> None:
-    """
-    Refuse: this format is read only.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-    contents : Contents
-        Not used.
-    layout : Layout
-        Not used.
-
-    Raises
-    ------
-    DataFormatError
-        Always; the message names the formats that can be written.
-    """
+    """Refuse: this format is read only."""
     raise DataFormatError(f"{path}: LVM is read only; write tdms, uff, csv or mat")
 
 

@@ -62,23 +62,7 @@ def read(path: Path, frf: bool, options: TextOptions) -> Contents:
 
 
 def write(path: Path, contents: Contents, layout: Layout) -> None:
-    """
-    Write contents as a MATLAB v5 file.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    contents : Contents
-        Histories of equal length and sampling frequency, or frequency responses.
-    layout : Layout
-        Not used.
-
-    Raises
-    ------
-    DataFormatError
-        If the histories cannot be columns of one matrix.
-    """
+    """Write contents as a MATLAB v5 file."""
     variables: dict[str, Any] = {}
     units: dict[str, str] = {}
     if contents.frf is not None:

@@ -16,152 +16,70 @@ from cutvib_ss.results import ComplexArray, FloatArray
 
 @dataclass(frozen=True)
 class Signal:
-    """
-    One column of a time record.
+    """One column of a time record."""
 
-    Parameters
-    ----------
-    name : str
-        Channel name.
-    unit : str or None
-        Unit as the file spells it; None where the file has none.
-    values : ndarray, shape (sample,)
-        Values in that unit.
-    group : str
-        Group of channels that it belongs to, where the format has groups.
-    dof : (int, int) or None
-        Node and signed direction, where the format numbers nodes; the sign is already applied to the values.
-    quantity : str or None
-        What it measures, where the format says so apart from the unit.
-    fs : float or None
-        Sampling frequency [Hz], where it is not the history's.
-    origin : str
-        Where in the file it stands, for messages.
-    """
-
-    name: str
-    unit: str | None
-    values: FloatArray
-    group: str = ""
+    name: str  # Channel name
+    unit: str | None  # Unit as the file spells it; None where the file has none
+    values: FloatArray  # Values in that unit
+    group: str = ""  # Group of channels that it belongs to, where the format has groups
+    # Node and signed direction, where the format numbers nodes; the sign is already applied to the values
     dof: tuple[int, int] | None = None
-    quantity: str | None = None
-    fs: float | None = None
-    origin: str = ""
+    quantity: str | None = None  # What it measures, where the format says so apart from the unit
+    fs: float | None = None  # Sampling frequency [Hz], where it is not the history's
+    origin: str = ""  # Where in the file it stands, for messages
 
 
 @dataclass(frozen=True)
 class RawHistory:
-    """
-    One blow or recording as the file holds it.
+    """One blow or recording as the file holds it."""
 
-    Parameters
-    ----------
-    name : str
-        Group, blow or segment name.
-    fs : float
-        Sampling frequency [Hz].
-    signals : tuple of Signal
-        Force and responses.
-    """
-
-    name: str
-    fs: float
-    signals: tuple[Signal, ...]
+    name: str  # Group, blow or segment name
+    fs: float  # Sampling frequency [Hz]
+    signals: tuple[Signal, ...]  # Force and responses
 
 
 @dataclass(frozen=True)
 class RawResponse:
-    """
-    One frequency response as the file holds it.
+    """One frequency response as the file holds it."""
 
-    Parameters
-    ----------
-    name : str
-        Channel name.
-    unit : str or None
-        Unit of response per input, for instance ``"g/N"``; None where the file has none.
-    values : ndarray of complex, shape (frequency,)
-        Values in that unit.
-    coherence : ndarray or None, shape (frequency,)
-        Ordinary coherence, where the file has it.
-    dof, ref : (int, int) or None
-        Node and signed direction of response and input, where the format numbers nodes; signs are already applied.
-    quantity : str or None
-        What the response measures, where the format says so apart from the unit.
-    freq : ndarray or None, shape (frequency,)
-        Frequency [Hz], where it is not that of the others.
-    origin : str
-        Where in the file it stands, for messages.
-    """
-
-    name: str
-    unit: str | None
-    values: ComplexArray
-    coherence: FloatArray | None = None
+    name: str  # Channel name
+    unit: str | None  # Unit of response per input, for instance ``"g/N"``; None where the file has none
+    values: ComplexArray  # Values in that unit
+    coherence: FloatArray | None = None  # Ordinary coherence, where the file has it
+    # Node and signed direction of response and input, where the format numbers nodes; signs are already applied
     dof: tuple[int, int] | None = None
+    # Node and signed direction of response and input, where the format numbers nodes; signs are already applied
     ref: tuple[int, int] | None = None
-    quantity: str | None = None
-    freq: FloatArray | None = None
-    origin: str = ""
+    quantity: str | None = None  # What the response measures, where the format says so apart from the unit
+    freq: FloatArray | None = None  # Frequency [Hz], where it is not that of the others
+    origin: str = ""  # Where in the file it stands, for messages
 
 
 @dataclass(frozen=True)
 class RawFrf:
-    """
-    Frequency responses on one frequency axis.
+    """Frequency responses on one frequency axis."""
 
-    Parameters
-    ----------
-    freq : ndarray, shape (frequency,)
-        Frequency [Hz].
-    responses : tuple of RawResponse
-        One per channel.
-    force_amplitude : Signal or None
-        Amplitude of the force at each line, where the file states it.
-    """
-
-    freq: FloatArray
-    responses: tuple[RawResponse, ...]
-    force_amplitude: Signal | None = None
+    freq: FloatArray  # Frequency [Hz]
+    responses: tuple[RawResponse, ...]  # One per channel
+    force_amplitude: Signal | None = None  # Amplitude of the force at each line, where the file states it
 
 
 @dataclass(frozen=True)
 class Contents:
-    """
-    All that one file holds for a record.
+    """All that one file holds for a record."""
 
-    Parameters
-    ----------
-    histories : tuple of RawHistory
-        Time records; empty for frequency responses.
-    frf : RawFrf or None
-        Frequency responses.
-    warnings : tuple of str
-        What the reader noticed.
-    si : bool
-        Whether values without a unit are SI by the format's convention.
-    """
-
-    histories: tuple[RawHistory, ...] = ()
-    frf: RawFrf | None = None
-    warnings: tuple[str, ...] = ()
-    si: bool = False
+    histories: tuple[RawHistory, ...] = ()  # Time records; empty for frequency responses
+    frf: RawFrf | None = None  # Frequency responses
+    warnings: tuple[str, ...] = ()  # What the reader noticed
+    si: bool = False  # Whether values without a unit are SI by the format's convention
 
 
 @dataclass(frozen=True)
 class Layout:
-    """
-    What a reader may need to know of the channels.
+    """What a reader may need to know of the channels."""
 
-    Parameters
-    ----------
-    quantities : mapping of str to str
-        Quantity of every channel, the input's (``"force"``) among them.
-    nodes : mapping of str to (int, int or None)
-        Node and direction (1, 2, 3 for X, Y, Z; None: any) of every channel, for formats that number nodes.
-    """
-
-    quantities: Mapping[str, str]
+    quantities: Mapping[str, str]  # Quantity of every channel, the input's (``"force"``) among them
+    # Node and direction (1, 2, 3 for X, Y, Z; None: any) of every channel, for formats that number nodes
     nodes: Mapping[str, tuple[int, int | None]]
 
 
@@ -192,20 +110,6 @@ def sampling_frequency(step: float, tolerance: float = 1e-9) -> float:
     """
     Sampling frequency whose time step was written rounded: the shortest decimal that agrees with it.
 
-    Parameters
-    ----------
-    step : float
-        Time step as read [s].
-    tolerance : float
-        Relative rounding error of the step.
-
-    Returns
-    -------
-    float
-        Sampling frequency [Hz].
-
-    Examples
-    --------
     >>> sampling_frequency(2.44141e-4, 2e-6)
     4096.0
     """
@@ -219,29 +123,7 @@ def sampling_frequency(step: float, tolerance: float = 1e-9) -> float:
 
 
 def even_sampling(time: FloatArray, where: str, resolution: float = 0.0) -> float:
-    """
-    Sampling frequency of a time column, after checking that its steps are even up to its own rounding.
-
-    Parameters
-    ----------
-    time : ndarray, shape (sample,)
-        Time [s].
-    where : str
-        File and blow, for the message.
-    resolution : float
-        Rounding of the times [s], where it is known to be coarser than their digits (a date in days).
-
-    Returns
-    -------
-    float
-        Sampling frequency [Hz].
-
-    Raises
-    ------
-    DataFormatError
-        If there are fewer than two samples, time does not increase, or steps differ by more than the rounding
-        of the printed times.
-    """
+    """Sampling frequency of a time column, after checking that its steps are even up to its own rounding."""
     if time.size < 2:
         raise DataFormatError(f"{where}: {time.size} sample(s) cannot make a time record; record a whole blow")
     if not np.all(np.isfinite(time)):

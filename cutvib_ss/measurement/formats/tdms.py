@@ -48,23 +48,7 @@ def read(path: Path, frf: bool, options: TextOptions) -> Contents:
 
 
 def write(path: Path, contents: Contents, layout: Layout) -> None:
-    """
-    Write histories as the groups of a new TDMS file.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    contents : Contents
-        Histories, in the units that their signals name.
-    layout : Layout
-        Not used.
-
-    Raises
-    ------
-    DataFormatError
-        If the contents are frequency responses, which have no form in TDMS here.
-    """
+    """Write histories as the groups of a new TDMS file."""
     if contents.frf is not None:
         raise DataFormatError(f"{path.name}: TDMS holds time records only; write FRFs as uff, csv or mat")
     objects: list[object] = [nptdms.RootObject(properties={})]

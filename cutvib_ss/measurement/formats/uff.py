@@ -59,18 +59,7 @@ def read(path: Path, frf: bool, options: TextOptions) -> Contents:
 
 
 def write(path: Path, contents: Contents, layout: Layout) -> None:
-    """
-    Write contents as ASCII data sets 58, which every program reads alike.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    contents : Contents
-        Histories or frequency responses, in SI units.
-    layout : Layout
-        Node and direction of every channel and of the force.
-    """
+    """Write contents as ASCII data sets 58, which every program reads alike."""
     sets: list[dict[str, Any]] = []
     if contents.frf is not None:
         if contents.frf.force_amplitude is not None:

@@ -16,24 +16,7 @@ _HEADER_LINES = 13  # the opening mark, the set's number, and records 1 to 11
 
 
 def split_blocks(path: Path) -> list[bytes]:
-    """
-    Data sets of a universal file, each from its opening mark to before its closing one.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-
-    Returns
-    -------
-    list of bytes
-        The data sets.
-
-    Raises
-    ------
-    DataFormatError
-        If a data set is not closed, as in a file that was cut short, or there is none.
-    """
+    """Data sets of a universal file, each from its opening mark to before its closing one."""
     content = path.read_bytes()
     marks = [match.start() for match in _MARK.finditer(content)]
     if not marks:
@@ -49,29 +32,6 @@ def data_values(block: bytes, header: dict[str, Any], where: str) -> tuple[Float
     """
     Abscissa and ordinate of a data set 58.
 
-    Parameters
-    ----------
-    block : bytes
-        The data set.
-    header : dict
-        Its header fields, by pyuff's names.
-    where : str
-        File and data set, for the message.
-
-    Returns
-    -------
-    abscissa : ndarray, shape (point,)
-        Time [s] or frequency [Hz].
-    ordinate : ndarray of complex, shape (point,)
-        Values in the file's unit.
-
-    Raises
-    ------
-    DataFormatError
-        If there are fewer values than the header states, or they are not numbers.
-
-    Notes
-    -----
     Formats are those of the universal file definition: single precision 6E13.5; double precision 4E20.12 for even
     abscissae, 2(E13.5,E20.12) and E13.5,2E20.12 for uneven ones; binary IEEE in the byte order of record 1.
     """

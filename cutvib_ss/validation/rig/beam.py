@@ -27,21 +27,13 @@ _LOBATTO = np.array([0.0, 0.5 - 0.5 / np.sqrt(5.0), 0.5 + 0.5 / np.sqrt(5.0), 1.
 
 @dataclass(frozen=True)
 class RailMatrices:
-    """
-    The rail over its kept coordinates.
+    """The rail over its kept coordinates."""
 
-    Parameters
-    ----------
-    mass, damping, stiffness : ndarray, shape (coordinate, coordinate)
-        Matrices [SI]; fixed-interface modes are mass-normalised.
-    interface : tuple of str
-        Names of the physical coordinates at the front: ``"base"``, the deflection under the head; ``"twist"``, the twist there,
-        where the rail twists; ports that were asked for. The others are fixed-interface modes.
-    """
-
-    mass: Array
+    mass: Array  # Matrices [SI]; fixed-interface modes are mass-normalised
     damping: Array
     stiffness: Array
+    # Names of the physical coordinates at the front: ``"base"``, the deflection under the head; ``"twist"``, the
+    # twist there, where the rail twists; ports that were asked for. The others are fixed-interface modes
     interface: tuple[str, ...]
 
 
@@ -166,28 +158,7 @@ def _strain_damping(mass: Array, stiffness: Array, nodes: Array, rail: Rail) -> 
 def rail_matrices(
     rail: Rail, fittings: Fittings, position: float, highest: float, ports: tuple[str, ...] = ()
 ) -> RailMatrices:
-    """
-    The rail under the head, by component modes.
-
-    Parameters
-    ----------
-    rail : Rail
-        The rail between pins.
-    fittings : Fittings
-        What is fitted to it: supports, masses, springs against turning, twist, shear, a crack.
-    position : float
-        y_b / L of the head.
-    highest : float
-        Frequency up to which fixed-interface modes are kept [Hz].
-    ports : tuple of str
-        What becomes a physical coordinate: ends (``"rail_left"``, ``"rail_right"``), held by what is fitted there; their slopes
-        (``"turn_left"``, ``"turn_right"``); points (``"rail@0.25"``), but for that under the head, which is the base.
-
-    Returns
-    -------
-    RailMatrices
-        The rail.
-    """
+    """The rail under the head, by component modes."""
     crack = fittings.crack
     at = {name: float(name[5:]) for name in ports if name.startswith("rail@")}
     points = (

@@ -30,31 +30,14 @@ _SECOND = signal.firwin(257, 1820.0, window=("kaiser", 8.0), fs=FS * 4)
 
 @dataclass(frozen=True)
 class Pulse:
-    """
-    One contact of the hammer.
+    """One contact of the hammer."""
 
-    Parameters
-    ----------
-    at : float
-        When it begins [s].
-    peak : float
-        Peak force [N].
-    width : float
-        How long it lasts [s].
-    skewness : float
-        0 for a symmetric pulse.
-    shape : str
-        One of `HAMMERS`.
-    detail : float
-        Size of what makes the shape, over the peak.
-    """
-
-    at: float
-    peak: float
-    width: float
-    skewness: float
-    shape: str = "half_sine"
-    detail: float = 0.0
+    at: float  # When it begins [s]
+    peak: float  # Peak force [N]
+    width: float  # How long it lasts [s]
+    skewness: float  # 0 for a symmetric pulse
+    shape: str = "half_sine"  # One of `HAMMERS`
+    detail: float = 0.0  # Size of what makes the shape, over the peak
 
     def force(self, time: Array) -> Array:
         """Force [N] at some times [s]."""
@@ -82,57 +65,18 @@ class Pulse:
 
 @dataclass(frozen=True)
 class Blow:
-    """
-    A blow of the hammer.
+    """A blow of the hammer."""
 
-    Parameters
-    ----------
-    pulses : tuple of Pulse
-        Its contacts; a second one where the hammer bounced.
-    """
-
-    pulses: tuple[Pulse, ...]
+    pulses: tuple[Pulse, ...]  # Its contacts; a second one where the hammer bounced
 
     def force(self, fine: int = FINE) -> Array:
-        """
-        The force over time.
-
-        Parameters
-        ----------
-        fine : int
-            Steps to a sample of the records.
-
-        Returns
-        -------
-        ndarray, shape (sample,)
-            Force [N] at FS x fine, over SIMULATED.
-        """
+        """The force over time."""
         time = np.arange(round(SIMULATED * FS * fine)) / (FS * fine)
         return np.asarray(sum(p.force(time) for p in self.pulses))
 
 
 def draw_blow(rng: np.random.Generator, level: float, width: float, bounce: float, hammer: str = "half_sine") -> Blow:
-    """
-    Draw a blow.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Generator.
-    level : float
-        Peak force that is meant [N].
-    width : float
-        How long the hammer's tip stays at 50 N [s].
-    bounce : float
-        Probability of a double hit.
-    hammer : str
-        Shape of its blows, one of `HAMMERS`.
-
-    Returns
-    -------
-    Blow
-        The blow.
-    """
+    """Draw a blow."""
     peak = level * float(np.clip(1 + 0.12 * rng.standard_normal(), 0.6, 1.4))
     # a stiffer contact under a harder blow
     width = width * (level / 50.0) ** -0.03 * float(np.exp(0.04 * rng.standard_normal()))
@@ -153,21 +97,7 @@ def _first(fine: int) -> Array:
 
 
 def antialiased(history: Array, fine: int = FINE) -> Array:
-    """
-    Through the digitiser's filter and down to FS; without delay.
-
-    Parameters
-    ----------
-    history : ndarray, shape (..., sample)
-        Histories at FS x fine.
-    fine : int
-        Steps to a sample of the records.
-
-    Returns
-    -------
-    ndarray, shape (..., sample)
-        Histories at FS.
-    """
+    """Through the digitiser's filter and down to FS; without delay."""
     for taps, down in ((_first(fine), fine // 4), (_SECOND, 4)):
         count = -(-history.shape[-1] // down)
         delay = taps.size // 2

@@ -23,23 +23,7 @@ _SHARES: dict[Kind, float] = {"none": 0.3, "single": 0.5, "outside": 0.1, "pair"
 
 
 def plan(cases: int, seed: int, shares: dict[Kind, float]) -> list[tuple[int, Kind, str | None]]:
-    """
-    Seed, kind and cause of every case; causes and outside kinds come in turn, so that all are there alike.
-
-    Parameters
-    ----------
-    cases : int
-        How many.
-    seed : int
-        Everything follows from it; the plan of few cases is the beginning of that of more.
-    shares : dict of str to float
-        Share of each kind.
-
-    Returns
-    -------
-    list of (int, str, str or None)
-        Seed, kind and cause of each case.
-    """
+    """Seed, kind and cause of every case; causes and outside kinds come in turn, so that all are there alike."""
     rng = np.random.default_rng(seed)
     kinds = list(shares)
     weights = np.array([shares[kind] for kind in kinds])
@@ -64,29 +48,7 @@ def make(
     severity: tuple[float, float],
     traits: Collection[str] = (),
 ) -> dict[str, Any]:
-    """
-    Write one case; a complete folder is left as it is.
-
-    Parameters
-    ----------
-    folder : Path
-        Where to; the label goes beside it.
-    seed : int
-        Seed of the case.
-    kind : {"none", "single", "pair", "outside"}
-        Its kind.
-    cause : str, optional
-        Its cause.
-    severity : (float, float)
-        Range of severities.
-    traits : collection of str
-        What else the case shall have, of `cases.TRAITS`.
-
-    Returns
-    -------
-    dict
-        The label.
-    """
+    """Write one case; a complete folder is left as it is."""
     kept = folder.with_suffix(".label.json")
     if kept.is_file():
         label: dict[str, Any] = json.loads(kept.read_text())
@@ -99,14 +61,7 @@ def make(
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """
-    Run the command.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        Its arguments; default those of the process.
-    """
+    """Run the command."""
     parser = argparse.ArgumentParser(prog="python -m cutvib_ss.validation.rig", description=__doc__)
     parser.add_argument("--cases", type=int, required=True, help="how many campaigns")
     parser.add_argument("--seed", type=int, required=True, help="everything follows from it")

@@ -27,45 +27,21 @@ _BLOWS, _ERRORS, _NOISE, _LATE, _OVERLOAD, _BAD = range(10, 16)
 
 @dataclass(frozen=True)
 class Frf:
-    """
-    Frequency responses of one record.
+    """Frequency responses of one record."""
 
-    Parameters
-    ----------
-    freq : ndarray, shape (frequency,)
-        Frequencies [Hz].
-    data : ndarray of complex, shape (channel, frequency)
-        H1 [m/s^2/N].
-    coherence : ndarray, shape (channel, frequency)
-        Coherence.
-    averages : int
-        Blows behind them.
-    """
-
-    freq: Array
-    data: Complex
-    coherence: Array
-    averages: int
+    freq: Array  # Frequencies [Hz]
+    data: Complex  # H1 [m/s^2/N]
+    coherence: Array  # Coherence
+    averages: int  # Blows behind them
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """
-    Every blow of a campaign, computed when asked for. Records run over positions, then levels.
+    """Every blow of a campaign, computed when asked for. Records run over positions, then levels."""
 
-    Parameters
-    ----------
-    rig : Machinery
-        The machine.
-    conditions : Conditions
-        How it is measured.
-    seed : int
-        Blows, calibration errors, noise follow from it, in streams of their own.
-    """
-
-    rig: Machinery
-    conditions: Conditions
-    seed: int
+    rig: Machinery  # The machine
+    conditions: Conditions  # How it is measured
+    seed: int  # Blows, calibration errors, noise follow from it, in streams of their own
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -123,21 +99,7 @@ class Campaign:
         return {}
 
     def answer(self, record: int, blow: int) -> tuple[Array, Array]:
-        """
-        Force and accelerations of one blow, filtered, at FS, before sensors.
-
-        Parameters
-        ----------
-        record, blow : int
-            Which blow.
-
-        Returns
-        -------
-        force : ndarray, shape (sample,)
-            Force [N].
-        accelerations : ndarray, shape (channel, sample)
-            Accelerations [m/s^2].
-        """
+        """Force and accelerations of one blow, filtered, at FS, before sensors."""
         key = (record, blow)
         if key not in self._answers:
             rig, machine = self.machine(record)
@@ -162,35 +124,14 @@ class Campaign:
         return np.array([smooth_error(rng, frequencies()) for _ in self.names])
 
     def overloaded(self) -> frozenset[tuple[int, int]]:
-        """
-        Blows that exceed the range of a response channel.
-
-        Returns
-        -------
-        frozenset of (int, int)
-            Record and blow of each.
-        """
+        """Blows that exceed the range of a response channel."""
         rng = np.random.default_rng([self.seed, _OVERLOAD])
         count = len(self.records) * self.conditions.blows
         picked = rng.choice(count, min(self.conditions.overloads, count), replace=False)
         return frozenset(divmod(int(k), self.conditions.blows) for k in picked)
 
     def recording(self, record: int, blow: int) -> tuple[Array, Array]:
-        """
-        One blow as recorded.
-
-        Parameters
-        ----------
-        record, blow : int
-            Which blow.
-
-        Returns
-        -------
-        force : ndarray, shape (sample,)
-            Force [N].
-        responses : ndarray, shape (channel, sample)
-            Responses [m/s^2].
-        """
+        """One blow as recorded."""
         late = np.random.default_rng([self.seed, _LATE, record, blow]).standard_normal() * self.rig.chain.jitter
         force, response = self.answer(record, blow)
         shown = sensed(self.rig.chain, self.names, force, response, late, self.errors)
@@ -208,19 +149,7 @@ class Campaign:
         return recorded(self.rig.chain, conditions, force, shown, rng, overload)
 
     def frf(self, record: int) -> Frf:
-        """
-        The record's frequency responses as an analyser would give them, blows with an overload rejected.
-
-        Parameters
-        ----------
-        record : int
-            Which record.
-
-        Returns
-        -------
-        Frf
-            Frequency responses.
-        """
+        """The record's frequency responses as an analyser would give them, blows with an overload rejected."""
         spoilt = self.overloaded()
         blows = [b for b in range(self.conditions.blows) if (record, b) not in spoilt]
         recordings = [self.recording(record, b) for b in blows]
@@ -228,21 +157,7 @@ class Campaign:
 
 
 def estimated(forces: Array, responses: Array) -> Frf:
-    """
-    H1 and coherence of blows, boxcar over the whole block, up to 500 Hz.
-
-    Parameters
-    ----------
-    forces : ndarray, shape (blow, sample)
-        Forces [N].
-    responses : ndarray, shape (blow, channel, sample)
-        Responses [m/s^2].
-
-    Returns
-    -------
-    Frf
-        Frequency responses.
-    """
+    """H1 and coherence of blows, boxcar over the whole block, up to 500 Hz."""
     freq = np.asarray(np.fft.rfftfreq(forces.shape[-1], 1 / FS), dtype=np.float64)
     lines = freq <= 500.0
     f = np.fft.rfft(forces, axis=-1)[:, lines]
@@ -254,23 +169,7 @@ def estimated(forces: Array, responses: Array) -> Frf:
 
 
 def quiet_response(campaign: Campaign, record: int, freq: Array) -> Complex:
-    """
-    A record's frequency responses by its first blow, without noise and calibration errors.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    record : int
-        Which record.
-    freq : ndarray, shape (frequency,)
-        Lines of the block's transform [Hz].
-
-    Returns
-    -------
-    ndarray of complex, shape (channel, frequency)
-        Frequency responses [m/s^2/N].
-    """
+    """A record's frequency responses by its first blow, without noise and calibration errors."""
     force, response = campaign.answer(record, 0)
     chain = campaign.rig.chain
     count = round(BLOCK * FS)
@@ -285,41 +184,13 @@ def quiet_response(campaign: Campaign, record: int, freq: Array) -> Complex:
 
 
 def force_power(campaign: Campaign, record: int, freq: Array) -> Array:
-    """
-    Power of a record's first blow.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    record : int
-        Which record.
-    freq : ndarray, shape (frequency,)
-        Lines of the block's transform [Hz].
-
-    Returns
-    -------
-    ndarray, shape (frequency,)
-        |F|² of the plain sum of its samples [N²].
-    """
+    """Power of a record's first blow."""
     force = campaign.answer(record, 0)[0][: round(BLOCK * FS)]
     return np.asarray(np.abs(np.fft.rfft(force)[np.round(freq * BLOCK).astype(int)]) ** 2)
 
 
 def conditions_label(campaign: Campaign) -> Mapping[str, object]:
-    """
-    What of the conditions goes into the label.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-
-    Returns
-    -------
-    mapping of str to object
-        JSON-able.
-    """
+    """What of the conditions goes into the label."""
     c = campaign.conditions
     return {
         "positions": list(c.positions),

@@ -52,34 +52,15 @@ _SAMPLES = round(BLOCK * FS)
 
 @dataclass(frozen=True)
 class Fault:
-    """
-    One thing that is wrong.
+    """One thing that is wrong."""
 
-    Parameters
-    ----------
-    effect : str
-        Effect id, or outside kind.
-    place : str
-        Where.
-    parameters : mapping of str to float or str
-        Its parameters, by the contract's names.
-    rig : Rig or Frame
-        The machine that has this fault alone.
-    form : str
-        Its physical form.
-    grade : int
-        How far that is from the catalogue's, see `sites.Form`.
-    same : tuple of str
-        Other places that are physically the same.
-    """
-
-    effect: str
-    place: str
-    parameters: Parameters
-    rig: AnyMachine
-    form: str = ""
-    grade: int = 0
-    same: tuple[str, ...] = ()
+    effect: str  # Effect id, or outside kind
+    place: str  # Where
+    parameters: Parameters  # Its parameters, by the contract's names
+    rig: AnyMachine  # The machine that has this fault alone
+    form: str = ""  # Its physical form
+    grade: int = 0  # How far that is from the catalogue's, see `sites.Form`
+    same: tuple[str, ...] = ()  # Other places that are physically the same
 
 
 @dataclass(frozen=True)

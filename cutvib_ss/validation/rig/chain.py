@@ -23,20 +23,6 @@ def smooth_error(rng: np.random.Generator, freq: Array) -> Complex:
     """
     Draw a channel's calibration error.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Generator.
-    freq : ndarray, shape (frequency,)
-        Frequencies [Hz].
-
-    Returns
-    -------
-    ndarray of complex, shape (frequency,)
-        1 + ε, smooth and complex, of the tolerance's size.
-
-    Notes
-    -----
     ε is a few slow cosines, real and imaginary part independent, over an axis between log-frequency (an amplifier's corner,
     low down) and frequency (a resonance far above); the phase error tends to 0 at 0 Hz.
     """
@@ -91,21 +77,6 @@ def sensed(
 
     Saturation, distortion and zero shift come first, in the sensor; then leaks of one channel into another; then gains, delays,
     filters and calibration errors; the force's signal that is picked up, and the clock, last.
-
-    Parameters
-    ----------
-    chain : Chain
-        The measurement chain.
-    names : sequence of str
-        The channels.
-    force : ndarray, shape (sample,)
-        Force at FS [N].
-    responses : ndarray, shape (channel, sample)
-        Motion at FS.
-    late : float
-        How late the responses of this blow are [s].
-    errors : ndarray of complex, shape (channel, frequency), optional
-        Calibration errors at `frequencies`.
     """
     count = round(BLOCK * FS)
     shown = responses.copy()
@@ -158,25 +129,7 @@ def mains_interference(chain: Chain, channels: int, rng: np.random.Generator) ->
 
 
 def noise(rng: np.random.Generator, deviation: float, wander: float, count: int) -> Array:
-    """
-    White noise with a little 1/f, an offset and a slow drift.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Generator.
-    deviation : float
-        Standard deviation of the white part, by sample.
-    wander : float
-        Offset and drift over ten standard deviations.
-    count : int
-        Number of samples.
-
-    Returns
-    -------
-    ndarray, shape (count,)
-        Noise.
-    """
+    """White noise with a little 1/f, an offset and a slow drift."""
     white = rng.standard_normal(count)
     spectrum = np.fft.rfft(rng.standard_normal(count))
     slow = np.fft.irfft(spectrum / np.sqrt(np.maximum(np.arange(spectrum.size), 4.0) / 40.0), count)
@@ -186,23 +139,7 @@ def noise(rng: np.random.Generator, deviation: float, wander: float, count: int)
 
 
 def digitised(signal: Array, full_scale: float, bits: int) -> Array:
-    """
-    Clipped at full scale and rounded to the converter's steps.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (sample,)
-        Analog signal.
-    full_scale : float
-        Largest value either way.
-    bits : int
-        Of the converter.
-
-    Returns
-    -------
-    ndarray, shape (sample,)
-        Digital signal.
-    """
+    """Clipped at full scale and rounded to the converter's steps."""
     step = 2 * full_scale / 2**bits
     return np.asarray(np.clip(np.round(signal / step) * step, -full_scale, full_scale))
 
@@ -214,21 +151,6 @@ def recorded(
     One blow as the digitiser gives it: force (sample,) [N] and responses (channel, sample).
 
     Noise, mains interference, the coupling of the inputs, range and rounding; at last the window, where one is never taken out.
-
-    Parameters
-    ----------
-    chain : Chain
-        The measurement chain.
-    conditions : Conditions
-        Noise, range and bits.
-    force : ndarray, shape (sample,)
-        Force [N].
-    responses : ndarray, shape (channel, sample)
-        What `sensed` gives.
-    rng : numpy.random.Generator
-        Generator.
-    overload : bool
-        Whether the loudest channel exceeds its range.
     """
     count = round(BLOCK * FS)
     force = force[:count] + noise(rng, conditions.force_noise, conditions.wander, count)

@@ -26,22 +26,11 @@ FORMATS = ("tdms", "csv", "mat", "uff", "csv_frf", "mat_frf")
 
 @dataclass(frozen=True)
 class Nominal:
-    """
-    What machine.toml says.
+    """What machine.toml says."""
 
-    Parameters
-    ----------
-    head : Head
-        Nominal head.
-    rail : Rail
-        Nominal rail.
-    n_modes : int
-        How many modes of the rail the model takes.
-    """
-
-    head: Head = field(default_factory=Head)
-    rail: Rail = field(default_factory=Rail)
-    n_modes: int = 40
+    head: Head = field(default_factory=Head)  # Nominal head
+    rail: Rail = field(default_factory=Rail)  # Nominal rail
+    n_modes: int = 40  # How many modes of the rail the model takes
 
     def toml(self, drift: float | None = None) -> str:
         """Text of machine.toml, as the machine's builder would write it down; how far it drifts is stated where it is known."""
@@ -58,70 +47,30 @@ class Nominal:
 
 @dataclass(frozen=True)
 class Conditions:
-    """
-    How a campaign is measured.
+    """How a campaign is measured."""
 
-    Parameters
-    ----------
-    positions : tuple of (float or None)
-        Positions y_b / L; of a structure without positions as many None as it is measured times over.
-    levels : tuple of float
-        Peak forces that are meant [N].
-    blows : int
-        Blows to a record.
-    channels : tuple of str
-        Response channels that are recorded.
-    file_format : str
-        One of `FORMATS`.
-    unit : str
-        Unit of the responses, ``"m/s^2"`` or ``"g"``.
-    width : float
-        How long the hammer's tip stays [s].
-    noise : tuple of float
-        Standard deviation of the noise of each channel, by sample [m/s^2].
-    force_noise : float
-        The same of the force [N].
-    wander : float
-        Offset and slow drift, over ten standard deviations of the noise.
-    bits : int
-        Of the digitiser.
-    response_range, force_range : float
-        Its full scale [m/s^2] and [N].
-    hit_twice : float
-        Probability that the hammer bounces.
-    overloads : int
-        How many blows exceed the range of a response channel.
-    repeatability : Repeatability
-        How the machine moves between records.
-    coupling : (float, float)
-        Corners of AC-coupled inputs of force and responses [Hz]; 0 where they are DC-coupled.
-    hammer : str
-        Shape of the blows, one of `blows.HAMMERS`.
-    bad : tuple of (int, str)
-        Records that went wrong, and how: one of `BAD`.
-    resolved : tuple of float
-        Noise of each channel against which steps in time must be short enough; that of the records where empty.
-    """
-
+    # Positions y_b / L; of a structure without positions as many None as it is measured times over
     positions: tuple[float | None, ...]
-    levels: tuple[float, ...]
-    blows: int
-    channels: tuple[str, ...]
-    file_format: str
-    unit: str
-    width: float
-    noise: tuple[float, ...]
-    force_noise: float
-    wander: float
-    bits: int
-    response_range: float
+    levels: tuple[float, ...]  # Peak forces that are meant [N]
+    blows: int  # Blows to a record
+    channels: tuple[str, ...]  # Response channels that are recorded
+    file_format: str  # One of `FORMATS`
+    unit: str  # Unit of the responses, ``"m/s^2"`` or ``"g"``
+    width: float  # How long the hammer's tip stays [s]
+    noise: tuple[float, ...]  # Standard deviation of the noise of each channel, by sample [m/s^2]
+    force_noise: float  # The same of the force [N]
+    wander: float  # Offset and slow drift, over ten standard deviations of the noise
+    bits: int  # Of the digitiser
+    response_range: float  # Its full scale [m/s^2] and [N]
     force_range: float
-    hit_twice: float
-    overloads: int
-    repeatability: Repeatability = field(default_factory=Repeatability)
+    hit_twice: float  # Probability that the hammer bounces
+    overloads: int  # How many blows exceed the range of a response channel
+    repeatability: Repeatability = field(default_factory=Repeatability)  # How the machine moves between records
+    # Corners of AC-coupled inputs of force and responses [Hz]; 0 where they are DC-coupled
     coupling: tuple[float, float] = (0.0, 0.0)
-    hammer: str = "half_sine"
-    bad: tuple[tuple[int, str], ...] = ()
+    hammer: str = "half_sine"  # Shape of the blows, one of `blows.HAMMERS`
+    bad: tuple[tuple[int, str], ...] = ()  # Records that went wrong, and how: one of `BAD`
+    # Noise of each channel against which steps in time must be short enough; that of the records where empty
     resolved: tuple[float, ...] = ()
 
     @property
@@ -131,19 +80,7 @@ class Conditions:
 
 
 def draw_nominal(rng: np.random.Generator) -> Nominal:
-    """
-    Draw a nominal machine: the published one, or another of its kind.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Generator.
-
-    Returns
-    -------
-    Nominal
-        The nominal machine.
-    """
+    """Draw a nominal machine: the published one, or another of its kind."""
     n_modes = int(rng.choice([32, 40, 40, 50]))
     if rng.random() < 0.6:
         return Nominal(n_modes=n_modes)
@@ -167,19 +104,7 @@ def draw_nominal(rng: np.random.Generator) -> Nominal:
 
 
 def draw_conditions(rng: np.random.Generator) -> Conditions:
-    """
-    Draw the conditions of one campaign.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Generator.
-
-    Returns
-    -------
-    Conditions
-        The conditions.
-    """
+    """Draw the conditions of one campaign."""
     count = int(rng.choice([4, 5, 6, 6, 6, 7, 8]))
     grid = (np.arange(count) + 0.5 + 0.35 * rng.uniform(-1, 1, count)) / count
     if rng.random() < 0.5:
@@ -213,20 +138,6 @@ def changed(conditions: Conditions, changes: Mapping[str, Any]) -> Conditions:
     """
     Conditions with some of them given instead of drawn.
 
-    Parameters
-    ----------
-    conditions : Conditions
-        As drawn.
-    changes : mapping of str to object
-        Fields and their values.
-
-    Returns
-    -------
-    Conditions
-        As changed.
-
-    Notes
-    -----
     Ranges of the digitiser follow the levels, as whoever measures sets them: else it clips the hammer's force.
     """
     if "levels" in changes:

@@ -22,27 +22,7 @@ Array = NDArray[np.float64]
 
 
 def stepped(rig: Rig, position: float, force: Array, fs: float, highest: float = 2500.0) -> Array:
-    """
-    Accelerations from rest, by Runge and Kutta's fourth order.
-
-    Parameters
-    ----------
-    rig : Rig
-        The machine; laws at joints are exudyn's elements, other laws are refused.
-    position : float
-        y_b / L of the head.
-    force : ndarray, shape (sample,)
-        Force on the tool [N], smooth between its samples.
-    fs : float
-        Steps per second [Hz].
-    highest : float
-        Frequency up to which the rail's component modes are kept [Hz].
-
-    Returns
-    -------
-    ndarray, shape (3, sample)
-        Accelerations of tool_x, tool_z and base_x [m/s^2].
-    """
+    """Accelerations from rest, by Runge and Kutta's fourth order."""
     machine = build(rig, position, highest, assemble=False)
     system = machine.system
     for law in rig.fittings.laws:

@@ -24,18 +24,7 @@ _DOFS = {"tool_x": (1, 1), "tool_z": (1, 3), "base_x": (2, 1)}
 
 
 def write(campaign: Campaign, nominal: Nominal | FrameNominal, folder: Path) -> None:
-    """
-    Write the whole campaign; campaign.toml comes last, so that a folder with one is complete.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    nominal : Nominal
-        The nominal machine.
-    folder : Path
-        Where to; made if absent.
-    """
+    """Write the whole campaign; campaign.toml comes last, so that a folder with one is complete."""
     records = folder / "records"
     records.mkdir(parents=True, exist_ok=True)
     c = campaign.conditions
@@ -56,23 +45,7 @@ def write(campaign: Campaign, nominal: Nominal | FrameNominal, folder: Path) -> 
 
 
 def write_record(campaign: Campaign, record: int, path: Path) -> int:
-    """
-    Write one record.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        The campaign.
-    record : int
-        Which record.
-    path : Path
-        File to write.
-
-    Returns
-    -------
-    int
-        Number of blows in it.
-    """
+    """Write one record."""
     c = campaign.conditions
     if c.frf:
         frf = campaign.frf(record)

@@ -18,8 +18,6 @@ def combination(port: str) -> Mapping[str, float]:
     """
     Ports and their coefficients in an expression.
 
-    Examples
-    --------
     >>> combination("0.9*tool_x+0.4*tool_z-base_x")
     {'tool_x': 0.9, 'tool_z': 0.4, 'base_x': -1.0}
     """
@@ -28,52 +26,26 @@ def combination(port: str) -> Mapping[str, float]:
 
 @dataclass(frozen=True)
 class Supports:
-    """
-    Springs and dampers under the rail's ends.
+    """Springs and dampers under the rail's ends."""
 
-    Parameters
-    ----------
-    k_left, k_right : float
-        Stiffness [N/m].
-    c_left, c_right : float
-        Damping [N s/m].
-    """
-
-    k_left: float
+    k_left: float  # Stiffness [N/m]
     k_right: float
-    c_left: float = 0.0
+    c_left: float = 0.0  # Damping [N s/m]
     c_right: float = 0.0
 
 
 @dataclass(frozen=True)
 class Twist:
-    """
-    A rail that twists.
+    """A rail that twists."""
 
-    Parameters
-    ----------
-    eccentricity : float
-        Distance in Z of the head's first joint from the shear centre [m].
-    inertia : float
-        Polar moment of inertia of the whole rail [kg m^2].
-    torsion_frequency : float
-        First frequency of torsion, without the head [Hz].
-    damping_ratio : float
-        Damping ratio of that mode; damping goes with the rate of strain.
-    ends : float
-        Springs that hold the ends' twist, over the stiffness of the whole shaft; infinite: held.
-    stiffer : float
-        Stiffness of the shaft over what the frequency says; for a rail that rocks on its ends as one.
-    slope : float
-        Change of the eccentricity from the middle to the right end, relative; the left end changes the other way.
-    """
-
-    eccentricity: float
-    inertia: float
-    torsion_frequency: float
-    damping_ratio: float
-    ends: float = np.inf
+    eccentricity: float  # Distance in Z of the head's first joint from the shear centre [m]
+    inertia: float  # Polar moment of inertia of the whole rail [kg m^2]
+    torsion_frequency: float  # First frequency of torsion, without the head [Hz]
+    damping_ratio: float  # Damping ratio of that mode; damping goes with the rate of strain
+    ends: float = np.inf  # Springs that hold the ends' twist, over the stiffness of the whole shaft; infinite: held
+    # Stiffness of the shaft over what the frequency says; for a rail that rocks on its ends as one
     stiffer: float = 1.0
+    # Change of the eccentricity from the middle to the right end, relative; the left end changes the other way
     slope: float = 0.0
 
     def at(self, position: float) -> float:
@@ -83,194 +55,94 @@ class Twist:
 
 @dataclass(frozen=True)
 class Shear:
-    """
-    Timoshenko's beam.
+    """Timoshenko's beam."""
 
-    Parameters
-    ----------
-    shear_ratio : float
-        κGA L²/(π² EI).
-    modulus_ratio : float
-        κG/E of section and material; with the shear ratio it gives the rotary inertia.
-    soft : (float, float), optional
-        The part of the rail, y / L, that shears; the rest is fifty times as stiff.
-    """
-
-    shear_ratio: float
-    modulus_ratio: float
+    shear_ratio: float  # κGA L²/(π² EI)
+    modulus_ratio: float  # κG/E of section and material; with the shear ratio it gives the rotary inertia
+    # The part of the rail, y / L, that shears; the rest is fifty times as stiff
     soft: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
 class Lump:
-    """
-    A mass on the rail.
+    """A mass on the rail."""
 
-    Parameters
-    ----------
-    position : float
-        Where, y / L.
-    mass : float
-        Mass [kg].
-    damping : float
-        Damping to ground [N s/m].
-    """
-
-    position: float
-    mass: float
-    damping: float
+    position: float  # Where, y / L
+    mass: float  # Mass [kg]
+    damping: float  # Damping to ground [N s/m]
 
 
 @dataclass(frozen=True)
 class Crack:
-    """
-    A hinge in the rail.
+    """A hinge in the rail."""
 
-    Parameters
-    ----------
-    position : float
-        Where, y / L.
-    stiffness : float
-        Rotational spring that holds it [N m/rad].
-    """
-
-    position: float
-    stiffness: float
+    position: float  # Where, y / L
+    stiffness: float  # Rotational spring that holds it [N m/rad]
 
 
 @dataclass(frozen=True)
 class Oscillator:
-    """
-    A sprung mass.
+    """A sprung mass."""
 
-    Parameters
-    ----------
-    place : str
-        ``"tool"`` or ``"head"``.
-    axis : str
-        ``"x"`` or ``"z"``, the only direction in which it is felt.
-    mass : float
-        Mass [kg].
-    frequency : float
-        Natural frequency [Hz].
-    damping_ratio : float
-        Damping ratio.
-    """
-
-    place: str
-    axis: str
-    mass: float
-    frequency: float
-    damping_ratio: float
+    place: str  # ``"tool"`` or ``"head"``
+    axis: str  # ``"x"`` or ``"z"``, the only direction in which it is felt
+    mass: float  # Mass [kg]
+    frequency: float  # Natural frequency [Hz]
+    damping_ratio: float  # Damping ratio
 
 
 @dataclass(frozen=True)
 class Spring:
-    """
-    A spring and damper between two places.
+    """A spring and damper between two places."""
 
-    Parameters
-    ----------
-    ends : (str, str)
-        Two of ``"tool"``, ``"head"``, ``"base"`` and ``"ground"``.
-    axis : str
-        ``"x"`` or ``"z"``.
-    stiffness : float
-        Stiffness [N/m].
-    damping : float
-        Damping [N s/m].
-    """
-
-    ends: tuple[str, str]
-    axis: str
-    stiffness: float
-    damping: float = 0.0
+    ends: tuple[str, str]  # Two of ``"tool"``, ``"head"``, ``"base"`` and ``"ground"``
+    axis: str  # ``"x"`` or ``"z"``
+    stiffness: float  # Stiffness [N/m]
+    damping: float = 0.0  # Damping [N s/m]
 
 
 @dataclass(frozen=True)
 class Tie:
-    """
-    Spring, damper and inertance along a port or a combination of ports.
+    """Spring, damper and inertance along a port or a combination of ports."""
 
-    Parameters
-    ----------
-    port : str
-        Along what, `combination`.
-    stiffness, damping, mass : float
-        Of its ends' difference [N/m, N s/m, kg, or N m/rad …].
-    """
-
-    port: str
-    stiffness: float = 0.0
+    port: str  # Along what, `combination`
+    stiffness: float = 0.0  # Of its ends' difference [N/m, N s/m, kg, or N m/rad …]
     damping: float = 0.0
     mass: float = 0.0
 
 
 @dataclass(frozen=True)
 class Bob:
-    """
-    A mass on a spring and damper along a port or a combination of ports.
+    """A mass on a spring and damper along a port or a combination of ports."""
 
-    Parameters
-    ----------
-    port : str
-        Along what, `combination`.
-    mass : float
-        Mass [kg].
-    frequency : float
-        Natural frequency [Hz].
-    damping_ratio : float
-        Damping ratio.
-    """
-
-    port: str
-    mass: float
-    frequency: float
-    damping_ratio: float
+    port: str  # Along what, `combination`
+    mass: float  # Mass [kg]
+    frequency: float  # Natural frequency [Hz]
+    damping_ratio: float  # Damping ratio
 
 
 @dataclass(frozen=True)
 class Skew:
-    """
-    Two ports that a spinning rotor couples: each feels the other's rate, with opposite signs.
+    """Two ports that a spinning rotor couples: each feels the other's rate, with opposite signs."""
 
-    Parameters
-    ----------
-    one, other : str
-        The ports.
-    coefficient : float
-        Spin times moment of inertia, over what turns rates of the ports into rates of the rotor's tilt [N s/m].
-    """
-
-    one: str
+    one: str  # The ports
     other: str
+    # Spin times moment of inertia, over what turns rates of the ports into rates of the rotor's tilt [N s/m]
     coefficient: float
 
 
 @dataclass(frozen=True)
 class Lossy:
-    """
-    A linear element that has no matrices: its force is -z(s) times the motion that it senses.
+    """A linear element that has no matrices: its force is -z(s) times the motion that it senses."""
 
-    Parameters
-    ----------
-    port : str
-        Where its force acts, `combination`.
-    kind : str
-        ``"constant"`` (c): z = i c. ``"power"`` (c, order): c s^order. ``"storage"`` (k, ω0, order): what takes k's place is
-        k (s/ω0)^order over cos(π order/2). ``"log"`` (k η, ω0): k η (2/π) ln(s/ω0), causal with a loss that does not change.
-        ``"maxwell"`` (k, τ): k s τ/(1 + s τ). ``"wave"`` (impedance, travel time, decay): a string with its far end held.
-        ``"feedback"`` (kp, kd, delay): (kp + kd s) e^(-s delay).
-    values : tuple of float
-        Its values.
-    sense : str, optional
-        Whose motion it answers; its own port's by default.
-    """
-
-    port: str
+    port: str  # Where its force acts, `combination`
+    # ``"constant"`` (c): z = i c. ``"power"`` (c, order): c s^order. ``"storage"`` (k, ω0, order): what takes k's
+    # place is k (s/ω0)^order over cos(π order/2). ``"log"`` (k η, ω0): k η (2/π) ln(s/ω0), causal with a loss that
+    # does not change. ``"maxwell"`` (k, τ): k s τ/(1 + s τ). ``"wave"`` (impedance, travel time, decay): a string
+    # with its far end held. ``"feedback"`` (kp, kd, delay): (kp + kd s) e^(-s delay)
     kind: str
-    values: tuple[float, ...]
-    sense: str | None = None
+    values: tuple[float, ...]  # Its values
+    sense: str | None = None  # Whose motion it answers; its own port's by default
 
     def stiffness(self, s: Complex) -> Complex:
         """Dynamic stiffness z at complex frequencies s [rad/s]."""
@@ -296,78 +168,33 @@ class Lossy:
 
 @dataclass(frozen=True)
 class Law:
-    """
-    A nonlinear element.
+    """A nonlinear element."""
 
-    Parameters
-    ----------
-    port : str
-        A port or a combination of ports, `combination`.
-    kind : str
-        Its law (`laws.KINDS`).
-    values : tuple of float
-        Its values (`laws.force`).
-    """
-
-    port: str
-    kind: str
-    values: tuple[float, ...]
+    port: str  # A port or a combination of ports, `combination`
+    kind: str  # Its law (`laws.KINDS`)
+    values: tuple[float, ...]  # Its values (`laws.force`)
 
 
 @dataclass(frozen=True)
 class Fittings:
-    """
-    What is fitted to the plain machine; nothing by default.
+    """What is fitted to the plain machine; nothing by default."""
 
-    Parameters
-    ----------
-    supports : Supports, optional
-        Springs under the rail's ends.
-    fixity : (float, float)
-        Rotational springs at the ends [N m/rad].
-    twist : Twist, optional
-        A rail that twists.
-    shear : Shear, optional
-        A rail that shears.
-    lumps : tuple of Lump
-        Masses on the rail.
-    crack : Crack, optional
-        A crack in the rail.
-    guide : (float, float), optional
-        Stiffness [N/m] and damping [N s/m] of a guide that gives between rail and head.
-    oscillators : tuple of Oscillator
-        Sprung masses.
-    springs : tuple of Spring
-        Springs between places.
-    coupling : float
-        Spring on the difference of the joints' angles [N m/rad].
-    ties : tuple of Tie
-        Springs, dampers and inertances along ports.
-    bobs : tuple of Bob
-        Sprung masses along ports.
-    skews : tuple of Skew
-        Gyroscopic couplings.
-    lossy : tuple of Lossy
-        Linear elements without matrices.
-    laws : tuple of Law
-        Nonlinear elements.
-    """
-
-    supports: Supports | None = None
-    fixity: tuple[float, float] = (0.0, 0.0)
-    twist: Twist | None = None
-    shear: Shear | None = None
-    lumps: tuple[Lump, ...] = ()
-    crack: Crack | None = None
+    supports: Supports | None = None  # Springs under the rail's ends
+    fixity: tuple[float, float] = (0.0, 0.0)  # Rotational springs at the ends [N m/rad]
+    twist: Twist | None = None  # A rail that twists
+    shear: Shear | None = None  # A rail that shears
+    lumps: tuple[Lump, ...] = ()  # Masses on the rail
+    crack: Crack | None = None  # A crack in the rail
+    # Stiffness [N/m] and damping [N s/m] of a guide that gives between rail and head
     guide: tuple[float, float] | None = None
-    oscillators: tuple[Oscillator, ...] = ()
-    springs: tuple[Spring, ...] = ()
-    coupling: float = 0.0
-    ties: tuple[Tie, ...] = ()
-    bobs: tuple[Bob, ...] = ()
-    skews: tuple[Skew, ...] = ()
-    lossy: tuple[Lossy, ...] = ()
-    laws: tuple[Law, ...] = ()
+    oscillators: tuple[Oscillator, ...] = ()  # Sprung masses
+    springs: tuple[Spring, ...] = ()  # Springs between places
+    coupling: float = 0.0  # Spring on the difference of the joints' angles [N m/rad]
+    ties: tuple[Tie, ...] = ()  # Springs, dampers and inertances along ports
+    bobs: tuple[Bob, ...] = ()  # Sprung masses along ports
+    skews: tuple[Skew, ...] = ()  # Gyroscopic couplings
+    lossy: tuple[Lossy, ...] = ()  # Linear elements without matrices
+    laws: tuple[Law, ...] = ()  # Nonlinear elements
 
     @property
     def rail_ports(self) -> tuple[str, ...]:

@@ -32,41 +32,19 @@ _UP_TO = 1200.0
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """
-    A structure as it stands in the workshop.
+    """A structure as it stands in the workshop."""
 
-    Parameters
-    ----------
-    kind : str
-        ``"chain"``, ``"beam"``, ``"frame"`` or ``"plate"``.
-    mass, damping, stiffness : ndarray, shape (coordinate, coordinate)
-        Its matrices [SI].
-    ports : mapping of str to ndarray, shape (coordinate,)
-        Rows of the ports.
-    springs : mapping of str to float
-        Stiffness of the spring that lies along a port, where one does [N/m].
-    channels : tuple of Channel
-        What its response channels read.
-    drive : str
-        Port that is struck.
-    fittings : Fittings
-        What is fitted to it.
-    chain : Chain
-        Faults of the measurement chain.
-    drift : mapping of str to float
-        By how much stiffness or damping has changed at the end of the campaign.
-    """
-
-    kind: str
-    mass: Array
+    kind: str  # ``"chain"``, ``"beam"``, ``"frame"`` or ``"plate"``
+    mass: Array  # Its matrices [SI]
     damping: Array
     stiffness: Array
-    ports: Mapping[str, Array]
-    springs: Mapping[str, float]
-    channels: tuple[Channel, ...]
-    drive: str
-    fittings: Fittings = field(default_factory=Fittings)
-    chain: Chain = field(default_factory=Chain)
+    ports: Mapping[str, Array]  # Rows of the ports
+    springs: Mapping[str, float]  # Stiffness of the spring that lies along a port, where one does [N/m]
+    channels: tuple[Channel, ...]  # What its response channels read
+    drive: str  # Port that is struck
+    fittings: Fittings = field(default_factory=Fittings)  # What is fitted to it
+    chain: Chain = field(default_factory=Chain)  # Faults of the measurement chain
+    # By how much stiffness or damping has changed at the end of the campaign
     drift: Mapping[str, float] = field(default_factory=dict)
 
     @property

@@ -42,73 +42,24 @@ class NotConvergedError(RuntimeError):
 
 @dataclass(frozen=True)
 class Modes:
-    """
-    State-space modes, one of each conjugate pair.
+    """State-space modes, one of each conjugate pair."""
 
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (mode,)
-        Poles [rad/s].
-    shapes : ndarray of complex, shape (port, mode)
-        Displacement of the ports.
-    weights : ndarray of complex, shape (port, mode)
-        How forces at the ports drive the modes, twice where there is a pair.
-    names : tuple of str
-        The ports.
-    """
-
-    poles: Complex
-    shapes: Complex
-    weights: Complex
-    names: tuple[str, ...]
+    poles: Complex  # Poles [rad/s]
+    shapes: Complex  # Displacement of the ports
+    weights: Complex  # How forces at the ports drive the modes, twice where there is a pair
+    names: tuple[str, ...]  # The ports
 
     def port(self, name: str) -> Complex:
-        """
-        Displacement of a port in each mode.
-
-        Parameters
-        ----------
-        name : str
-            A port, or a combination of ports.
-
-        Returns
-        -------
-        ndarray of complex, shape (mode,)
-            Displacement.
-        """
+        """Displacement of a port in each mode."""
         return np.asarray(sum(factor * self.shapes[self.names.index(n)] for n, factor in combination(name).items()))
 
     def input(self, name: str) -> Complex:
-        """
-        How a force at a port drives each mode.
-
-        Parameters
-        ----------
-        name : str
-            A port, or a combination of ports.
-
-        Returns
-        -------
-        ndarray of complex, shape (mode,)
-            Weights.
-        """
+        """How a force at a port drives each mode."""
         return np.asarray(sum(factor * self.weights[self.names.index(n)] for n, factor in combination(name).items()))
 
 
 def modes(machine: Linearised) -> Modes:
-    """
-    Modes of the first-order form.
-
-    Parameters
-    ----------
-    machine : Linearised
-        The machine.
-
-    Returns
-    -------
-    Modes
-        Its modes.
-    """
+    """Modes of the first-order form."""
     n = machine.mass.shape[0]
     stiffness, damping = (np.linalg.solve(machine.mass, matrix) for matrix in (machine.stiffness, machine.damping))
     scale = np.sqrt(np.abs(np.diag(stiffness)).max())  # velocities over it: a balanced matrix
@@ -124,23 +75,7 @@ def modes(machine: Linearised) -> Modes:
 
 
 def receptance(m: Modes, s: Complex, outputs: Sequence[str], inputs: Sequence[str]) -> Complex:
-    """
-    Displacements over forces.
-
-    Parameters
-    ----------
-    m : Modes
-        The machine's modes.
-    s : ndarray of complex, shape (frequency,)
-        Complex frequencies [rad/s].
-    outputs, inputs : sequence of str
-        Ports.
-
-    Returns
-    -------
-    ndarray of complex, shape (output, input, frequency)
-        Receptances [m/N].
-    """
+    """Displacements over forces."""
     # 2 Re of one of a pair holds in time; over s the conjugate has to be written out
     out = np.array([m.port(name) for name in outputs])
     force = np.array([m.input(name) for name in inputs])
@@ -153,23 +88,7 @@ def receptance(m: Modes, s: Complex, outputs: Sequence[str], inputs: Sequence[st
 
 
 def frequency_response(rig: Machinery, machine: Linearised, s: Complex) -> Complex:
-    """
-    Motion of the channels over the force, nonlinear laws left out.
-
-    Parameters
-    ----------
-    rig : Machinery
-        The machine, for its channels and elements without matrices.
-    machine : Linearised
-        The same, assembled.
-    s : ndarray of complex, shape (frequency,)
-        Complex frequencies [rad/s].
-
-    Returns
-    -------
-    ndarray of complex, shape (channel, frequency)
-        Frequency responses, of accelerations [m/s^2/N] as a rule.
-    """
+    """Motion of the channels over the force, nonlinear laws left out."""
     m = modes(machine)
     elements, channels = rig.fittings.lossy, [c.port for c in rig.channels]
     alpha = receptance(
@@ -187,30 +106,7 @@ def frequency_response(rig: Machinery, machine: Linearised, s: Complex) -> Compl
 
 
 def linear_answer(rig: Machinery, machine: Linearised, forces: Array, fs: float) -> Array:
-    """
-    Accelerations of a linear machine from rest.
-
-    Parameters
-    ----------
-    rig : Machinery
-        The machine, for its channels and elements without matrices.
-    machine : Linearised
-        The same, assembled.
-    forces : ndarray, shape (blow, sample)
-        Band-limited forces on the tool [N].
-    fs : float
-        Their sampling rate [Hz].
-
-    Returns
-    -------
-    ndarray, shape (blow, channel, sample)
-        Accelerations [m/s^2].
-
-    Raises
-    ------
-    NotConvergedError
-        If a feedback makes the machine unstable.
-    """
+    """Accelerations of a linear machine from rest."""
     count = round(_PERIOD * fs)
     time = np.arange(forces.shape[-1]) / fs
     s = np.asarray(_DECAY + 2j * np.pi * np.fft.rfftfreq(count, 1 / fs), dtype=np.complex128)
@@ -227,30 +123,7 @@ def linear_answer(rig: Machinery, machine: Linearised, forces: Array, fs: float)
 
 
 def nonlinear_answer(rig: Machinery, machine: Linearised, force: Array, fs: float) -> Array:
-    """
-    Accelerations of a machine with nonlinear elements from rest.
-
-    Parameters
-    ----------
-    rig : Machinery
-        The machine, for its laws.
-    machine : Linearised
-        The same, assembled.
-    force : ndarray, shape (sample,)
-        Force [N], smooth between its samples.
-    fs : float
-        Steps per second [Hz].
-
-    Returns
-    -------
-    ndarray, shape (channel, sample)
-        Accelerations [m/s^2].
-
-    Raises
-    ------
-    NotConvergedError
-        If the elements' forces and the motion do not agree at the end of every step.
-    """
+    """Accelerations of a machine with nonlinear elements from rest."""
     if rig.fittings.lossy:
         raise ValueError("elements without matrices have no motion in time beside nonlinear ones")
     m = modes(machine)
@@ -293,37 +166,7 @@ def nonlinear_answer(rig: Machinery, machine: Linearised, force: Array, fs: floa
 def converged_answer(
     rig: Machinery, machine: Linearised, blow: Blow, noise: Sequence[float], first: int = STEPS[0]
 ) -> tuple[Array, int, float]:
-    """
-    Accelerations of a machine with nonlinear elements, steps halved until that no longer matters.
-
-    Parameters
-    ----------
-    rig : Machinery
-        The machine, for its laws.
-    machine : Linearised
-        The same, assembled.
-    blow : Blow
-        The blow.
-    noise : sequence of float
-        Standard deviation of the noise of each channel, by sample.
-    first : int
-        Steps to a sample to begin with, of `STEPS`: what an earlier blow needed at the least.
-
-    Returns
-    -------
-    response : ndarray, shape (channel, sample)
-        Filtered motion at FS.
-    fine : int
-        Steps to a sample.
-    error : float
-        Root mean square of what is wrong, over that of the noise, in the channel where it is largest: a third of what steps twice
-        as long change, for the error goes with the square of the step.
-
-    Raises
-    ------
-    NotConvergedError
-        If the finest steps are too long.
-    """
+    """Accelerations of a machine with nonlinear elements, steps halved until that no longer matters."""
     scale = np.asarray(noise)[:, None]
     before, error = None, np.inf
     for fine in STEPS:

@@ -32,21 +32,13 @@ _STEP = 1e-5
 
 @dataclass(frozen=True)
 class Linearised:
-    """
-    The machine about its rest.
+    """The machine about its rest."""
 
-    Parameters
-    ----------
-    mass, damping, stiffness : ndarray, shape (coordinate, coordinate)
-        Matrices [SI].
-    ports : mapping of str to ndarray, shape (coordinate,)
-        Rows of ``tool_x``, ``tool_z``, ``head_x``, ``head_z``, ``base_x``, ``joint1``, ``joint2``, ``guide`` where there is one,
-        and of what on the rail is fitted with something.
-    """
-
-    mass: Array
+    mass: Array  # Matrices [SI]
     damping: Array
     stiffness: Array
+    # Rows of ``tool_x``, ``tool_z``, ``head_x``, ``head_z``, ``base_x``, ``joint1``, ``joint2``, ``guide`` where
+    # there is one, and of what on the rail is fitted with something
     ports: Mapping[str, Array]
 
     def row(self, port: str) -> Array:
@@ -56,34 +48,15 @@ class Linearised:
 
 @dataclass(frozen=True)
 class Machine:
-    """
-    An exudyn system, with the numbers of what is in it.
+    """An exudyn system, with the numbers of what is in it."""
 
-    Parameters
-    ----------
-    system : exudyn.MainSystem
-        The system.
-    markers : mapping of str to int
-        Markers of ``"tool"``, ``"head"``, ``"base"`` and ``"ground"``.
-    joints : mapping of str to int
-        Markers of the joints' angles.
-    coordinates : mapping of str to int
-        Coordinates that are ports.
-    tree : int
-        The kinematic tree.
-    tree_size : int
-        How many coordinates the tree has; they come first.
-    on_tree : mapping of str to (int, float)
-        Link of each place, and its distance along it [m].
-    """
-
-    system: exu.MainSystem
-    markers: Mapping[str, int]
-    joints: Mapping[str, int]
-    coordinates: Mapping[str, int]
-    tree: int
-    tree_size: int
-    on_tree: Mapping[str, tuple[int, float]]
+    system: exu.MainSystem  # The system
+    markers: Mapping[str, int]  # Markers of ``"tool"``, ``"head"``, ``"base"`` and ``"ground"``
+    joints: Mapping[str, int]  # Markers of the joints' angles
+    coordinates: Mapping[str, int]  # Coordinates that are ports
+    tree: int  # The kinematic tree
+    tree_size: int  # How many coordinates the tree has; they come first
+    on_tree: Mapping[str, tuple[int, float]]  # Link of each place, and its distance along it [m]
 
 
 def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = True) -> Machine:
@@ -91,22 +64,6 @@ def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = 
     Put the machine together.
 
     What is fitted along ports (`attached`) and nonlinear laws are left to who comes after; their ports are there.
-
-    Parameters
-    ----------
-    rig : Rig
-        The machine.
-    position : float
-        y_b / L of the head.
-    highest : float
-        Frequency up to which the rail's component modes are kept [Hz].
-    assemble : bool
-        Whether the system is complete; more may be added otherwise.
-
-    Returns
-    -------
-    Machine
-        The system.
     """
     head, fittings = rig.head, rig.fittings
     rail = rail_matrices(rig.rail, fittings, position, highest, fittings.rail_ports)
@@ -208,19 +165,7 @@ def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = 
 
 
 def linearise(machine: Machine) -> Linearised:
-    """
-    Matrices and ports about the rest.
-
-    Parameters
-    ----------
-    machine : Machine
-        An assembled system.
-
-    Returns
-    -------
-    Linearised
-        What exudyn's own differences give: stiffness to 1e-7 of itself, rows to 1e-10.
-    """
+    """Matrices and ports about the rest."""
     system = machine.system
     # numerical differences inside exudyn: stiffness to 1e-7 of itself
     mass, stiffness, damping = system.ComputeLinearizedSystem()[:3]

@@ -29,22 +29,11 @@ from cutvib_ss.validation.rig.structure import Filter, Rig, Window
 
 @dataclass(frozen=True)
 class Kind:
-    """
-    A kind of cause that the catalogue lacks.
+    """A kind of cause that the catalogue lacks."""
 
-    Parameters
-    ----------
-    make : callable
-        Makes it.
-    same : tuple of str
-        Other places that are physically the same as its own.
-    frames : bool
-        Whether other structures have it too.
-    """
-
-    make: Maker
-    same: tuple[str, ...] = ()
-    frames: bool = False
+    make: Maker  # Makes it
+    same: tuple[str, ...] = ()  # Other places that are physically the same as its own
+    frames: bool = False  # Whether other structures have it too
 
 
 def _names(machine: AnyMachine) -> tuple[str, ...]:

@@ -29,25 +29,12 @@ WARMS: Mapping[str, float] = {"k1": 1.0, "k2": 1.0, "first_frequency": 0.5, "sti
 
 @dataclass(frozen=True)
 class Repeatability:
-    """
-    How far the machine moves during a campaign; by default it does not.
+    """How far the machine moves during a campaign; by default it does not."""
 
-    Parameters
-    ----------
-    drift : float
-        Relative standard deviation between sessions of every stiffness and every gain.
-    within : float
-        The same between the records of one session.
-    temperature : float
-        Relative change of all stiffnesses together over the campaign.
-    stated : float, optional
-        What machine.toml says of it, `[tolerance] drift`; left out where None.
-    """
-
-    drift: float = 0.0
-    within: float = 0.0
-    temperature: float = 0.0
-    stated: float | None = None
+    drift: float = 0.0  # Relative standard deviation between sessions of every stiffness and every gain
+    within: float = 0.0  # The same between the records of one session
+    temperature: float = 0.0  # Relative change of all stiffnesses together over the campaign
+    stated: float | None = None  # What machine.toml says of it, `[tolerance] drift`; left out where None
 
     @property
     def moves(self) -> bool:

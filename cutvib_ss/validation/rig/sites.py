@@ -32,47 +32,24 @@ SWING = {"joint1": 3.0e-5, "joint2": 4.0e-4}
 
 @dataclass(frozen=True)
 class Form:
-    """
-    One physical form of a cause.
+    """One physical form of a cause."""
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    grade : int
-        How far it is from the catalogue's: 0 its own, 1 near it, 2 another, 3 of its kind only.
-    make : callable
-        Of the machine, the severity (1 is what an engineer would call a clear fault) and a generator: the machine with the
-        fault, its place and its parameters.
-    """
-
-    name: str
-    grade: int
+    name: str  # Its name
+    grade: int  # How far it is from the catalogue's: 0 its own, 1 near it, 2 another, 3 of its kind only
+    # Of the machine, the severity (1 is what an engineer would call a clear fault) and a generator: the machine with
+    # the fault, its place and its parameters
     make: Maker
 
 
 @dataclass(frozen=True)
 class Site:
-    """
-    A joint, or a port of another structure.
+    """A joint, or a port of another structure."""
 
-    Parameters
-    ----------
-    place : str
-        Its name.
-    stiffness, damping : float
-        Of the spring and damper there [N m/rad and N m s/rad, or N/m and N s/m].
-    swing : float
-        Peak deflection under a blow of 100 N [rad or m].
-    omega : float
-        Angular frequency of most of its motion [rad/s].
-    """
-
-    place: str
-    stiffness: float
+    place: str  # Its name
+    stiffness: float  # Of the spring and damper there [N m/rad and N m s/rad, or N/m and N s/m]
     damping: float
-    swing: float
-    omega: float
+    swing: float  # Peak deflection under a blow of 100 N [rad or m]
+    omega: float  # Angular frequency of most of its motion [rad/s]
 
     @property
     def rate(self) -> float:

@@ -219,30 +219,7 @@ def integrate(
     drive: Array,
     step: float,
 ) -> tuple[Array, float]:
-    """
-    Accelerations of the channels under a force, from rest, and the largest residual of a step over the largest force.
-
-    Parameters
-    ----------
-    decay : ndarray of complex, shape (mode,)
-        By what a step multiplies a free mode.
-    begin, end : ndarray of complex, shape (mode, input)
-        What the inputs at its begin and end add; input 0 is the force, the others are the elements.
-    motion : ndarray of complex, shape (2 elements, mode)
-        Deflections of the elements, then their rates, by mode.
-    acceleration : ndarray of complex, shape (channel, mode)
-        Accelerations of the channels by mode.
-    direct : ndarray, shape (channel, input)
-        What inputs accelerate at once.
-    kinds : ndarray of int, shape (element,)
-        Numbers of the laws.
-    values : ndarray, shape (element, VALUES)
-        Their values.
-    drive : ndarray, shape (step,)
-        The force [N].
-    step : float
-        Step [s].
-    """
+    """Accelerations of the channels under a force, from rest, and the largest residual of a step over the largest force."""
     modes, inputs = begin.shape
     channels, elements = direct.shape[0], inputs - 1
     # how deflections and rates at the end of a step answer the inputs there

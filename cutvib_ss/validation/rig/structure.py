@@ -23,174 +23,86 @@ TOLERANCE: Mapping[str, float] = {
 
 @dataclass(frozen=True)
 class Head:
-    """
-    The two-link head (Table 3 of the paper).
+    """The two-link head (Table 3 of the paper)."""
 
-    Parameters
-    ----------
-    m1, m2 : float
-        Masses at the links' tips [kg].
-    l1, l2 : float
-        Lengths of the links [m].
-    theta01_deg, theta02_deg : float
-        Angles at rest [degrees].
-    k1, k2 : float
-        Stiffness of the joints [N m/rad].
-    c1, c2 : float
-        Damping of the joints [N m s/rad].
-    """
-
-    m1: float = 24.88
+    m1: float = 24.88  # Masses at the links' tips [kg]
     m2: float = 0.60
-    l1: float = 0.097
+    l1: float = 0.097  # Lengths of the links [m]
     l2: float = 0.096
-    theta01_deg: float = 0.65
+    theta01_deg: float = 0.65  # Angles at rest [degrees]
     theta02_deg: float = 110.0
-    k1: float = 522100.0
+    k1: float = 522100.0  # Stiffness of the joints [N m/rad]
     k2: float = 10442.0
-    c1: float = 44.20
+    c1: float = 44.20  # Damping of the joints [N m s/rad]
     c2: float = 0.58
 
 
 @dataclass(frozen=True)
 class Rail:
-    """
-    The rail between pins.
+    """The rail between pins."""
 
-    Parameters
-    ----------
-    length : float
-        Length [m].
-    mass : float
-        Mass of the whole rail [kg].
-    first_frequency : float
-        First natural frequency without the head [Hz].
-    damping_ratio : float
-        Damping ratio of every mode.
-    damping_slope : float
-        Relative growth of the damping ratio over a factor of e of the modes' frequencies.
-    truncation : int, optional
-        Leave only so many modes: not a rail, but a model of one, to see what truncation hides.
-    """
-
-    length: float = 2.5
-    mass: float = 76.5
-    first_frequency: float = 31.7
-    damping_ratio: float = 0.01
-    damping_slope: float = 0.0
+    length: float = 2.5  # Length [m]
+    mass: float = 76.5  # Mass of the whole rail [kg]
+    first_frequency: float = 31.7  # First natural frequency without the head [Hz]
+    damping_ratio: float = 0.01  # Damping ratio of every mode
+    damping_slope: float = 0.0  # Relative growth of the damping ratio over a factor of e of the modes' frequencies
+    # Leave only so many modes: not a rail, but a model of one, to see what truncation hides
     truncation: int | None = None
 
 
 @dataclass(frozen=True)
 class Channel:
-    """
-    What a response channel reads.
+    """What a response channel reads."""
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    port : str
-        Where.
-    order : int
-        0 for displacement, 1 for velocity, 2 for acceleration.
-    """
-
-    name: str
-    port: str
-    order: int = 2
+    name: str  # Its name
+    port: str  # Where
+    order: int = 2  # 0 for displacement, 1 for velocity, 2 for acceleration
 
 
 @dataclass(frozen=True)
 class Filter:
-    """
-    What a channel's instrument does to its signal.
+    """What a channel's instrument does to its signal."""
 
-    Parameters
-    ----------
-    kind : str
-        ``"lowpass"``, ``"bessel"`` (a second-order filter with the flattest delay), ``"highpass"``, ``"resonance"``, or
-        ``"slope"``: a gain that grows with the logarithm of frequency, 1 at ``freq``.
-    freq : float
-        Corner or resonance [Hz].
-    value : float
-        Damping ratio of a resonance; of a slope the relative change over a factor of ten.
-    """
-
+    # ``"lowpass"``, ``"bessel"`` (a second-order filter with the flattest delay), ``"highpass"``, ``"resonance"``, or
+    # ``"slope"``: a gain that grows with the logarithm of frequency, 1 at ``freq``
     kind: str
-    freq: float
-    value: float = 0.0
+    freq: float  # Corner or resonance [Hz]
+    value: float = 0.0  # Damping ratio of a resonance; of a slope the relative change over a factor of ten
 
 
 @dataclass(frozen=True)
 class Window:
-    """
-    What is laid over a record and never taken out.
+    """What is laid over a record and never taken out."""
 
-    Parameters
-    ----------
-    kind : str
-        ``"exponential"`` on force and responses, ``"late"`` (exponential on the responses alone, from `start` on), ``"taper"`` (the
-        tail fades out from `start` on as half a cosine, within 1/rate), ``"cut"`` (nothing after `start`).
-    rate : float
-        Decay rate [1/s].
-    start : float
-        When it begins [s].
-    """
-
+    # ``"exponential"`` on force and responses, ``"late"`` (exponential on the responses alone, from `start` on),
+    # ``"taper"`` (the tail fades out from `start` on as half a cosine, within 1/rate), ``"cut"`` (nothing after
+    # `start`)
     kind: str
-    rate: float = 0.0
-    start: float = 0.0
+    rate: float = 0.0  # Decay rate [1/s]
+    start: float = 0.0  # When it begins [s]
 
 
 @dataclass(frozen=True)
 class Chain:
-    """
-    What the measurement chain does that it should not; nothing by default.
+    """What the measurement chain does that it should not; nothing by default."""
 
-    Parameters
-    ----------
-    delays : mapping of str to float
-        How late a channel is [s].
-    gains : mapping of str to float
-        Factor on a channel.
-    saturation : mapping of str to float
-        Level at which a channel's sensor saturates softly [m/s^2].
-    asymmetry : mapping of str to float
-        Level at which the square of a channel's signal is as large as the signal [m/s^2].
-    filters : mapping of str to tuple of Filter
-        What a channel's instrument does.
-    cross_axis : float
-        Fraction of X that leaks into Z.
-    tilts : tuple of (str, str, float, float)
-        Other leaks: into which channel, from which, what fraction, and the frequency at which it is that large where it grows in
-        proportion to frequency (0: it does not) [Hz].
-    window : Window, optional
-        A window that is never taken out.
-    jitter : float
-        Standard deviation of how late the responses of a blow are [s].
-    mains : tuple of float
-        Amplitudes of 50 Hz and its harmonics [m/s^2].
-    feedthrough : float
-        Part of the force's signal that the responses pick up [m/s^2/N].
-    clock : float
-        By what fraction the responses' clock runs fast.
-    shift : (float, float)
-        Zero shift of the sensors after a shock, over its peak, and how fast it decays [1/s].
-    """
-
-    delays: Mapping[str, float] = field(default_factory=dict)
-    gains: Mapping[str, float] = field(default_factory=dict)
+    delays: Mapping[str, float] = field(default_factory=dict)  # How late a channel is [s]
+    gains: Mapping[str, float] = field(default_factory=dict)  # Factor on a channel
+    # Level at which a channel's sensor saturates softly [m/s^2]
     saturation: Mapping[str, float] = field(default_factory=dict)
+    # Level at which the square of a channel's signal is as large as the signal [m/s^2]
     asymmetry: Mapping[str, float] = field(default_factory=dict)
-    filters: Mapping[str, tuple[Filter, ...]] = field(default_factory=dict)
-    cross_axis: float = 0.0
+    filters: Mapping[str, tuple[Filter, ...]] = field(default_factory=dict)  # What a channel's instrument does
+    cross_axis: float = 0.0  # Fraction of X that leaks into Z
+    # Other leaks: into which channel, from which, what fraction, and the frequency at which it is that large where it
+    # grows in proportion to frequency (0: it does not) [Hz]
     tilts: tuple[tuple[str, str, float, float], ...] = ()
-    window: Window | None = None
-    jitter: float = 0.0
-    mains: tuple[float, ...] = ()
-    feedthrough: float = 0.0
-    clock: float = 0.0
+    window: Window | None = None  # A window that is never taken out
+    jitter: float = 0.0  # Standard deviation of how late the responses of a blow are [s]
+    mains: tuple[float, ...] = ()  # Amplitudes of 50 Hz and its harmonics [m/s^2]
+    feedthrough: float = 0.0  # Part of the force's signal that the responses pick up [m/s^2/N]
+    clock: float = 0.0  # By what fraction the responses' clock runs fast
+    # Zero shift of the sensors after a shock, over its peak, and how fast it decays [1/s]
     shift: tuple[float, float] = (0.0, 1.0)
 
 
@@ -230,31 +142,15 @@ class Machinery(Protocol):
 
 @dataclass(frozen=True)
 class Rig:
-    """
-    A cutting machine as it stands in the workshop.
+    """A cutting machine as it stands in the workshop."""
 
-    Parameters
-    ----------
-    head : Head
-        The head.
-    rail : Rail
-        The rail.
-    fittings : Fittings
-        What is fitted to them.
-    chain : Chain
-        Faults of the measurement chain.
-    lean : float
-        Part of each blow that goes along the machine, over that which goes down.
-    drift : mapping of str to float
-        By how much named values of head and rail have changed, as a fraction, at the end of the campaign; they change evenly
-        from record to record.
-    """
-
-    head: Head = field(default_factory=Head)
-    rail: Rail = field(default_factory=Rail)
-    fittings: Fittings = field(default_factory=Fittings)
-    chain: Chain = field(default_factory=Chain)
-    lean: float = 0.0
+    head: Head = field(default_factory=Head)  # The head
+    rail: Rail = field(default_factory=Rail)  # The rail
+    fittings: Fittings = field(default_factory=Fittings)  # What is fitted to them
+    chain: Chain = field(default_factory=Chain)  # Faults of the measurement chain
+    lean: float = 0.0  # Part of each blow that goes along the machine, over that which goes down
+    # By how much named values of head and rail have changed, as a fraction, at the end of the campaign; they change
+    # evenly from record to record
     drift: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -277,86 +173,26 @@ class Rig:
         return replace(self.scaled(factors), drift={})
 
     def fitted(self, **changes: Any) -> Rig:
-        """
-        The machine with fittings replaced.
-
-        Parameters
-        ----------
-        **changes
-            Fields of `Fittings`.
-
-        Returns
-        -------
-        Rig
-            The machine.
-        """
+        """The machine with fittings replaced."""
         return replace(self, fittings=replace(self.fittings, **changes))
 
     def measured(self, **changes: Any) -> Rig:
-        """
-        The machine with faults of the measurement chain replaced.
-
-        Parameters
-        ----------
-        **changes
-            Fields of `Chain`.
-
-        Returns
-        -------
-        Rig
-            The machine.
-        """
+        """The machine with faults of the measurement chain replaced."""
         return replace(self, chain=replace(self.chain, **changes))
 
     def value(self, name: str) -> float:
-        """
-        A value of head or rail.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-
-        Returns
-        -------
-        float
-            The value.
-        """
+        """A value of head or rail."""
         return float(getattr(self.head if name in HEAD_NAMES else self.rail, name))
 
     def scaled(self, factors: Mapping[str, float]) -> Rig:
-        """
-        The machine with values of head and rail times factors.
-
-        Parameters
-        ----------
-        factors : mapping of str to float
-            Factors by name.
-
-        Returns
-        -------
-        Rig
-            The machine.
-        """
+        """The machine with values of head and rail times factors."""
         new = {name: self.value(name) * factor for name, factor in factors.items()}
         head: dict[str, Any] = {name: value for name, value in new.items() if name in HEAD_NAMES}
         rail: dict[str, Any] = {name: value for name, value in new.items() if name not in HEAD_NAMES}
         return replace(self, head=replace(self.head, **head), rail=replace(self.rail, **rail))
 
     def at(self, progress: float) -> Rig:
-        """
-        The machine at a stage of the campaign.
-
-        Parameters
-        ----------
-        progress : float
-            0 at its first record, 1 at its last.
-
-        Returns
-        -------
-        Rig
-            The machine, its drift done.
-        """
+        """The machine at a stage of the campaign."""
         if not self.drift:
             return self
         return replace(self.scaled({name: 1 + change * progress for name, change in self.drift.items()}), drift={})
@@ -366,20 +202,6 @@ HEAD_NAMES = tuple(f.name for f in fields(Head))
 
 
 def scattered(rig: Rig, rng: np.random.Generator) -> Rig:
-    """
-    A machine as built: every value drawn about its nominal one within the tolerance.
-
-    Parameters
-    ----------
-    rig : Rig
-        The nominal machine.
-    rng : numpy.random.Generator
-        Generator.
-
-    Returns
-    -------
-    Rig
-        The machine as built.
-    """
+    """A machine as built: every value drawn about its nominal one within the tolerance."""
     names = [name for name in TOLERANCE if name != "calibration"]
     return rig.scaled({name: float(np.exp(TOLERANCE[name] * rng.standard_normal())) for name in names})
