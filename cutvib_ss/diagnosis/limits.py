@@ -1,7 +1,7 @@
 """
 How much of each cause that was not named the records still allow, on top of the accepted answer.
 
-To first order in the size u of a cause, it changes the weighted residual by u d. Freed of what tuning, calibration, drift and
+To first order in the size u of a cause, it changes the weighted residual by u d. Beside what tuning, calibration, drift and
 discrepancy could take up, d has the squares D; with the residual r its estimate is (d·r)/D with standard deviation
 s = 1/√D (`Scan` gives both). d is the secant at a finite size, taken once more at the bound.
 

@@ -108,7 +108,7 @@ def confirming_test(d: Diagnosis) -> str:
 
 
 def size_rows(d: Diagnosis) -> list[Row]:
-    """What separates a right model from the measurement: noise, repeatability, discrepancy; size and meaning of each."""
+    """What separates a right model from the measurement: noise, repeatability, discrepancy; size and source of each."""
     rows: list[Row] = []
     unit = d.gap.unit
     factor = d.sizes.get("noise", math.nan)

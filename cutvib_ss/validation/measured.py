@@ -243,7 +243,7 @@ def _drive(record: Record, channel: str | None) -> int:
 
 def _stiffness(z: Element, freq: FloatArray, power: int) -> ComplexArray:
     """z over the power of s that the channel's quantity has; zero at zero frequency where it is infinite."""
-    s = 2j * np.pi * freq
+    s = np.asarray(2j * np.pi * freq, dtype=np.complex128)
     with np.errstate(divide="ignore", invalid="ignore"):
         out = np.asarray(np.broadcast_to(z(s), s.shape) / s**power, dtype=np.complex128).copy()
     out[(freq == 0.0) & ~np.isfinite(out)] = 0.0
@@ -274,7 +274,7 @@ def _added_to_frf(record: Record, frf: MeasuredFrequencyResponse, z: Element, dr
 
 
 def _added_to_history(history: History, z: Element, drive: int, power: int) -> History:
-    freq = np.fft.rfftfreq(history.force.size, 1.0 / history.fs)
+    freq = np.asarray(np.fft.rfftfreq(history.force.size, 1.0 / history.fs), dtype=np.float64)
     per_motion = _stiffness(z, freq, power)
     if history.force.size % 2 == 0:
         # The line at half the sampling frequency is real: a phase has no meaning there.
