@@ -14,7 +14,7 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Directions, Known, Quadratic, Sizes, Spread, weights
+from cutvib_ss.diagnosis.likelihood import FARTHEST, Directions, Known, Quadratic, Sizes, Spread, weights
 from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, session_of
@@ -32,8 +32,6 @@ FEW_STEPS = 10
 """A fit of no more steps is a scout: it climbs once."""
 GAIN = 0.1
 """Gain of the objective at which steps end: a twentieth of what tells two causes apart by a factor of e."""
-FARTHEST = 6.0
-"""Standard deviations that a session may drift."""
 PASSES = 4
 """Times that any other fit climbs at most."""
 

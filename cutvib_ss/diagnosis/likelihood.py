@@ -54,6 +54,8 @@ SMALL, ITERATIONS = 1e-4, 6
 """Drift that moves a response in proportion, and iterations in which a larger one of a held-out session is found."""
 MOST_LAGS, CORRELATED = 60, 0.1
 """Lags over which residuals are correlated at most, and the correlation that stands out."""
+FARTHEST = 6.0
+"""Standard deviations that a session may drift."""
 MARGIN = 1e-9
 """Precision that keeps a normal matrix regular."""
 
@@ -328,6 +330,7 @@ class Spread:
                     pulled[index] += flat @ (_real(residual[None, c])[0] - mean[index] @ flat) / own.sizes.noise
                 pulled[at] -= z[at]
                 z[at] += linalg.solve(matrix, pulled, assume_a="pos", check_finite=False)[at]
+                z[at] = np.clip(z[at], -FARTHEST, FARTHEST)
         out = np.empty(residual.shape[0])
         known = 0.0 if not new else float(z[at] @ z[at])
         drifts = []

@@ -49,7 +49,7 @@ def mains(nominal: Model, none: Fit, records: Records) -> float | None:
             continue
         rest = Records(tuple(thinned(e, ~_on(e.freq, frequency)) for e in records.entries))
         again = fit(nominal, rest, Hypothesis(), none.x)
-        if again.chi2 / again.count - 1.0 < max(CLEAN, SKIRTS * (none.chi2 / none.count - 1.0)):
+        if again.reduced - 1.0 < max(CLEAN, SKIRTS * (none.reduced - 1.0)):
             return frequency
     return None
 

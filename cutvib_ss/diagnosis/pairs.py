@@ -85,7 +85,7 @@ class _Family:
         """Pairs on top of each base, and of the best second cause that was found; best first, fitted to few lines as measured."""
         tried: list[tuple[Candidate, Fit]] = []
         for round_ in range(len(bases) + 1):
-            if round_ == len(bases) and not self.linear and tried[0][1].chi2 > ASTRAY * tried[0][1].count:
+            if round_ == len(bases) and not self.linear and tried[0][1].reduced > ASTRAY:
                 break
             base = bases[round_] if round_ < len(bases) else _second_of(*tried[0])
             tried += self._with_second(base, seconds)
@@ -179,7 +179,7 @@ def fit_pairs(
 def _enough_on_few(tried: Sequence[tuple[Candidate, Fit]]) -> bool:
     """Whether the best of some fits leaves no more than noise."""
     best = tried[0][1]
-    return best.chi2 < ENOUGH * best.count
+    return best.reduced < ENOUGH
 
 
 def _second_of(pair: Candidate, fitted: Fit) -> _Base:

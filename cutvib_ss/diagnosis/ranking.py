@@ -55,7 +55,7 @@ class Ranked:
     @property
     def reduced(self) -> float:
         """χ² a datum against the noise as stated."""
-        return self.fit.chi2 * self.fit.spread.sizes.noise / self.fit.count
+        return self.fit.reduced
 
 
 def on_all_lines(
@@ -76,7 +76,7 @@ def on_all_lines(
     for i, (candidate, start) in enumerate(rough):
         behind = cost(start) - ahead
         wanted = (behind < close and i < most) or (behind < FAR and i < least)
-        hopeless = not start.hypothesis.linear and start.chi2 > HOPELESS * start.count and cost(start) > rival[0]
+        hopeless = not start.hypothesis.linear and start.reduced > HOPELESS and cost(start) > rival[0]
         promising = cost(start) - rival[0] < CLOSE and wanted and not hopeless
         (chosen if promising else left_out).append((candidate, start))
     steps = [MOST_STEPS if f.hypothesis.linear else MOST_LAW_STEPS for _, f in chosen]

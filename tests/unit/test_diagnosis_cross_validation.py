@@ -90,7 +90,7 @@ def left(shown, x, root, entry):
 
 def uncertain(problem, x, root):
     """A fit of which the covariance is given, without drift and discrepancy."""
-    none = Layout(problem.size, (), problem.channels, (), (), 0, 1)
+    none = Layout(problem.size, (), problem.channels, (), (), (), 1)
     return SimpleNamespace(x=x, spread=Spread(none, Sizes(), np.zeros(x.size), np.linalg.inv(root @ root.T)))
 
 

@@ -82,10 +82,10 @@ def test_a_machine_that_moves_between_sessions_has_no_gap(
     steady = replace(MACHINE, tolerance=replace(MACHINE.tolerance, drift=1e-9))
     found = retuned(measured, MACHINE)
     assert len(found.spread.layout.sessions) == count
-    assert 0.85 < found.chi2 / found.count < 1.1
+    assert 0.85 < found.reduced < 1.1
     # No tuning that all sessions share, and no smooth error of its stiffness, does that.
     together = retuned(measured, steady)
-    assert together.chi2 > 5.0 * together.count
+    assert together.reduced > 5.0
     diagnosis = diagnose(measured)
     assert diagnosis.verdict == "no_gap"
     assert diagnosis.causes[0].effect == diagnosis.where.place == "none"

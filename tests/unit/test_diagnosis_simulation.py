@@ -98,7 +98,7 @@ def test_a_guessed_force_is_found_with_the_law():
     found = fit(MACHINE, seen, Hypothesis((CubicStiffness("joint2", 2e9),), {"joint2": 1e-4}))
     problem = problem_for(MACHINE, seen, found.hypothesis)
     assert len(problem.force_scaled) == 2
-    assert found.chi2 / found.count < 1.05
+    assert found.reduced < 1.05
     # The law's size and all forces together cannot be told apart; their ratio can.
     x = found.x[found.first_effect - 2 : found.first_effect]
     assert FORCE_SCALE * (x[0] - x[1]) == pytest.approx(np.log(scales[0] / scales[1]), abs=0.02)
@@ -156,8 +156,8 @@ def test_the_second_cause_promises_most():
     assert promised > 3 * other
     together = fit(MACHINE, seen, both, scan.warm)
     # What is left is how far the sampled blow is from the closed form.
-    assert together.chi2 / together.count < 2.0
-    assert base.chi2 / base.count > 10.0
+    assert together.reduced < 2.0
+    assert base.reduced > 10.0
     assert together.hypothesis.effects[1].delay == pytest.approx(2e-4, rel=0.02)
 
 
@@ -166,7 +166,7 @@ def test_a_clearance_is_found_from_values_far_from_it():
     motion = {"joint2": 1e-4}
     from_afar = Hypothesis((Freeplay("joint2", 6e-6),), motion)
     caught = fit(MACHINE, seen, from_afar)
-    assert caught.chi2 > 10 * caught.count  # steps alone do not lead there
+    assert caught.reduced > 10  # steps alone do not lead there
     scan = Scan(MACHINE, seen, Hypothesis(), None, motion, apart=True)
     tried = scan.promise([Freeplay("joint2", gap) for gap in (1e-6, 6e-6, 1.5e-5, 4e-5)])
     best = scan.refined(tried)
