@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cutvib_ss.model.paths import value_at, with_values
 
 from cutvib_ss.diagnosis.diagnose import diagnose
 from cutvib_ss.diagnosis.fit import Fit, fit
@@ -14,6 +13,7 @@ from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import MeasuredFrequencyResponse
 

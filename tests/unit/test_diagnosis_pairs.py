@@ -9,7 +9,7 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.problem import WITHIN
-from cutvib_ss.diagnosis.ranking import on_all_lines
+from cutvib_ss.diagnosis.ranking import cost, on_all_lines
 from cutvib_ss.diagnosis.records import Entry, Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.workers import Workers
@@ -76,8 +76,10 @@ def test_a_strained_tuning_counts_its_way_back():
 
 def test_causes_that_are_not_fitted_stay_as_far_behind_as_they_were(records, first):
     law = Hypothesis((BilinearStiffness("joint1", 0.1),), {"joint1": 1e-5})
-    behind = [replace(first, hypothesis=law, objective=first.objective + d, chi2=1e9) for d in (1500.0, 1500.5)]
+    behind = [
+        replace(first, hypothesis=law, log_evidence=first.log_evidence - d / 2, chi2=1e9) for d in (1500.0, 1500.5)
+    ]
     rough = [(Candidate(f"law {k}", ()), f) for k, f in enumerate(behind)]
-    out = on_all_lines(OFF, records, rough, 2, (first.objective, first.log_evidence), Workers())
+    out = on_all_lines(OFF, records, rough, 2, (cost(first), first.log_evidence), Workers())
     assert not any(r.refined for r in out)
     assert [r.fit.log_evidence - first.log_evidence for r in out] == pytest.approx([-750.0, -750.25])
