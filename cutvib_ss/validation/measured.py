@@ -24,7 +24,7 @@ LABEL = "label.toml"
 POWERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 """Power of s = jω by which each quantity exceeds the displacement."""
 
-Element: TypeAlias = Callable[[ComplexArray], ComplexArray]
+Element: TypeAlias = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,7 @@ def _added_to_frf(record: Record, frf: MeasuredFrequencyResponse, z: Element, dr
 
 
 def _added_to_history(history: History, z: Element, drive: int, power: int) -> History:
-    freq = np.fft.rfftfreq(history.force.size, 1.0 / history.fs)
+    freq = np.asarray(np.fft.rfftfreq(history.force.size, 1.0 / history.fs), dtype=np.float64)
     per_motion = _stiffness(z, freq, power)
     if history.force.size % 2 == 0:
         # The line at half the sampling frequency is real: a phase has no meaning there.
