@@ -57,6 +57,11 @@ class Fit:
     correlation: float  # Number of neighbouring lines whose residuals go together; 1 where they are white
     spread: Spread  # Drift and discrepancy: their sizes, and what the records say of them
 
+    @property
+    def reduced(self) -> float:
+        """χ² a datum against the noise as stated, drift and discrepancy integrated out."""
+        return self.chi2 * self.spread.sizes.noise / self.count
+
 
 def fit(
     nominal: Model,

@@ -3,7 +3,8 @@ How much of each cause that was not named the records still allow, on top of the
 
 To first order in the size u of a cause, it changes the weighted residual by u d. Beside what tuning, calibration, drift and
 discrepancy could take up, d has the squares D; with the residual r its estimate is (d·r)/D with standard deviation
-s = 1/√D (`Scan` gives both). d is the secant at a finite size, taken once more at the bound.
+s = 1/√D (`Scan` gives both). d is the derivative at no cause: nearly all of a change may be taken up by tuning, and at a finite
+size what is left would be its curvature.
 
 *Allowed.* With an even prior on u ≥ 0 the posterior is a normal one cut off at zero; the bound b leaves 5 % of it:
 Φ((b - û)/s) = 1 - 0.05 Φ(û/s). Of a cause of either sign the bound is on the magnitude, |û| + 1.96 s.
@@ -30,6 +31,7 @@ from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.result import PRIORS, Limit
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.severity import Run, runs
+from cutvib_ss.diagnosis.unknowns import to_unknown
 from cutvib_ss.diagnosis.verdict import SURE
 from cutvib_ss.effects.base import Model, Range
 from cutvib_ss.errors import CutvibError
@@ -42,6 +44,8 @@ TAIL = 0.05
 """Probability beyond the bound."""
 FARTHEST = -6.0
 """Standard deviations below zero beyond which an estimate says that the noise is wrong, not that the bound is tighter."""
+SMALL = 1e-4
+"""Squares of the change at which the derivative is taken: of 0.01 standard deviations, far above rounding."""
 ITERATIONS = 20
 """Of the size that is visible: it changes with a logarithm of itself."""
 
@@ -101,19 +105,18 @@ def _limit(nominal: Model, scan: Scan, run: Run, noise: tuple[float, float], beh
     infinite = run.weak_end == "infinity"
     bounds = type(run.effect).ranges(nominal, run.effect.place)[run.head]
     signed = not infinite and bounds.low < 0.0
-    severity, told = 1.0, None
+    severity, measured = 1.0, None
     for _ in range(2):
         measured = _measured(scan, run, severity)
         if measured is None:
-            break
-        size, along, squares = measured
-        std = size * math.sqrt(heat / squares)
-        allowed = _bound(size * along / squares, std, signed)
-        told = (allowed, std)
-        severity *= allowed / size
-    if told is None:
+            return None
+        severity *= math.sqrt(SMALL / measured[3])
+    measured = _measured(scan, run, severity)
+    if measured is None:
         return None
-    allowed, std = told
+    size, along, squares, _ = measured
+    std = size * math.sqrt(heat / squares)
+    allowed = _bound(size * along / squares, std, signed)
     # The diagnosis names a cause on all lines, these are some: where noise decides, it sees so much more.
     visible = _visible(std * math.sqrt(kept), behind, bounds, infinite)
     if infinite:
@@ -121,19 +124,22 @@ def _limit(nominal: Model, scan: Scan, run: Run, noise: tuple[float, float], beh
     return Limit(run.effect.effect, run.effect.place, run.head, run.unit, allowed, visible)
 
 
-def _measured(scan: Scan, run: Run, severity: float) -> tuple[float, float, float] | None:
-    """Size of a cause as it was tried (its range may hold it), its product with the residual, and its squares."""
+def _measured(scan: Scan, run: Run, severity: float) -> tuple[float, float, float, float] | None:
+    """Size of a cause, the product of its change with the residual, and the change's squares, freed and as they were."""
+    effect = run.at(severity)
     try:
-        _, problem, x = scan.with_cause(run.at(severity))
-        along, squares, _ = scan.change(problem, x)
+        _, problem, x = scan.with_cause(effect)
+        for i, (index, name, bounds) in enumerate(problem.parameters):
+            if index == len(scan.effects):
+                # Weaker than its range, where a fit would hold it.
+                x[problem.first_effect + i] = to_unknown(float(getattr(effect, name)), bounds)
+        along, squares, moved_by = scan.change(problem, x)
     except (CutvibError, np.linalg.LinAlgError):
         return None
     if not (math.isfinite(along) and squares > 0.0):
         return None
-    value = abs(float(getattr(problem.effects(x)[-1], run.head)))
-    if not (value > 0.0 and math.isfinite(value)):
-        return None
-    return (1.0 / value if run.weak_end == "infinity" else value), along, squares
+    value = abs(float(getattr(effect, run.head)))
+    return (1.0 / value if run.weak_end == "infinity" else value), along, squares, moved_by
 
 
 def _bound(estimate: float, std: float, signed: bool) -> float:

@@ -24,7 +24,7 @@ LABEL = "label.toml"
 POWERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 """Power of s = jω by which each quantity exceeds the displacement."""
 
-Element: TypeAlias = Callable[[ComplexArray], ComplexArray]
+Element: TypeAlias = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
