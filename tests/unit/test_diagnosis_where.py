@@ -141,7 +141,7 @@ def test_place_of_a_trigger_that_jitters():
 def test_mains_interference_is_told_by_its_multiples(tones, found):
     rng, entries = np.random.default_rng(9), []
     for k, y in enumerate(POSITIONS):
-        elements = {} if tones else {"joint2": 40.0 * S**0.5}
+        elements = {} if tones else {"joint2": 400.0 * S**0.5}
         e = entry(k, y, np.nan, dense(published_machine(), y, elements), rng)
         interference = np.zeros_like(e.data)
         if tones:
