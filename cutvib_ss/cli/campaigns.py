@@ -225,12 +225,10 @@ def diagnosis_of(
 ) -> Diagnosis:
     """The diagnosis of a campaign's files, or of some records and lines, with another nominal model where one is given."""
     with progress() as told:
-        told("reading the campaign")
         from cutvib_ss.measurement.campaign import read_campaign
 
         measured = read_campaign(campaign, None if machine is None else _read(machine))
         measured = chosen(measured, band, records)
-        told("loading the diagnosis")
         from cutvib_ss.diagnosis.diagnose import diagnose
 
         return diagnose(measured, hold_out=hold_out, seed=seed, jobs=jobs, progress=told)

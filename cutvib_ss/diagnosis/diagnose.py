@@ -114,7 +114,6 @@ def diagnose(
 
 
 def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
-    workers.say("estimating responses and noise")
     observed = observe(campaign, nominal)
     fitted = [e for e in observed.entries if not e.check] or list(observed.entries)
     records = Records(tuple(fitted))
