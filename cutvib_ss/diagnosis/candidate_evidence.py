@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from cutvib_ss.diagnosis.fit import Fit
-from cutvib_ss.diagnosis.likelihood import GRID
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.result import CandidateEvidence
 from cutvib_ss.effects.base import discrete_values, parameter_fields
 
 ENDS = "{} = {} lies at the end of what is believed of it: the true value may lie beyond, or the cause be another"
-KIND = "{} at {} errs by {:.0%} of its own force: its kind may be right, its form is not that of the machine"
 
 
 def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool = False) -> CandidateEvidence:
@@ -44,11 +42,4 @@ def at_their_ends(fitted: Fit) -> list[str]:
         [unit] = [f.metadata["range"].unit for f in parameter_fields(type(effect)) if f.name == parameter]
         value = f"{getattr(effect, parameter):.4g}" + ("" if unit == "1" else f" {unit}")
         out.append(ENDS.format(f"{parameter} of {effect.effect} at {effect.place}", value))
-    if known_by_kind(fitted):
-        out.append(KIND.format(fitted.hypothesis.effect, fitted.hypothesis.place, fitted.spread.sizes.cause))
     return out
-
-
-def known_by_kind(fitted: Fit) -> bool:
-    """Whether the discrepancy of the cause is at the end of its prior: its form is not that of the machine."""
-    return bool(fitted.spread.layout.pivots) and fitted.spread.sizes.cause >= GRID["cause"][-1][0]

@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cutvib_ss.diagnosis import cross_validation, where
-from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of, known_by_kind
+from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -168,7 +168,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     rows = _causes(none, shown, odds, located.best, held, before, observed)
     interval = cross_validation.shrinkage_interval(before, after.records, seed)
     stands_out = none.reduced > STANDS_OUT or first is not none
-    result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end) or known_by_kind(first.fit))
+    result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end))
     chosen = none.fit if result == "no_gap" else after.ranked.fit
     figures = _figures(observed, before, tuned, held[none.name] if result == "no_gap" else after, seed)
     remaining = [r for r in ranked if odds[r.name] > 0.02][:4]
