@@ -13,9 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
+from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import FARTHEST, Directions, Known, Quadratic, Sizes, Spread, weights
+from cutvib_ss.diagnosis.likelihood import FARTHEST, Directions, Known, Quadratic, Sizes
 from cutvib_ss.diagnosis.prediction import Predicted
+from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, session_of
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for

@@ -12,7 +12,7 @@ References: Kennedy and O'Hagan (2001) for the discrepancy; Rasmussen and Willia
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -20,14 +20,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
+from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
 from cutvib_ss.diagnosis.records import session_of
-from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.results import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
     from cutvib_ss.diagnosis.prediction import Predicted
     from cutvib_ss.diagnosis.problem import Problem
-    from cutvib_ss.diagnosis.records import Group
 
 GRID: dict[str, tuple[tuple[float, float], ...]] = {
     "drift": ((3e-5, 0.10), (1e-4, 0.10), (3e-4, 0.15), (1e-3, 0.25), (3e-3, 0.25), (1e-2, 0.12), (3e-2, 0.03)),
@@ -35,29 +34,19 @@ GRID: dict[str, tuple[tuple[float, float], ...]] = {
     "cause": ((1e-3, 0.10), (3e-3, 0.15), (1e-2, 0.25), (3e-2, 0.30), (1e-1, 0.15), (3e-1, 0.05)),
     "noise": ((1.0, 0.70), (1.3, 0.20), (2.0, 0.08), (4.0, 0.015), (10.0, 0.004), (100.0, 0.001)),
 }
-NOISE_UNKNOWN = tuple((float(v), 1.0 / 13.0) for v in np.geomspace(1.0, 1e6, 13))
-"""Factors on the variance of responses that came without any scatter of repetitions: their noise is a guess."""
 """
 Sizes with their prior probabilities, relative standard deviations. Drift: machines repeat to 0.1-2 %, rarely worse. Nominal: finite
 elements and modal models of machined parts err by some tenths of a percent in dynamic stiffness once tuned. Cause: the constitutive
 models of joints, contacts and losses hold to some percent, seldom to a tenth of that.
 """
-LENGTH = 0.6
-"""Correlation length of a discrepancy over the natural logarithm of frequency: it may change within most of an octave."""
-KEPT = 1e-3
-"""Relative variance below which a shape of the reduced-rank process is dropped."""
-AMPLITUDE_LENGTH = 1.0
-"""Correlation length of a restoring force's discrepancy over the natural logarithm of the amplitude of its motion."""
-SAMPLED, LEFT, MOST_PIVOTS = 25, 0.02, 40
-"""Points of a record, variance left and number of pivots for the process behind a cause's discrepancy."""
-SMALL, ITERATIONS = 1e-4, 6
-"""Drift that moves a response in proportion, and iterations in which a larger one of a held-out session is found."""
+NOISE_UNKNOWN = tuple((float(v), 1.0 / 13.0) for v in np.geomspace(1.0, 1e6, 13))
+"""Factors on the variance of responses that came without any scatter of repetitions: their noise is a guess."""
 MOST_LAGS, CORRELATED = 60, 0.1
 """Lags over which residuals are correlated at most, and the correlation that stands out."""
-FARTHEST = 6.0
-"""Standard deviations that a session may drift."""
 MARGIN = 1e-9
 """Precision that keeps a normal matrix regular."""
+FARTHEST = 6.0
+"""Standard deviations that a session may drift."""
 
 
 @dataclass(frozen=True)
@@ -115,17 +104,6 @@ class Layout:
         return out
 
 
-def smooth_shapes(freq: FloatArray, band: tuple[float, float]) -> FloatArray:
-    """Reduced-rank squared-exponential process over log frequency, shape (shape, frequency): coefficients are N(0, 1)."""
-    low, high = (float(np.log(max(f, 1e-9))) for f in band)
-    at = np.linspace(low, high, 1 + int(np.ceil((high - low) / (0.6 * LENGTH))))
-    inside = np.exp(-0.5 * ((at[:, None] - at) / LENGTH) ** 2)
-    variance, vectors = np.linalg.eigh(inside)
-    keep = variance > KEPT * variance[-1]
-    across = np.exp(-0.5 * ((np.log(freq)[None] - at[:, None]) / LENGTH) ** 2)
-    return np.asarray((vectors[:, keep] / np.sqrt(variance[keep])).T @ across)
-
-
 class Directions:
     """
     Unit directions of drift and discrepancy of a problem's records, at one set of unknowns.
@@ -147,7 +125,7 @@ class Directions:
         self.smooth = [smooth_shapes(g.freq, band) for g in self.groups]
         drift, nominal = weights(problem)
         each = [x] * len(predictions) if isinstance(x, np.ndarray) else list(x)
-        self.cause = _cause_weights(problem, each[0])
+        self.cause = cause_weights(problem, each[0])
         self.drift, self.nominal = drift, nominal
         self.layout = like or Layout(
             problem.size,
@@ -155,7 +133,7 @@ class Directions:
             problem.channels,
             tuple(np.flatnonzero(drift).tolist()),
             tuple(np.flatnonzero(nominal).tolist()) if spread else (),
-            _pivots(problem) if spread and np.any(self.cause) else (),
+            pivots_of(problem) if spread and np.any(self.cause) else (),
             self.smooth[0].shape[0],
         )
         self._shapes: dict[tuple[int, int], FloatArray] = {}
@@ -203,7 +181,7 @@ class Directions:
         found = []
         for k in rows.tolist():
             if (group, k) not in self._shapes:
-                self._shapes[group, k] = _over(self.layout.pivots, *_features(self.groups[group], k, self.problem))
+                self._shapes[group, k] = shapes_over(self.layout.pivots, *features(self.groups[group], k, self.problem))
             found.append(self._shapes[group, k])
         return np.array(found)
 
@@ -216,9 +194,9 @@ class Directions:
         """Normal matrix and gradient of the data in all columns, at unit sizes."""
         matrix, gradient = np.zeros((self.layout.size,) * 2), np.zeros(self.layout.size)
         for i, rows, c, index, part in self.chunks():
-            flat = _real(part)
+            flat = real_rows(part)
             matrix[np.ix_(index, index)] += flat @ flat.T
-            gradient[index] += flat @ _real(residuals[i][None, rows, c])[0]
+            gradient[index] += flat @ real_rows(residuals[i][None, rows, c])[0]
         return matrix, gradient
 
     def correlation(self, residuals: Sequence[ComplexArray], coefficients: FloatArray) -> float:
@@ -258,98 +236,6 @@ class Directions:
             out[np.ix_(index, at)] = values.real
             out[np.ix_(index, at + g.data.size)] = values.imag
         return out
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Drift and discrepancy of a fit."""
-
-    layout: Layout  # Columns: the unknowns, then the directions
-    sizes: Sizes  # Sizes of the directions
-    offsets: FloatArray  # Coefficients of the directions, in their sizes; zero for the unknowns
-    precision: FloatArray  # Posterior precision of all columns
-
-    def drifts(self, sessions: Sequence[tuple[float | str, ...]], count: int) -> FloatArray:
-        """Drift of the tuned values of some sessions, zero of those that were not fitted; shape (session, value)."""
-        lay = self.layout
-        out = np.zeros((len(sessions), count))
-        if len(lay.drifting) == count:
-            for k, name in enumerate(sessions):
-                if name in lay.sessions:
-                    first = lay.unknowns + lay.per_session * lay.sessions.index(name)
-                    out[k] = self.sizes.drift * self.offsets[first : first + count]
-        return out
-
-    def with_session(self, name: tuple[float | str, ...]) -> Spread:
-        """The same with one more session, of which nothing is known but the size of its drift."""
-        lay = self.layout
-        if not lay.sessions or name in lay.sessions:
-            return self
-        more = replace(lay, sessions=(*lay.sessions, name))
-        old = np.r_[: lay.first_nominal, more.first_nominal : more.size]
-        offsets, precision = np.zeros(more.size), np.eye(more.size)
-        offsets[old] = self.offsets
-        precision[np.ix_(old, old)] = self.precision
-        return Spread(more, self.sizes, offsets, precision)
-
-    def left(
-        self,
-        problem: Problem,
-        x: FloatArray,
-        name: tuple[float | str, ...],
-        show: Callable[[FloatArray], tuple[Predicted, ComplexArray]],
-    ) -> tuple[FloatArray, float]:
-        """
-        χ² a datum of one record under the posterior predictive, by channel, and the mean square that drift alone leaves.
-
-        The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. The drift of
-        a session that was not fitted is taken where the record has it, and pays its prior.
-        """
-        own = self.with_session(name)
-        lay, scale = own.layout, own.layout.scale(own.sizes)
-        drift, _ = weights(problem)
-        moved = np.array(lay.drifting, dtype=int)
-        z = np.zeros(lay.size)
-        mean = own.offsets.copy()
-        at = slice(0, 0)
-        if name in lay.sessions:
-            first = lay.unknowns + lay.per_session * lay.sessions.index(name)
-            at = slice(first, first + moved.size)
-            z[at], mean[at] = mean[at], 0.0
-        new = name not in self.layout.sessions and own.sizes.drift > SMALL
-        for iteration in range(ITERATIONS if new else 1):
-            there = x.copy()
-            there[moved] += drift[moved] * own.sizes.drift * z[at] if at.stop else 0.0
-            shown, residual = show(there)
-            chunks = list(Directions(problem, there, [shown], like=lay).chunks())
-            if iteration < ITERATIONS - 1 and new:
-                matrix, pulled = own.precision.copy(), np.zeros(lay.size)
-                for _, _, c, index, part in chunks:
-                    flat = _real(part) * scale[index, None]
-                    matrix[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
-                    pulled[index] += flat @ (_real(residual[None, c])[0] - mean[index] @ flat) / own.sizes.noise
-                pulled[at] -= z[at]
-                z[at] += linalg.solve(matrix, pulled, assume_a="pos", check_finite=False)[at]
-                z[at] = np.clip(z[at], -FARTHEST, FARTHEST)
-        out = np.empty(residual.shape[0])
-        known = 0.0 if not new else float(z[at] @ z[at])
-        drifts = []
-        for _, _, c, index, part in chunks:
-            flat = _real(part) * scale[index, None]
-            moving = (index >= lay.unknowns) & (index < lay.first_nominal)
-            variance = shown.group.variance[0, c] / 2
-            drifts.append(
-                float(np.mean(np.sum(np.abs(part[moving, 0] * scale[index[moving], None]) ** 2, axis=0) * variance))
-            )
-            r = _real(residual[None, c])[0] - mean[index] @ flat
-            inner, pulled = own.precision.copy(), np.zeros(lay.size)
-            inner[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
-            pulled[index] = flat @ r / own.sizes.noise
-            if new:
-                pulled[at] -= z[at]
-            gain = pulled @ linalg.solve(inner, pulled, assume_a="pos", check_finite=False)
-            out[c] = (r @ r / own.sizes.noise + known - gain) / r.size
-        return out, float(np.mean(drifts))
 
 
 @dataclass(frozen=True)
@@ -477,86 +363,6 @@ def _on_grid(sizes: Sizes, found: dict[str, tuple[tuple[float, float], ...]]) ->
     return Sizes(**{name: nearest(name) for name in found})
 
 
-def _real(rows: ComplexArray) -> FloatArray:
+def real_rows(rows: ComplexArray) -> FloatArray:
     """Complex rows as real ones: products are real parts of inner products."""
     return np.ascontiguousarray(rows.reshape(len(rows), -1)).view(np.float64)
-
-
-def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """
-    By how much each tuned value's row of the Jacobian is a relative drift, and a relative error of dynamic stiffness.
-
-    A row is the derivative to one tolerance. A frequency moves by half of what its stiffness moves. A damping drifts by as many
-    tolerances as the stiffness beside it.
-    """
-    tolerance = {path[-1]: t for path, t in problem.tuning}
-    beside = {"c1": "k1", "c2": "k2", "damping_ratio": "first_frequency", 1: 2}
-    stiff = {"k1": 1.0, "k2": 1.0, "first_frequency": 0.5, 2: 1.0}
-    drift, nominal = np.zeros(len(problem.tuning)), np.zeros(len(problem.tuning))
-    for i, (path, own) in enumerate(problem.tuning):
-        name = path[-1]
-        if name in stiff:
-            drift[i] = nominal[i] = stiff[name] / own
-        elif name in beside:
-            other = beside[name]
-            drift[i] = stiff[other] / tolerance[other] if other in tolerance else 10.0 / own
-    if not nominal.any():
-        # A free body has no stiffness to err: its mass does.
-        nominal = np.array([1.0 / t if path[-1] in (0, "m1", "m2") else 0.0 for path, t in problem.tuning])
-    return drift, nominal
-
-
-def _cause_weights(problem: Problem, x: FloatArray) -> FloatArray:
-    """By how much each row of the effects' parameters is a relative error of the cause's dynamic stiffness."""
-    effects = problem.effects(x)
-    out = np.zeros(len(problem.parameters))
-    for i, (which, name, r) in enumerate(problem.parameters):
-        slope = from_unknown(float(x[problem.first_effect + i]), r)[1]
-        out[i] = effects[which].by_size().get(name, 0.0) / slope
-    return out
-
-
-def _features(g: Group, row: int, problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """Over what a cause's discrepancy is smooth, in correlation lengths: log frequency, and log amplitude if it is nonlinear."""
-    u = np.log(g.freq) / LENGTH
-    if problem.hypothesis.linear:
-        return u, np.zeros(u.size)
-    entry = g.entries[row][0]
-    if np.isfinite(entry.sweep):
-        amplitude = entry.sweep * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
-        return u, np.log(np.maximum(amplitude, 1e-300)) / AMPLITUDE_LENGTH
-    return u, np.full(u.size, float(np.log(np.nan_to_num(entry.level, nan=1.0))) / AMPLITUDE_LENGTH)
-
-
-def _over(pivots: Sequence[tuple[float, float]], u: FloatArray, w: FloatArray) -> FloatArray:
-    """Shapes with independent N(0, 1) coefficients at some points, shape (pivot, point)."""
-    at = np.array(pivots)
-
-    def kernel(a: FloatArray, b: FloatArray) -> FloatArray:
-        return np.asarray(np.exp(-0.5 * np.sum((a[:, None] - b[None]) ** 2, axis=-1)))
-
-    lower = np.linalg.cholesky(kernel(at, at) + 1e-8 * np.eye(len(at)))
-    return linalg.solve_triangular(lower, kernel(at, np.stack([u, w], axis=-1)), lower=True)
-
-
-def _pivots(problem: Problem) -> tuple[tuple[float, float], ...]:
-    """Points that carry the process over all data, by pivoted Cholesky: the variance that they leave is small everywhere."""
-    points = []
-    for g in problem.groups:
-        for row in range(len(g.data)):
-            u, w = _features(g, row, problem)
-            keep = np.unique(np.linspace(0, u.size - 1, min(u.size, SAMPLED)).round().astype(int))
-            points.append(np.stack([u[keep], w[keep]], axis=-1))
-    every = np.unique(np.concatenate(points).round(6), axis=0)
-    left = np.ones(len(every))
-    rows: list[FloatArray] = []
-    chosen: list[tuple[float, float]] = []
-    while left.max() > LEFT and len(chosen) < MOST_PIVOTS:
-        k = int(np.argmax(left))
-        column = np.exp(-0.5 * np.sum((every - every[k]) ** 2, axis=-1))
-        column = (column - sum((r[k] * r for r in rows), np.zeros(len(every)))) / np.sqrt(left[k])
-        rows.append(column)
-        left = np.maximum(left - column**2, 0.0)
-        left[k] = 0.0
-        chosen.append((float(every[k, 0]), float(every[k, 1])))
-    return tuple(chosen)

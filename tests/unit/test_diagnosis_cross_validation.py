@@ -10,8 +10,9 @@ from cutvib_ss.diagnosis import cross_validation
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Layout, Sizes, Spread
+from cutvib_ss.diagnosis.likelihood import Layout, Sizes
 from cutvib_ss.diagnosis.observations import Observations
+from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, simulated

@@ -7,9 +7,10 @@ import pytest
 from scipy import stats
 
 from cutvib_ss.diagnosis import cross_validation
+from cutvib_ss.diagnosis.discrepancy import LENGTH, smooth_shapes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import LENGTH, Directions, Quadratic, Sizes, smooth_shapes
+from cutvib_ss.diagnosis.likelihood import Directions, Quadratic, Sizes
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.model.structure import Structure

@@ -1,0 +1,116 @@
+"""Weights by which derivatives become drift and discrepancy, and smooth shapes of Gaussian processes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from cutvib_ss.diagnosis.unknowns import from_unknown
+from cutvib_ss.results import FloatArray
+
+if TYPE_CHECKING:
+    from cutvib_ss.diagnosis.problem import Problem
+    from cutvib_ss.diagnosis.records import Group
+
+LENGTH = 0.6
+"""Correlation length of a discrepancy over the natural logarithm of frequency: it may change within most of an octave."""
+KEPT = 1e-3
+"""Relative variance below which a shape of the reduced-rank process is dropped."""
+AMPLITUDE_LENGTH = 1.0
+"""Correlation length of a restoring force's discrepancy over the natural logarithm of the amplitude of its motion."""
+SAMPLED, LEFT, MOST_PIVOTS = 25, 0.02, 40
+"""Points of a record, variance left and number of pivots for the process behind a cause's discrepancy."""
+
+
+def smooth_shapes(freq: FloatArray, band: tuple[float, float]) -> FloatArray:
+    """Reduced-rank squared-exponential process over log frequency, shape (shape, frequency): coefficients are N(0, 1)."""
+    low, high = (float(np.log(max(f, 1e-9))) for f in band)
+    at = np.linspace(low, high, 1 + int(np.ceil((high - low) / (0.6 * LENGTH))))
+    inside = np.exp(-0.5 * ((at[:, None] - at) / LENGTH) ** 2)
+    variance, vectors = np.linalg.eigh(inside)
+    keep = variance > KEPT * variance[-1]
+    across = np.exp(-0.5 * ((np.log(freq)[None] - at[:, None]) / LENGTH) ** 2)
+    return np.asarray((vectors[:, keep] / np.sqrt(variance[keep])).T @ across)
+
+
+def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
+    """
+    By how much each tuned value's row of the Jacobian is a relative drift, and a relative error of dynamic stiffness.
+
+    A row is the derivative to one tolerance. A frequency moves by half of what its stiffness moves. A damping drifts by as many
+    tolerances as the stiffness beside it.
+    """
+    tolerance = {path[-1]: t for path, t in problem.tuning}
+    beside = {"c1": "k1", "c2": "k2", "damping_ratio": "first_frequency", 1: 2}
+    stiff = {"k1": 1.0, "k2": 1.0, "first_frequency": 0.5, 2: 1.0}
+    drift, nominal = np.zeros(len(problem.tuning)), np.zeros(len(problem.tuning))
+    for i, (path, own) in enumerate(problem.tuning):
+        name = path[-1]
+        if name in stiff:
+            drift[i] = nominal[i] = stiff[name] / own
+        elif name in beside:
+            other = beside[name]
+            drift[i] = stiff[other] / tolerance[other] if other in tolerance else 10.0 / own
+    if not nominal.any():
+        # A free body has no stiffness to err: its mass does.
+        nominal = np.array([1.0 / t if path[-1] in (0, "m1", "m2") else 0.0 for path, t in problem.tuning])
+    return drift, nominal
+
+
+def cause_weights(problem: Problem, x: FloatArray) -> FloatArray:
+    """By how much each row of the effects' parameters is a relative error of the cause's dynamic stiffness."""
+    effects = problem.effects(x)
+    out = np.zeros(len(problem.parameters))
+    for i, (which, name, r) in enumerate(problem.parameters):
+        slope = from_unknown(float(x[problem.first_effect + i]), r)[1]
+        out[i] = effects[which].by_size().get(name, 0.0) / slope
+    return out
+
+
+def features(g: Group, row: int, problem: Problem) -> tuple[FloatArray, FloatArray]:
+    """Over what a cause's discrepancy is smooth, in correlation lengths: log frequency, and log amplitude if it is nonlinear."""
+    u = np.log(g.freq) / LENGTH
+    if problem.hypothesis.linear:
+        return u, np.zeros(u.size)
+    entry = g.entries[row][0]
+    if np.isfinite(entry.sweep):
+        amplitude = entry.sweep * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
+        return u, np.log(np.maximum(amplitude, 1e-300)) / AMPLITUDE_LENGTH
+    return u, np.full(u.size, float(np.log(np.nan_to_num(entry.level, nan=1.0))) / AMPLITUDE_LENGTH)
+
+
+def shapes_over(pivots: Sequence[tuple[float, float]], u: FloatArray, w: FloatArray) -> FloatArray:
+    """Shapes with independent N(0, 1) coefficients at some points, shape (pivot, point)."""
+    at = np.array(pivots)
+
+    def kernel(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.asarray(np.exp(-0.5 * np.sum((a[:, None] - b[None]) ** 2, axis=-1)))
+
+    lower = np.linalg.cholesky(kernel(at, at) + 1e-8 * np.eye(len(at)))
+    return linalg.solve_triangular(lower, kernel(at, np.stack([u, w], axis=-1)), lower=True)
+
+
+def pivots_of(problem: Problem) -> tuple[tuple[float, float], ...]:
+    """Points that carry the process over all data, by pivoted Cholesky: the variance that they leave is small everywhere."""
+    points = []
+    for g in problem.groups:
+        for row in range(len(g.data)):
+            u, w = features(g, row, problem)
+            keep = np.unique(np.linspace(0, u.size - 1, min(u.size, SAMPLED)).round().astype(int))
+            points.append(np.stack([u[keep], w[keep]], axis=-1))
+    every = np.unique(np.concatenate(points).round(6), axis=0)
+    left = np.ones(len(every))
+    rows: list[FloatArray] = []
+    chosen: list[tuple[float, float]] = []
+    while left.max() > LEFT and len(chosen) < MOST_PIVOTS:
+        k = int(np.argmax(left))
+        column = np.exp(-0.5 * np.sum((every - every[k]) ** 2, axis=-1))
+        column = (column - sum((r[k] * r for r in rows), np.zeros(len(every)))) / np.sqrt(left[k])
+        rows.append(column)
+        left = np.maximum(left - column**2, 0.0)
+        left[k] = 0.0
+        chosen.append((float(every[k, 0]), float(every[k, 1])))
+    return tuple(chosen)

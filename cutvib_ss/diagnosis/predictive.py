@@ -1,0 +1,113 @@
+"""Drift and discrepancy of a fit, and the posterior predictive of records that it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import linalg
+
+from cutvib_ss.diagnosis.discrepancy import weights
+from cutvib_ss.diagnosis.likelihood import FARTHEST, Directions, Layout, Sizes, real_rows
+from cutvib_ss.results import ComplexArray, FloatArray
+
+if TYPE_CHECKING:
+    from cutvib_ss.diagnosis.prediction import Predicted
+    from cutvib_ss.diagnosis.problem import Problem
+
+SMALL, ITERATIONS = 1e-4, 6
+"""Drift that moves a response in proportion, and iterations in which a larger one of a held-out session is found."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Drift and discrepancy of a fit."""
+
+    layout: Layout  # Columns: the unknowns, then the directions
+    sizes: Sizes  # Sizes of the directions
+    offsets: FloatArray  # Coefficients of the directions, in their sizes; zero for the unknowns
+    precision: FloatArray  # Posterior precision of all columns
+
+    def drifts(self, sessions: Sequence[tuple[float | str, ...]], count: int) -> FloatArray:
+        """Drift of the tuned values of some sessions, zero of those that were not fitted; shape (session, value)."""
+        lay = self.layout
+        out = np.zeros((len(sessions), count))
+        if len(lay.drifting) == count:
+            for k, name in enumerate(sessions):
+                if name in lay.sessions:
+                    first = lay.unknowns + lay.per_session * lay.sessions.index(name)
+                    out[k] = self.sizes.drift * self.offsets[first : first + count]
+        return out
+
+    def with_session(self, name: tuple[float | str, ...]) -> Spread:
+        """The same with one more session, of which nothing is known but the size of its drift."""
+        lay = self.layout
+        if not lay.sessions or name in lay.sessions:
+            return self
+        more = replace(lay, sessions=(*lay.sessions, name))
+        old = np.r_[: lay.first_nominal, more.first_nominal : more.size]
+        offsets, precision = np.zeros(more.size), np.eye(more.size)
+        offsets[old] = self.offsets
+        precision[np.ix_(old, old)] = self.precision
+        return Spread(more, self.sizes, offsets, precision)
+
+    def left(
+        self,
+        problem: Problem,
+        x: FloatArray,
+        name: tuple[float | str, ...],
+        show: Callable[[FloatArray], tuple[Predicted, ComplexArray]],
+    ) -> tuple[FloatArray, float]:
+        """
+        χ² a datum of one record under the posterior predictive, by channel, and the mean square that drift alone leaves.
+
+        The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. The drift of
+        a session that was not fitted is taken where the record has it, and pays its prior.
+        """
+        own = self.with_session(name)
+        lay, scale = own.layout, own.layout.scale(own.sizes)
+        drift, _ = weights(problem)
+        moved = np.array(lay.drifting, dtype=int)
+        z = np.zeros(lay.size)
+        mean = own.offsets.copy()
+        at = slice(0, 0)
+        if name in lay.sessions:
+            first = lay.unknowns + lay.per_session * lay.sessions.index(name)
+            at = slice(first, first + moved.size)
+            z[at], mean[at] = mean[at], 0.0
+        new = name not in self.layout.sessions and own.sizes.drift > SMALL
+        for iteration in range(ITERATIONS if new else 1):
+            there = x.copy()
+            there[moved] += drift[moved] * own.sizes.drift * z[at] if at.stop else 0.0
+            shown, residual = show(there)
+            chunks = list(Directions(problem, there, [shown], like=lay).chunks())
+            if iteration < ITERATIONS - 1 and new:
+                matrix, pulled = own.precision.copy(), np.zeros(lay.size)
+                for _, _, c, index, part in chunks:
+                    flat = real_rows(part) * scale[index, None]
+                    matrix[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
+                    pulled[index] += flat @ (real_rows(residual[None, c])[0] - mean[index] @ flat) / own.sizes.noise
+                pulled[at] -= z[at]
+                z[at] += linalg.solve(matrix, pulled, assume_a="pos", check_finite=False)[at]
+                z[at] = np.clip(z[at], -FARTHEST, FARTHEST)
+        out = np.empty(residual.shape[0])
+        known = 0.0 if not new else float(z[at] @ z[at])
+        drifts = []
+        for _, _, c, index, part in chunks:
+            flat = real_rows(part) * scale[index, None]
+            moving = (index >= lay.unknowns) & (index < lay.first_nominal)
+            variance = shown.group.variance[0, c] / 2
+            drifts.append(
+                float(np.mean(np.sum(np.abs(part[moving, 0] * scale[index[moving], None]) ** 2, axis=0) * variance))
+            )
+            r = real_rows(residual[None, c])[0] - mean[index] @ flat
+            inner, pulled = own.precision.copy(), np.zeros(lay.size)
+            inner[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
+            pulled[index] = flat @ r / own.sizes.noise
+            if new:
+                pulled[at] -= z[at]
+            gain = pulled @ linalg.solve(inner, pulled, assume_a="pos", check_finite=False)
+            out[c] = (r @ r / own.sizes.noise + known - gain) / r.size
+        return out, float(np.mean(drifts))
