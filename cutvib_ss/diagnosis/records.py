@@ -13,11 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
-
-OUTLOOK = 3
-"""Positions on which the starts of level-dependent causes are fitted."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +121,10 @@ class Records:
         if len(self.simulable) < len(self.entries):
             return None
         places = sorted({site(e) for e in self.entries})
-        chosen = {places[i] for i in np.unique(np.linspace(0, len(places) - 1, OUTLOOK).round().astype(int))}
+        chosen = {
+            places[i]
+            for i in np.unique(np.linspace(0, len(places) - 1, SETTINGS.search_outlook_positions).round().astype(int))
+        }
         alone = Records(tuple(one_blow(e) for e in self.entries if site(e) in chosen))
         return alone.coarse(lines, error)
 

@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from cutvib_ss.diagnosis.findings import Findings
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 from cutvib_ss.results.display import Drawn, Table
 
 SCHEMA = "cutvib-diagnosis/1"
-PRIORS = {"none": 0.5, "known": 0.3, "unknown": 0.1, "sums": 0.1}
-"""Prior of each kind of hypothesis. A machine is measured because somebody doubts its model, but most parts of it are right."""
 Verdict: TypeAlias = Literal["no_gap", "explained", "partly_explained", "ambiguous", "unknown"]
 
 
@@ -259,7 +258,7 @@ class Diagnosis(Drawn):
             ],
             "limits": [dict(vars(x)) for x in self.limits],
             "repeatability": self.repeatability,
-            "priors": dict(PRIORS),
+            "priors": dict(SETTINGS.priors),
             "likelihood": dict(self.sizes),
             "ambiguity_set": list(self.ambiguity_set),
             "next_test": None if self.next_test is None else dict(vars(self.next_test)),

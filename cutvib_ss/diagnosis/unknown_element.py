@@ -9,15 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cutvib_ss.diagnosis.hypotheses import Candidate
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to
 from cutvib_ss.effects.prior import Range, Severity
 from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.model.elements import SmoothElement
 
-KNOTS = 9
-"""Knots over the band: two to three an octave and a half, as the correlation length of `SmoothElement` asks."""
-AMPLITUDES = (0.03, 0.3, 3.0)
-"""Standard deviations that are tried, in parts of the port's own stiffness at mid band; each has a third of the prior."""
 PORTS: Mapping[str, str] = {
     "joint1": "joint1",
     "joint2": "joint2",
@@ -27,7 +24,7 @@ PORTS: Mapping[str, str] = {
 }
 """Ports of the cutting machine at which an unknown element may sit, and the places that they belong to."""
 
-_NAMES = tuple(f"c{k}" for k in range(2 * KNOTS))
+_NAMES = tuple(f"c{k}" for k in range(2 * SETTINGS.unknown_knots))
 
 
 class _Unknown(Effect):
@@ -91,7 +88,7 @@ def unknown_candidates(model: Model, band: tuple[float, float]) -> tuple[Candida
         own = max(scale.stiffness, scale.mass * middle**2)
         if port == "tool_z":
             own = port_scale(model, "tool").stiffness
-        for amplitude in AMPLITUDES:
+        for amplitude in SETTINGS.unknown_amplitudes:
             element = UnknownElement(place, port, amplitude * own, *band)
             out.append(Candidate(f"unknown {port} {amplitude:g}", (element,)))
     return tuple(out)
