@@ -99,14 +99,14 @@ def run(block: Block, page: Path, names: dict[str, object]) -> None:
                 subprocess.run(line, shell=True, check=True)
 
 
-def run_page(page: Path, slow: bool, capsys: pytest.CaptureFixture[str]) -> None:
+def run_page(page: Path, slow: bool, capfd: pytest.CaptureFixture[str]) -> None:
     names: dict[str, object] = {"__name__": "page"}
     for block in blocks(page):
         if block.mark == "slow" and not slow:
             continue
-        capsys.readouterr()
+        capfd.readouterr()
         run(block, page, names)
-        printed = capsys.readouterr().out
+        printed = capfd.readouterr().out
         where = f"{page.name}, line {block.line}"
         assert not block.output or matches(block.output, printed), (
             f"{where}: the page shows other output than\n{printed}"
@@ -115,11 +115,11 @@ def run_page(page: Path, slow: bool, capsys: pytest.CaptureFixture[str]) -> None
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_page_runs(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert blocks(page)
-    run_page(page, False, capsys)
+    run_page(page, False, capfd)
 
 
 @pytest.mark.slow
@@ -127,10 +127,10 @@ def test_page_runs(
     "page", [p for p in PAGES if any(b.mark == "slow" for b in blocks(p))], ids=lambda page: page.stem
 )
 def test_whole_page_runs(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    run_page(page, True, capsys)
+    run_page(page, True, capfd)
 
 
 def test_output_is_compared() -> None:
