@@ -23,6 +23,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 PAGES = [
     DOCS.parent / "README.md",
     DOCS / "quick_start.md",
+    DOCS / "when_not_to_believe_it.md",
     *sorted((DOCS / "tutorials").glob("*.md")),
     *sorted((DOCS / "howto").glob("*.md")),
 ]
