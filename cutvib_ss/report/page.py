@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from cutvib_ss import __version__
 from cutvib_ss.diagnosis.result import Comparison, Diagnosis, FittedParameter, GapFigures
-from cutvib_ss.interchange.files import staged
+from cutvib_ss.files import staged
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.plot.diagnosis import comparison_grid, probability_text
 from cutvib_ss.plot.style import png
