@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
+import numpy as np
+
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.records import Records, site
 from cutvib_ss.diagnosis.scan import Scanned
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
@@ -79,8 +81,16 @@ def cost(fitted: Fit) -> float:
 
 
 def some(outlook: Records) -> Records:
-    """Every other of many records: of three positions at three levels the corners and the middle."""
-    return Records(outlook.entries[:: 2 if len(outlook.entries) > SETTINGS.scan_records else 1], outlook.rough)
+    """Every other of many records, like the black squares of a board of positions and levels."""
+    if len(outlook.entries) <= SETTINGS.scan_records:
+        return outlook
+    sites = list(dict.fromkeys(site(e) for e in outlook.entries))
+    kept, seen = [], dict.fromkeys(sites, 0)
+    for e in sorted(outlook.entries, key=lambda e: float(np.nan_to_num(e.level))):
+        if (sites.index(site(e)) + seen[site(e)]) % 2 == 0:
+            kept.append(e)
+        seen[site(e)] += 1
+    return replace(outlook, entries=tuple(kept))
 
 
 def ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:
