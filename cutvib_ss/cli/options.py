@@ -144,10 +144,9 @@ def load_model(path: Path | None) -> Machine | Structure:
 
 def load_machine(path: Path | None, command: str) -> Machine:
     """A cutting machine; another structure is refused, for it has no rail to move along."""
-    from cutvib_ss.model.machine import Machine
 
     model = load_model(path)
-    if not isinstance(model, Machine):
+    if model.rail is None:
         raise ParameterError(f'{path}: kind = "second_order" has no position; `{command}` needs a cutting machine')
     return model
 

@@ -25,7 +25,6 @@ from cutvib_ss.diagnosis.result import Verdict
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.harmonic_balance import sine_response
@@ -40,7 +39,7 @@ def consequences(
 ) -> Consequences | None:
     """What the chosen cause means for the machine."""
     channel = "tool_x" if "tool_x" in nominal.channels else observed.channels[0]
-    frequency = WORKING_FREQUENCY if isinstance(nominal, Machine) else _loudest(fit.model, channel, observed.band)
+    frequency = WORKING_FREQUENCY if nominal.has_position else _loudest(fit.model, channel, observed.band)
     problem = Problem(nominal, records.merged, fit.hypothesis)
     by_level = bool(fit.model.nonlinear)
     positions = _places(records, SETTINGS.consequence_positions_laws if by_level else SETTINGS.consequence_positions)
@@ -179,7 +178,7 @@ def _measured(records: Records, positions: FloatArray, frequency: float, channel
 
 def _loops(nominal: Model, corrected: Model, positions: FloatArray) -> tuple[tuple[Loop, ...], Sequence[str]]:
     """The prototype on both machines; none for other structures."""
-    if not isinstance(nominal, Machine) or not isinstance(corrected, Machine):
+    if nominal.rail is None or corrected.rail is None:
         return (), ()
     kind = prototype(CONTROLLER)
     hardware = kind.hardware(kind.port, None)

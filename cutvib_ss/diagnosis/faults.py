@@ -16,7 +16,6 @@ import numpy as np
 from cutvib_ss.diagnosis.modification import Elements, Lines, RailModes
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.model.elements import SpringDamperMass
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import EndSupports, RailAttachment, Torsion
 from cutvib_ss.response.rail_receptance import RailPort, RailReceptance
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -136,7 +135,7 @@ def rail_modes(v: Lines, kind: str) -> RailModes:
 def twist(v: Lines, eccentricity: float) -> Elements:
     """Two modes of twist of the rail, freed against a twist that is all but rigid."""
     machine = v.model
-    assert isinstance(machine, Machine)
+    assert machine.rail is not None
     rigid = Torsion(eccentricity, 1.0, SETTINGS.faults_twist * machine.rail.parameters.first_frequency, 0.0)
     twisted = Lines(replace(machine, rail=replace(machine.rail, torsion=rigid)), v.group, v.tail, v.window)
     at = _interface(twisted, "twist", twisted.condensed.twist.value)

@@ -20,7 +20,6 @@ from scipy import linalg
 from cutvib_ss.diagnosis.records import Group
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Carried, Model
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.response.frequency import ChainedResponse
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -181,13 +180,8 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: Compl
 def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:
     """Poles of the upper half plane, to first order in the damping: enough to draw a circle around them."""
     # Hysteretic damping is made viscous at a low frequency, where slow modes are.
-    if isinstance(model, Machine):
-        matrices = model.matrices([float(y) for y in positions], viscous_at=30.0)
-    else:
-        system = model.second_order(viscous_at=30.0)
-        matrices = [(system.mass, system.damping, system.stiffness)] * positions.size
     found = []
-    for mass, damping, stiffness in matrices:
+    for mass, damping, stiffness in model.matrices([float(y) for y in positions], viscous_at=30.0):
         squares, shapes = linalg.eigh(stiffness, mass, check_finite=False)
         decay = np.sum(shapes * (damping @ shapes), axis=0) / 2
         alive = (squares > decay**2) & (decay > 0)

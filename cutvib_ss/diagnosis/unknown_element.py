@@ -88,10 +88,7 @@ def ports_of(model: Model) -> Mapping[str, str]:
     """Ports at which an unknown element may sit, with their places."""
     if model.has_position:
         return PORTS
-    from cutvib_ss.effects.base import place_of
-
-    places = {port: place_of(port, model) for port in model.system.ports}  # type: ignore[union-attr]
-    return {port: place for port, place in places.items() if port == place}
+    return {place: place for place in model.places}
 
 
 def unknown_candidates(model: Model, band: tuple[float, float], kind: Any = UnknownElement) -> tuple[Candidate, ...]:
