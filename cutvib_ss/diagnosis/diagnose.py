@@ -138,7 +138,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     tuned = judged(none)
     held = {"none": tuned}
     no_gap = odds["none"] > SETTINGS.verdict_sure
-    for r in shown[: SETTINGS.verdict_judged]:
+    for r in shown[: 1 if no_gap else SETTINGS.verdict_judged]:
         if odds[r.name] > 1e-3 or (r is shown[0] and not no_gap):
             held[r.name] = judged(r)
     other = next(
