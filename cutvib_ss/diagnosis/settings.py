@@ -65,9 +65,10 @@ class Settings:
         "Prior of the discrepancy of the cause itself", "causes of the wrong form are forgiven",
         "constitutive models of joints, contacts and losses hold to some percent, seldom to a tenth of that")
     likelihood_noise_factors: Weighted = _of(
-        ((1.0, 0.70), (1.3, 0.20), (2.0, 0.08), (4.0, 0.015), (10.0, 0.004), (100.0, 0.001)),
+        ((0.1, 0.005), (0.3, 0.02), (0.7, 0.075), (1.0, 0.65), (1.3, 0.18), (2.0, 0.055), (4.0, 0.01), (10.0, 0.004),
+         (100.0, 0.001)),
         "factor on the variance, probability", "Prior of the noise against its estimate", "residuals are taken for noise",
-        "estimates from 5-20 repetitions")
+        "estimates from 5-20 repetitions; on a machine that is not linear part of what scatters is its own doing")
     likelihood_noise_unknown: Weighted = _of(tuple((float(v), 1.0 / 13.0) for v in np.geomspace(1.0, 1e6, 13)),
         "factor on the variance, probability", "The same where no repetitions told the scatter",
         "residuals are taken for noise", "the noise is then a guess")
