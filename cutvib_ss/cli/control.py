@@ -143,7 +143,7 @@ def control_check_command(
 
         with working("drawing"):
             for target, draw in ((plot, controller_overview), (responses, controller_responses)):
-                if picture is not None:
+                if target is not None:
                     drawn[target] = draw(checks)
                     save(drawn[target], target)
     data = {
