@@ -98,8 +98,13 @@ def _one_fold(nominal: Model, start: Fit, fold: Fold) -> list[Judged]:
     )
     problem = problem_for(nominal, records, again.hypothesis)
     blow_at = problem.blow_at(again.x)
-    shown = [predicted(e, again.model, blow_at, problem, again.x) for e in fold.judged]
+    shown = [predicted(e, _model_for(e, problem, again.x), blow_at, problem, again.x) for e in fold.judged]
     return [judged(e, s, problem, again) for e, s in zip(fold.judged, shown, strict=True)]
+
+
+def _model_for(e: Entry, problem: Problem, x: FloatArray) -> Model:
+    (group,) = merged([e])
+    return problem.model_of(x, group)
 
 
 def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tuple[Judged, ...]:
@@ -204,7 +209,9 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
         blow_at = problem.blow_at(fitted.x)
 
         def show(x: FloatArray) -> tuple[Predicted, ComplexArray]:
-            there = shown if np.array_equal(x, fitted.x) else predicted(e, problem.applied(x), blow_at, problem, x)
+            there = (
+                shown if np.array_equal(x, fitted.x) else predicted(e, _model_for(e, problem, x), blow_at, problem, x)
+            )
             return there.seen, (e.data - there.data) * np.sqrt(2.0 / total)
 
         chi2, drifts = fitted.spread.left(problem, fitted.x, session_of(e), show)

@@ -67,13 +67,16 @@ def features(g: Group, row: int, problem: Problem) -> tuple[FloatArray, FloatArr
     u = np.log(g.freq) / SETTINGS.discrepancy_length
     if problem.hypothesis.linear:
         return u, np.zeros(u.size)
+    return u, level_of(g, row) / SETTINGS.discrepancy_amplitude_length
+
+
+def level_of(g: Group, row: int) -> FloatArray:
+    """Logarithm of the level of a record's motion by line: of a sine its amplitude there, else the peak force."""
     entry = g.entries[row][0]
     if np.isfinite(entry.sweep):
         amplitude = entry.sweep * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
-        return u, np.log(np.maximum(amplitude, 1e-300)) / SETTINGS.discrepancy_amplitude_length
-    return u, np.full(
-        u.size, float(np.log(np.nan_to_num(entry.level, nan=1.0))) / SETTINGS.discrepancy_amplitude_length
-    )
+        return np.asarray(np.log(np.maximum(amplitude, 1e-300)))
+    return np.full(g.freq.size, float(np.log(np.nan_to_num(entry.level, nan=1.0))))
 
 
 def shapes_over(pivots: Sequence[tuple[float, float]], u: FloatArray, w: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
+from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError, DiagnosisError
@@ -82,7 +82,7 @@ def fit(
         plain = _Search(problem, search.at.x, False, search.beside)
         plain.climb(max_iterations, tolerance)
         search.start_from(plain)
-    redrawn = not isinstance(problem, SimulatedProblem)
+    redrawn = not problem.apart
     passes = SETTINGS.fit_passes if redrawn and max_iterations > SETTINGS.fit_scout_steps else 1
     for _ in range(passes):
         before = search.at.objective
@@ -108,7 +108,7 @@ class _Beside(NamedTuple):
 
 def _beside(problem: Problem, records: Records) -> _Beside:
     known = all(e.scattered for e in records.entries)
-    if isinstance(problem, SimulatedProblem):
+    if problem.apart:
         return _Beside(0.0, 0, known)
     total = sum(2 * int(np.count_nonzero(np.isfinite(e.variance))) for e in records.entries)
     return _Beside(records.scatter, total - problem.count, known)

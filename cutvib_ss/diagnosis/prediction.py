@@ -154,7 +154,8 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: Compl
     sigma = float(s[0].real)
     turn = np.exp(2j * np.pi * (np.arange(SETTINGS.tail_points) + 0.5) / SETTINGS.tail_points)
     ending = np.flatnonzero(np.isfinite(rest))
-    for i, light in zip(ending, light_poles(model, positions[ending]), strict=True):
+    alive = light_poles(model, positions[ending]) if ending.size else []
+    for i, light in zip(ending, alive, strict=True):
         # A window that was never taken out shifts the poles of what is measured.
         poles, time = light - model.chain.decay_rate, rest[i]
         for pole in poles[(poles.real - sigma) * time > SETTINGS.tail_died_out]:

@@ -9,7 +9,7 @@ the blow is fitted where records do not state it; the effect's parameters are ev
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,9 @@ IndexArray: TypeAlias = NDArray[np.intp]
 
 class Problem:
     """The unknowns of one hypothesis on some groups of records, and the objective over them."""
+
+    apart: ClassVar[bool] = False
+    """Whether its groups hold every record by itself, none merged with others at its position."""
 
     def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis) -> None:
         self.nominal, self.groups, self.hypothesis = nominal, tuple(groups), hypothesis
@@ -102,6 +105,10 @@ class Problem:
         for e in self.effects(x):
             model = e.apply(model)
         return model
+
+    def model_of(self, x: FloatArray, group: Group) -> Model:
+        """The model of the records of a group."""
+        return self.applied(x)
 
     def blow_at(self, x: FloatArray) -> float:
         """Instant of the blow where records do not state it."""

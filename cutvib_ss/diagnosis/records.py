@@ -88,6 +88,11 @@ class Records:
         return merged(self.simulable, apart=True, by_session=True)
 
     @cached_property
+    def each(self) -> tuple[Group, ...]:
+        """Every record a group by itself."""
+        return tuple(_group([e], apart=True) for e in self.entries)
+
+    @cached_property
     def simulable(self) -> tuple[Entry, ...]:
         """Records whose force history is known or can be assumed, and sine sweeps."""
         return tuple(e for e in self.entries if e.replay is not None or np.isfinite(e.sweep))

@@ -23,7 +23,7 @@ from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines,
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.unknown_element import UnknownElement, unknown_candidates
+from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce, unknown_candidates
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FloatArray
@@ -114,6 +114,8 @@ def search(
     if none.reduced > SETTINGS.search_enough and not _enough(ranked, none, leaves):
         workers.say("fitting elements of unknown form")
         ranked += _unknown(nominal, records, few, observed, ranked, workers)
+        if by_level:
+            ranked += _unknown_forces(nominal, records, few, observed, none, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
         best.setdefault(r.name, r)
@@ -135,7 +137,7 @@ def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], f
     if best.fit.log_evidence <= none.fit.log_evidence or not best.refined:
         return False
     # A law's residual tells only beside what is not known of the force; a linear one leaves as much elsewhere.
-    left = best.reduced if best.fit.hypothesis.linear else leaves(best)
+    left = best.reduced if best.fit.hypothesis.linear else leaves(best) * best.fit.spread.sizes.noise
     return left < SETTINGS.search_left + SETTINGS.search_left_of_gap * max(none.reduced - 1.0, 0.0)
 
 
@@ -167,6 +169,22 @@ def _unknown(
             name = " + ".join(f"{e.effect} {p}" for e, p in zip(f.hypothesis.effects, ports, strict=True))
             again = fit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
             out.append(Ranked(name, again, True))
+    return out
+
+
+def _unknown_forces(
+    nominal: Model, records: Records, few: Records, observed: Observations, none: Ranked, workers: Workers
+) -> list[Ranked]:
+    """An unknown restoring force at each port."""
+    hypotheses = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band, UnknownForce)]
+    tried = workers.map(
+        partial(first_steps, nominal, few, warm=none.fit.x, steps=SETTINGS.search_later_steps), hypotheses
+    )
+    out = []
+    for f in sorted((f for f in tried if f is not None), key=cost)[: SETTINGS.search_unknown_refined]:
+        [own] = f.hypothesis.effects
+        again = fit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
+        out.append(Ranked(f"unknown force {own.port} {own.scale:.3g}", again, True))  # type: ignore[attr-defined]
     return out
 
 

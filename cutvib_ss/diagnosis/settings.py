@@ -108,6 +108,9 @@ class Settings:
         "two to three an octave and a half, as its correlation length asks")
     unknown_amplitudes: tuple[float, ...] = _of((0.03, 0.3, 3.0), "stiffness of the port at mid band",
         "Standard deviations of an unknown element; each has an equal share of the prior", "larger elements", _JUDGEMENT)
+    unknown_level_spacing: float = _of(0.8, "ln(amplitude)",
+        "Spacing of the knots of an unknown restoring force over the level of the motion", "coarser functions",
+        "somewhat below its correlation length")
     unknown_farthest: float = _of(50.0, "std", "How far its coefficients are followed", "-", _NUMERICAL)
     verdict_sure: float = _of(0.9, "probability", "From which a cause is named", "fewer named causes, fewer of them wrong",
         "one in ten of what is called sure may be wrong")

@@ -21,6 +21,8 @@ from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Group, Records, merged, site
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.unknown_element import UnknownForce
+from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
@@ -163,6 +165,8 @@ def _equivalent(replay: Replay, motions: FloatArray, forces: FloatArray) -> Comp
 class SimulatedProblem(Problem):
     """A hypothesis with nonlinear effects, on records apart."""
 
+    apart = True
+
     def __init__(
         self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis, steps: float = SETTINGS.simulation_steps
     ) -> None:
@@ -294,6 +298,8 @@ def problem_for(
     nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False, by_session: bool = False
 ) -> Problem:
     """The problem of a hypothesis on some records."""
+    if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
+        return UnknownForceProblem(nominal, records.each, hypothesis)
     if hypothesis.linear and not records.leaking and not apart:
         return Problem(nominal, records.by_session if by_session else records.merged, hypothesis)
     groups = records.apart_by_session if by_session else records.apart

@@ -69,6 +69,21 @@ UnknownElement: Any = make_dataclass(
 )
 
 
+class _Force(_Unknown):
+    """What `UnknownForce` does: the same with a value of each coefficient for every level."""
+
+    linear: ClassVar[bool] = False
+
+
+UnknownForce: Any = make_dataclass(
+    "UnknownForce",
+    [],
+    bases=(_Force, UnknownElement),
+    frozen=True,
+    namespace={"__module__": __name__, "__doc__": "A restoring force of unknown form at a port."},
+)
+
+
 def ports_of(model: Model) -> Mapping[str, str]:
     """Ports at which an unknown element may sit, with their places."""
     if model.has_position:
@@ -76,8 +91,8 @@ def ports_of(model: Model) -> Mapping[str, str]:
     return {place: place for place in model.places}
 
 
-def unknown_candidates(model: Model, band: tuple[float, float]) -> tuple[Candidate, ...]:
-    """An unknown element at each port, with each amplitude."""
+def unknown_candidates(model: Model, band: tuple[float, float], kind: Any = UnknownElement) -> tuple[Candidate, ...]:
+    """An unknown element, or restoring force, at each port, with each amplitude."""
     out = []
     middle = 2 * np.pi * np.sqrt(band[0] * band[1])
     for port, place in ports_of(model).items():
@@ -86,6 +101,6 @@ def unknown_candidates(model: Model, band: tuple[float, float]) -> tuple[Candida
         if port == "tool_z":
             own = port_scale(model, "tool").stiffness
         for amplitude in SETTINGS.unknown_amplitudes:
-            element = UnknownElement(place, port, amplitude * own, *band)
+            element = kind(place, port, amplitude * own, *band)
             out.append(Candidate(f"unknown {port} {amplitude:g}", (element,)))
     return tuple(out)
