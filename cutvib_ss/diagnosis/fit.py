@@ -84,7 +84,8 @@ def fit(
         plain = _Search(problem, search.at.x, False, search.beside)
         plain.climb(max_iterations, tolerance)
         search.start_from(plain)
-    redrawn = not problem.apart
+    # From beside the optimum once is enough.
+    redrawn = not problem.apart and near is None
     passes = SETTINGS.fit_passes if redrawn and max_iterations > SETTINGS.fit_scout_steps else 1
     for _ in range(passes):
         before = search.at.objective
@@ -174,7 +175,11 @@ class _Search:
         drift = np.zeros((len(problem.sessions), self.drifting.size))
         if near is not None and spread:
             drift = near.spread.drifts(problem.sessions, self.drifting.size)
-        self.at = self.evaluated(x, drift)
+        try:
+            self.at = self.evaluated(x, drift)
+        except CutvibError:
+            # Drifts of another fit, to first order, may be more than the model takes.
+            self.at = self.evaluated(x, np.zeros_like(drift))
 
     def start_from(self, other: _Search) -> None:
         """Go on from where another search of the same sessions stands."""

@@ -12,6 +12,7 @@ from scipy import linalg
 from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.likelihood import Directions, Layout, Sizes, real_rows
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
@@ -76,10 +77,19 @@ class Spread:
             at = slice(first, first + moved.size)
             z[at], mean[at] = mean[at], 0.0
         new = name not in self.layout.sessions and own.sizes.drift > SETTINGS.predictive_small_drift
+        last = z[at].copy()
         for iteration in range(SETTINGS.predictive_iterations if new else 1):
             there = x.copy()
             there[moved] += drift[moved] * own.sizes.drift * z[at] if at.stop else 0.0
-            shown, residual = show(there)
+            try:
+                shown, residual = show(there)
+            except CutvibError:
+                # No model drifts so far: it stays where it was.
+                if iteration == 0:
+                    raise
+                z[at] = last
+                break
+            last = z[at].copy()
             chunks = list(Directions(problem, there, [shown], like=lay).chunks())
             if iteration < SETTINGS.predictive_iterations - 1 and new:
                 matrix, pulled = own.precision.copy(), np.zeros(lay.size)

@@ -127,7 +127,7 @@ def search(
 def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked]) -> Ranked:
     """The model without a cause, tuned from where the best cause has its tuning too: it may have been caught in a side minimum."""
     best = max(ranked, key=lambda r: r.fit.log_evidence).fit
-    if best.log_evidence < none.fit.log_evidence + SETTINGS.search_caught:
+    if best.log_evidence < none.fit.log_evidence + SETTINGS.search_caught or none.reduced > SETTINGS.fit_hopeless:
         return none
     again = fit(nominal, records, Hypothesis(), best.x[: best.first_effect])
     return Ranked(none.name, again, True) if again.objective < none.fit.objective else none

@@ -127,13 +127,14 @@ class Settings:
     # One fit
     fit_gain: float = _of(0.1, "objective", "Gain at which steps end", "coarser fits",
         "a twentieth of what tells two causes apart by a factor of e")
-    fit_passes: int = _of(4, "climbs", "Times that a fit climbs at most", "longer", _TIME)
+    fit_passes: int = _of(3, "climbs", "Times that a fit climbs at most", "longer", _TIME)
     fit_scout_steps: int = _of(10, "steps", "A fit of no more steps climbs once", "more scouts", _TIME)
     fit_start_lines: int = _of(120, "lines", "Lines on which drifting sessions are started", "longer", _TIME)
     fit_start_error: float = _of(0.1, "1", "Relative error added to those", "smoother objective", _JUDGEMENT)
     fit_start_gain: float = _of(1e-2, "1", "Relative gain at which those steps end", "rougher starts", _TIME)
     fit_hopeless: float = _of(5.0, "χ² a datum", "From which a fit is not worth small steps", "longer", _TIME)
-    fit_hopeless_gain: float = _of(1e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
+    fit_hopeless_gain: float = _of(5e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
+    fit_most_damping: float = _of(0.9, "1", "Damping ratio of the rail beyond which none is followed", "-", _NUMERICAL)
     fit_within: float = _of(8.0, "std", "How far a tuned value or calibration error is followed", "-",
         "its prior holds it long before")
     projection_step: float = _of(0.05, "std", "Step of tuning and shape in a difference of two closed forms", "-", _NUMERICAL)
