@@ -37,7 +37,6 @@ class EndFixity(Effect):
 
     # Stiffness against rotation at y = 0 and y = L [N m/rad]
     k_left: float = parameter("N m/rad", 1e3, 1e7, limits=True)
-    # Stiffness against rotation at y = 0 and y = L [N m/rad]
     k_right: float = parameter("N m/rad", 1e3, 1e7, limits=True)
 
     @classmethod

@@ -42,7 +42,6 @@ class SupportCompliance(Effect):
 
     # Stiffness under the ends [N/m]; infinite stiffness is no effect
     k_left: float = parameter("N/m", 1e6, 1e9, limits=True)
-    # Stiffness under the ends [N/m]; infinite stiffness is no effect
     k_right: float = parameter("N/m", 1e6, 1e9, limits=True)
     c_left: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)  # Damping under the ends [N s/m]
     c_right: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)

@@ -196,7 +196,9 @@ def _answer(rig: Rig, rail: _Rail, position: float, s: Complex) -> Complex:
     block = rail.stiffness(ports, position, s)
     n = block.shape[1]
     d[:, :n, :n] = block
-    mass = sum(m * np.outer(rows[r], rows[r]) for m, p in ((h.m1, "head"), (h.m2, "tool")) for r in (f"{p}_x", f"{p}_z"))
+    mass = sum(
+        m * np.outer(rows[r], rows[r]) for m, p in ((h.m1, "head"), (h.m2, "tool")) for r in (f"{p}_x", f"{p}_z")
+    )
     d += (s**2)[:, None, None] * mass
     for joint, k, c in (("joint1", h.k1, h.c1), ("joint2", h.k2, h.c2)):
         d[:, at[joint], at[joint]] += k + c * s
