@@ -263,7 +263,13 @@ class Quadratic:
         free = np.concatenate([self.free, np.ones(self.layout.size - n, dtype=bool)])
         # An unknown at its bound keeps its share of the determinant, but does not move.
         size = np.sqrt(np.diag(matrix))
-        factor = linalg.cholesky(matrix / np.outer(size, size), lower=True, check_finite=False)
+        scaled = matrix / np.outer(size, size)
+        try:
+            factor = linalg.cholesky(scaled, lower=True, check_finite=False)
+        except linalg.LinAlgError:
+            # Directions that are nearly the same leave rounding errors for eigenvalues.
+            scaled[np.diag_indices_from(scaled)] += SETTINGS.likelihood_precision_floor
+            factor = linalg.cholesky(scaled, lower=True, check_finite=False)
         log_det = 2.0 * float(np.sum(np.log(np.diag(factor))) + np.sum(np.log(size)))
         if free.all():
             pulled = linalg.solve_triangular(factor, gradient / size, lower=True, check_finite=False)

@@ -65,9 +65,10 @@ class Settings:
         "Prior of the discrepancy of the cause itself", "causes of the wrong form are forgiven",
         "constitutive models of joints, contacts and losses hold to some percent, seldom to a tenth of that")
     likelihood_noise_factors: Weighted = _of(
-        ((1.0, 0.70), (1.3, 0.20), (2.0, 0.08), (4.0, 0.015), (10.0, 0.004), (100.0, 0.001)),
+        ((0.1, 0.005), (0.3, 0.02), (0.7, 0.075), (1.0, 0.65), (1.3, 0.18), (2.0, 0.055), (4.0, 0.01), (10.0, 0.004),
+         (100.0, 0.001)),
         "factor on the variance, probability", "Prior of the noise against its estimate", "residuals are taken for noise",
-        "estimates from 5-20 repetitions")
+        "estimates from 5-20 repetitions; on a machine that is not linear part of what scatters is its own doing")
     likelihood_noise_unknown: Weighted = _of(tuple((float(v), 1.0 / 13.0) for v in np.geomspace(1.0, 1e6, 13)),
         "factor on the variance, probability", "The same where no repetitions told the scatter",
         "residuals are taken for noise", "the noise is then a guess")
@@ -198,6 +199,9 @@ class Settings:
     search_law_steps: int = _of(6, "steps", "The same of a law", "longer", _TIME)
     search_most_steps: int = _of(40, "steps", "On all lines", "longer", _TIME)
     search_most_law_steps: int = _of(15, "steps", "The same of a law: the last of many gain little", "longer", _TIME)
+    search_scouted: int = _of(6, "causes",
+        "Linear causes that promise most from the tuned model, and as many from the untuned one, that are fitted",
+        "longer", "the true cause was within the first three of one or the other of 16 simulated machines, once ninth")
     search_linear_refined: int = _of(3, "causes", "Linear causes fitted on all lines, at least", "longer", _TIME)
     search_laws_refined: int = _of(3, "causes", "Simulated causes fitted on all lines, at most", "longer", _TIME)
     search_laws_looked_at: int = _of(6, "causes", "Simulated causes whose scan is refined: the most promising", "longer",
