@@ -5,27 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from cutvib_ss.diagnosis.records import Entry, Records, merged
-from cutvib_ss.diagnosis.simulation import HYSTERESIS_AT
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model, Motion
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step
 from cutvib_ss.results import FloatArray
 
-BAND = 24
-"""Lines over which the scatter between levels is averaged."""
-STANDS_OUT = 5.0
-"""Standard deviations by which that has to exceed one, somewhere …"""
-NOISE_KNOWN = 0.15
-"""… to which this is added, for the noise itself is an estimate."""
-APART = 1.5
-"""Ratio of levels from which what depends on the level would show between them."""
-
 
 def levels_compared(records: Records) -> bool:
     """Whether some position was measured at levels far enough apart for a difference to show."""
     each = ([e.level for e in same] for g in records.merged for same in g.entries)
-    return any(max(levels) > APART * min(levels) for levels in each)
+    return any(max(levels) > SETTINGS.level_apart * min(levels) for levels in each)
 
 
 def level_stands_out(records: Records) -> bool:
@@ -38,9 +29,9 @@ def level_stands_out(records: Records) -> bool:
                 count += (len(same) - 1) * len(g.channels)
         if count == 0:
             continue
-        width = min(BAND, g.freq.size)
+        width = min(SETTINGS.level_lines, g.freq.size)
         smooth = np.convolve(power / count, np.ones(width) / width, mode="valid")
-        if float(smooth.max()) > 1.0 + NOISE_KNOWN + STANDS_OUT / np.sqrt(count * width):
+        if float(smooth.max()) > 1.0 + SETTINGS.level_noise_error + SETTINGS.level_stands_out / np.sqrt(count * width):
             return True
     return False
 
@@ -63,7 +54,7 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
                 peaks.append(size.max(axis=1))
                 rates.append((size * 2 * np.pi * g.freq).max(axis=1))
                 continue
-            form = modal_form(model, at, places, HYSTERESIS_AT)
+            form = modal_form(model, at, places, SETTINGS.simulation_hysteresis_at)
             moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
             peaks.append(np.abs(moved).max(axis=(0, 2)))
             rates.append(np.abs(np.diff(moved, axis=-1)).max(axis=(0, 2)) * entry.replay.fs)

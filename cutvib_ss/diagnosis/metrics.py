@@ -27,14 +27,11 @@ from scipy import optimize, special
 from cutvib_ss.diagnosis.cross_validation import Judged
 from cutvib_ss.diagnosis.findings import Distances, Metric, finite_or_none
 from cutvib_ss.diagnosis.records import Entry
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray, FloatArray
 
 ALL = "all"
 """Name of the channels taken together."""
-TOGETHER = 5
-"""Neighbouring lines over which a measured distance is averaged, for noise alone lies anywhere on the sphere."""
-ONE_IN = 20.0
-"""Noise exceeds its stated distance in one record out of so many."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +89,8 @@ def noise_distance(response: ComplexArray, variance: FloatArray) -> float:
     mean = _neighbours(power)
     if not (mean > 0).any():
         return 0.0
-    lines = min(TOGETHER, power.size) * mean**2 / np.maximum(_neighbours(power**2), 1e-300)
-    wanted = float(np.log(1.0 - 1.0 / ONE_IN))
+    lines = min(SETTINGS.metric_lines, power.size) * mean**2 / np.maximum(_neighbours(power**2), 1e-300)
+    wanted = float(np.log(1.0 - 1.0 / SETTINGS.metric_one_in))
 
     def excess(log_t: float) -> float:
         # A mean of squares of complex noise is a gamma variable; of neighbouring ones every other is about independent.
@@ -112,7 +109,7 @@ def _noise_power(response: ComplexArray, variance: FloatArray) -> FloatArray:
 
 def _neighbours(values: FloatArray) -> FloatArray:
     """Means over a few neighbouring lines."""
-    lines = min(TOGETHER, values.size)
+    lines = min(SETTINGS.metric_lines, values.size)
     means: FloatArray = np.convolve(values, np.ones(lines) / lines, mode="valid")
     return means
 

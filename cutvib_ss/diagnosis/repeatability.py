@@ -8,9 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from cutvib_ss.diagnosis.records import Entry
-
-ALIKE = 1.05
-"""Ratio of levels up to which two records are of the same thing."""
+from cutvib_ss.diagnosis.settings import SETTINGS
 
 
 def repeatability(entries: Sequence[Entry]) -> float:
@@ -21,7 +19,7 @@ def repeatability(entries: Sequence[Entry]) -> float:
         if not same or a.data.shape != b.data.shape or not np.allclose(a.freq, b.freq, rtol=1e-6):
             continue
         levels = [e.level if np.isfinite(e.level) else 1.0 for e in (a, b)]
-        if max(levels) > ALIKE * min(levels) or np.isfinite(a.level) != np.isfinite(b.level):
+        if max(levels) > SETTINGS.record_same_level * min(levels) or np.isfinite(a.level) != np.isfinite(b.level):
             continue
         beyond += float(np.mean(np.abs(a.data - b.data) ** 2 - a.variance - b.variance))
         size += float(np.mean(np.abs(a.data) ** 2 + np.abs(b.data) ** 2))

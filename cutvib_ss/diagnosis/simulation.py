@@ -20,6 +20,9 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Group, Records, merged, site
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.unknown_element import UnknownForce
+from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
@@ -28,28 +31,6 @@ from cutvib_ss.response.receptance import CondensedModel
 from cutvib_ss.response.stepping import ModalForm, modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.units import DERIVATIVE_ORDER
-
-TUNING_STEP = 0.02
-"""Step of a tuned value's unknown in a difference of two closed forms."""
-LAW_STEP = 2e-4
-"""Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
-HARMONICS = 3
-"""Highest harmonic in which sine sweeps are balanced: what is compared is the first."""
-FORCE_SCALE = 0.2
-"""Relative error of the force behind a record that holds responses alone: hands scatter, and the blow's length is a guess."""
-FORCE_SCALE_STEP = 0.02
-"""Step of such a record's unknown in a difference of two simulations."""
-JUMP = 0.2
-"""Step between lines, against the largest response, from which a sweep may have jumped."""
-STILL = 5.0
-"""Modes this many times above the band yield statically to nonlinear forces."""
-CLASSICAL = 20.0
-"""Damping couples no modes that many times above the band."""
-STEPS, ROUGH_STEPS = 20.0, 10.0
-"""Steps in a period: χ² is then off by less than 1e-6 of a degree of freedom for smooth laws (1e-3 on few lines), and by 3e-4 for
-friction (1e-2), which takes twice as many."""
-HYSTERESIS_AT = 100.0
-"""Frequency at which hysteretic damping is made viscous for stepping in time [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +50,7 @@ def simulated(
     model: Model,
     group: Group,
     wanted: np.ndarray | None = None,
-    steps: float = STEPS,
+    steps: float = SETTINGS.simulation_steps,
     force_scale: FloatArray | None = None,
 ) -> Simulated:
     """Run each record's force through a model in time, and its estimator on the responses."""
@@ -80,7 +61,7 @@ def simulated(
     outputs = tuple(dict.fromkeys(steady.signals))
     data = np.zeros(group.data.shape, dtype=np.complex128)
     stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
-    still = STILL * float(group.freq[-1])
+    still = SETTINGS.simulation_static_above * float(group.freq[-1])
     sweeps = {row: _swept(model, group, row) for row in range(len(data)) if np.isfinite(group.entries[row][0].sweep)}
     for row, sweep in sweeps.items():
         data[row] = sweep.data[0]
@@ -91,7 +72,11 @@ def simulated(
         replays = [_replay(group, row) for row in rows]
         if position not in forms:
             forms[position] = modal_form(
-                model, position, outputs, HYSTERESIS_AT, classical_above=CLASSICAL * float(group.freq[-1])
+                model,
+                position,
+                outputs,
+                SETTINGS.simulation_hysteresis_at,
+                classical_above=SETTINGS.simulation_classical_above * float(group.freq[-1]),
             )
         form = forms[position]
         # All records at a position in one call: they share the modal sum.
@@ -135,12 +120,19 @@ def _swept(model: Model, group: Group, row: int) -> SineSweep:
 
     def swept(direction: Literal["up", "down"]) -> SineSweep:
         return SineSweep(
-            model, at, group.freq, entry.sweep, direction, HARMONICS, group.channels, viscous_at=HYSTERESIS_AT
+            model,
+            at,
+            group.freq,
+            entry.sweep,
+            direction,
+            SETTINGS.simulation_harmonics,
+            group.channels,
+            viscous_at=SETTINGS.simulation_hysteresis_at,
         )
 
     up = swept("up")
     size = np.abs(up.data[0])
-    if np.all(np.abs(np.diff(size, axis=1)) < JUMP * size.max(axis=1, keepdims=True)):
+    if np.all(np.abs(np.diff(size, axis=1)) < SETTINGS.simulation_jump * size.max(axis=1, keepdims=True)):
         return up
     weight = 1.0 / group.variance[row]
     return min((up, swept("down")), key=lambda s: float(np.sum(weight * np.abs(group.data[row] - s.data[0]) ** 2)))
@@ -173,7 +165,11 @@ def _equivalent(replay: Replay, motions: FloatArray, forces: FloatArray) -> Comp
 class SimulatedProblem(Problem):
     """A hypothesis with nonlinear effects, on records apart."""
 
-    def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis, steps: float = STEPS) -> None:
+    apart = True
+
+    def __init__(
+        self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis, steps: float = SETTINGS.simulation_steps
+    ) -> None:
         super().__init__(nominal, groups, hypothesis)
         self.steps = steps
         self._sites = [_sites(g) for g in self.groups]
@@ -199,7 +195,7 @@ class SimulatedProblem(Problem):
         """Factors on the forces of each group's records."""
         out = [np.ones(len(g.data)) for g in self.groups]
         for k, (i, row) in enumerate(self.force_scaled):
-            out[i][row] = np.exp(FORCE_SCALE * x[self._shared_by_all + k])
+            out[i][row] = np.exp(SETTINGS.simulation_force_scale * x[self._shared_by_all + k])
         return out
 
     def _slopes(self, x: FloatArray, p: Simulated) -> list[ComplexArray]:
@@ -227,7 +223,7 @@ class SimulatedProblem(Problem):
         for i, scale, carried in moves:
             closed = tuple((path, w) for path, w in carried if path[0] != "nonlinear")
             moved = x.copy()
-            moved[i] += TUNING_STEP if i < self.n_tuning else LAW_STEP
+            moved[i] += SETTINGS.simulation_tuning_step if i < self.n_tuning else SETTINGS.simulation_law_step
             change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
             out[i] = scale * linear.derivative(closed)[row] - change
             for k, sweep in p.sweeps.items():
@@ -236,7 +232,11 @@ class SimulatedProblem(Problem):
 
     def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
         moved = x.copy()
-        moved[i] += LAW_STEP if x[i] + LAW_STEP <= 1.0 else -LAW_STEP
+        moved[i] += (
+            SETTINGS.simulation_law_step
+            if x[i] + SETTINGS.simulation_law_step <= 1.0
+            else -SETTINGS.simulation_law_step
+        )
         index = self._fitted(p)
         scales = None if index is None else self._force_scales(x)[index]
         there = simulated(self.applied(moved), p.group, None, self.steps, scales)
@@ -255,9 +255,9 @@ class SimulatedProblem(Problem):
         if not self.force_scaled:
             return {}
         moved = x.copy()
-        moved[self._shared_by_all : self.first_effect] += FORCE_SCALE_STEP
+        moved[self._shared_by_all : self.first_effect] += SETTINGS.simulation_force_scale_step
         there = simulated(p.model, p.group, None, self.steps, self._force_scales(moved)[index])
-        change = (there.data - p.data) / FORCE_SCALE_STEP
+        change = (there.data - p.data) / SETTINGS.simulation_force_scale_step
         out = {}
         for k, (i, row) in enumerate(self.force_scaled):
             own = np.zeros(p.data.shape, dtype=np.complex128)
@@ -294,11 +294,22 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
     return chain.shown(taken)
 
 
+def unforced_problem(nominal: Model, records: Records, hypothesis: Hypothesis) -> Problem:
+    """The unknowns of a hypothesis without the forces of single records: to draw models and calibration errors from a fit."""
+    if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
+        return UnknownForceProblem(nominal, records.each, hypothesis)
+    return Problem(nominal, records.merged, hypothesis)
+
+
 def problem_for(
     nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False, by_session: bool = False
 ) -> Problem:
     """The problem of a hypothesis on some records."""
+    if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
+        return UnknownForceProblem(nominal, records.each, hypothesis)
     if hypothesis.linear and not records.leaking and not apart:
         return Problem(nominal, records.by_session if by_session else records.merged, hypothesis)
     groups = records.apart_by_session if by_session else records.apart
-    return SimulatedProblem(nominal, groups, hypothesis, ROUGH_STEPS if records.rough else STEPS)
+    return SimulatedProblem(
+        nominal, groups, hypothesis, SETTINGS.simulation_rough_steps if records.rough else SETTINGS.simulation_steps
+    )

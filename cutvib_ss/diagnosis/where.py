@@ -13,12 +13,8 @@ import numpy as np
 from cutvib_ss.diagnosis.cross_validation import Judged
 from cutvib_ss.diagnosis.records import Entry, Group
 from cutvib_ss.diagnosis.result import ErrorFigure
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray
-
-STANDS_OUT = 4.0
-"""Standard deviations by which a band's mean square has to exceed that of noise."""
-LEVEL_EXCESS = 1.15
-"""Reduced χ² between levels from which a response is called level-dependent."""
 
 
 def bands(residuals: Sequence[tuple[Group, ComplexArray]], width: float) -> tuple[tuple[float, float], ...]:
@@ -33,7 +29,7 @@ def bands(residuals: Sequence[tuple[Group, ComplexArray]], width: float) -> tupl
         smooth = np.convolve(power, kernel, mode="same") / counts
         # Each |r|²/2 is exponential with mean one; the noise itself is known to some percent.
         spread = np.sqrt(1.0 / (counts * r.shape[0] * r.shape[1])) + 0.05
-        out = smooth > 1.0 + STANDS_OUT * spread
+        out = smooth > 1.0 + SETTINGS.band_stands_out * spread
         edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
         found += [(float(g.freq[a]), float(g.freq[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     return _joined(sorted(found), width)

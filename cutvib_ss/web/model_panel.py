@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from nicegui import run, ui
+from nicegui import background_tasks, run, ui
 
 from cutvib_ss.errors import CutvibError
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.web import curves, figures
 from cutvib_ss.web.curves import Change, Controller, Curve, Model
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _NONE = "none"
 _START = 0.5
+_PAUSE = 0.15
+"""Time that a slider has to rest before the controller is evaluated over the rail [s]."""
 _NEAR = 3
 """Records at the head's position that are drawn, at most."""
 
@@ -30,21 +32,22 @@ class ModelPanel:
     def __init__(self, page: Page, opened: Opened) -> None:
         self.page, self.opened = page, opened
         self.designed_at = _START
+        self._asked = 0
         model = self.model
         self.band = curves.band_of(model, opened.summary.records)
         with ui.element("section").classes("card"):
-            parts = "position, absorber, controller" if isinstance(model, Machine) else "absorber"
+            parts = "position, absorber, controller" if model.has_position else "absorber"
             ui.html(f"<h2>Model: {parts}</h2>", sanitize=False)
             with ui.element("div").classes("beside"):
                 with ui.element("div").classes("sliders"):
                     self._build_choices(model)
                     self._build_absorber(model)
-                    if isinstance(model, Machine):
+                    if model.has_position:
                         self._build_controller()
                 with ui.element("div").classes("pictures"):
                     self.plot = ui.plotly({"data": [], "layout": {}}).classes("plot").props('data-plot="model"')
                     self.figures = ui.label().classes("facts-line").props('data-facts="model"')
-                    if isinstance(model, Machine):
+                    if model.has_position:
                         self.rail = ui.plotly({"data": [], "layout": {}}).classes("plot").props('data-plot="rail"')
         self.draw()
 
@@ -76,7 +79,7 @@ class ModelPanel:
         start = curves.default_absorber(model)
         self.absorber = ui.switch(f"absorber at {curves.absorber_port(model)}", on_change=self.draw)
         self.absorber.props('data-act="absorber"')
-        low, high = (100.0, 350.0) if isinstance(model, Machine) else (self.band[0], self.band[1])
+        low, high = (100.0, 350.0) if model.has_position else (self.band[0], self.band[1])
         with ui.element("div").classes("group").bind_visibility_from(self.absorber, "value"):
             self.frequency, _ = self._slider(
                 "frequency",
@@ -127,7 +130,7 @@ class ModelPanel:
     async def _design(self, position: float) -> None:
         """Design off the page's own thread: some prototypes take seconds."""
         model, name = self.model, str(self.controller.value)
-        assert isinstance(model, Machine)
+        assert model.rail is not None
         self.design_note.text = "designing …"
         try:
             await run.io_bound(curves.designed, model, name, position)
@@ -154,7 +157,7 @@ class ModelPanel:
                 float(self.frequency.value), float(self.damping.value), float(self.mass.value)
             )
         controller = None
-        if isinstance(self.model, Machine) and self.controller.value != _NONE:
+        if self.model.has_position and self.controller.value != _NONE:
             controller = Controller(str(self.controller.value), float(self.gain.value), self.designed_at)
         return Change(absorber, curves.absorber_port(self.model), controller)
 
@@ -165,7 +168,7 @@ class ModelPanel:
         begun = time.perf_counter()
         found = curves.modified(model, position, output, self.change, self.band)
         took = time.perf_counter() - begun
-        mark = curves.WORKING_FREQUENCY if isinstance(model, Machine) else None
+        mark = curves.WORKING_FREQUENCY if model.has_position else None
         self.plot.update_figure(
             figures.response_figure(
                 [*found.curves, *self._measured_here(position, output)], dark=dark, width=self.width,
@@ -177,17 +180,36 @@ class ModelPanel:
         self.figures.classes(
             add="unstable" if found.stable is False else "", remove="" if found.stable is False else "unstable"
         )
-        if isinstance(model, Machine) and position is not None:
-            last = found.curves[-1]
-            extra = curves.at_frequency(last, curves.WORKING_FREQUENCY) if last.kind == "controller" else None
+        if model.rail is not None and position is not None:
+            self._draw_rail(model, output, position, found.curves[-1])
+
+    def _draw_rail(self, model: Model, output: str, position: float, last: Curve) -> None:
+        """The response at the working frequency over the rail; the controlled one follows, which takes some tenths of a second."""
+        change, frequency = self.change, curves.WORKING_FREQUENCY
+        along = curves.along_the_rail(model, output, change, frequency)
+        extra = curves.at_frequency(last, frequency) if last.kind == "controller" else None
+        self._asked += 1
+        asked = self._asked
+
+        def show(more: list[Curve]) -> None:
             self.rail.update_figure(
                 figures.rail_figure(
-                    curves.along_the_rail(model, output, self.change, curves.WORKING_FREQUENCY), position,
-                    dark=dark, width=self.width,
-                    title=f"at {curves.WORKING_FREQUENCY:g} Hz [{found.curves[0].unit}]",
-                    extra=None if extra is None else (extra, last.name),
+                    [*along, *more], position, dark=self.page.dark, width=self.width,
+                    title=f"at {frequency:g} Hz [{along[0].unit}]", extra=None if extra is None else (extra, last.name),
                 )
             )  # fmt: skip
+
+        async def follow() -> None:
+            await asyncio.sleep(_PAUSE)
+            if asked != self._asked:
+                return  # the slider has moved on
+            controlled = await run.io_bound(curves.controlled_along_the_rail, model, output, change, frequency)
+            if asked == self._asked and controlled is not None:
+                show([controlled])
+
+        show([])
+        if change.controller is not None:
+            background_tasks.create(follow(), name="controller over the rail")
 
     def _measured_here(self, position: float | None, output: str) -> list[Curve]:
         """Records that were taken where the head is."""
