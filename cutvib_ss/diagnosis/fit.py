@@ -15,7 +15,7 @@ from scipy import linalg
 
 from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Directions, Known, Quadratic, Sizes
+from cutvib_ss.diagnosis.likelihood import Directions, Known, Quadratic, Sizes, solved
 from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
@@ -332,7 +332,7 @@ def _finished(problem: Problem, search: _Search, quadratic: Quadratic) -> Fit:
     if own.shape[0] > problem.size:
         inner = slice(problem.size, None)
         offsets[inner] = quadratic.offsets[inner] / quadratic.layout.scale(search.sizes)[inner]
-        offsets[inner] += linalg.solve(own[inner, inner], pull[inner], assume_a="pos")
+        offsets[inner] += solved(own[inner, inner], pull[inner])
     correlation = 1.0
     if search.spread:
         step = np.zeros(own.shape[0])

@@ -323,6 +323,12 @@ def _factor(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
         return linalg.cholesky(scaled, lower=True, check_finite=False), size
 
 
+def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solution of a normal equation."""
+    factor, size = _factor(matrix)
+    return np.asarray(linalg.cho_solve((factor, True), right / size, check_finite=False) / size)
+
+
 @dataclass(frozen=True)
 class Known:
     """What is stated of the sizes: the drift, and whether the noise was seen to scatter."""
