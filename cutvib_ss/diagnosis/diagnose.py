@@ -23,7 +23,7 @@ from cutvib_ss.diagnosis.place import Located, locate
 from cutvib_ss.diagnosis.posterior import Counts, kind_of, probabilities
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import ENOUGH, Ranked
-from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
 from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.diagnosis.search import search
@@ -32,7 +32,7 @@ from cutvib_ss.diagnosis.verdict import SURE, ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
-from cutvib_ss.measurement.records import Campaign
+from cutvib_ss.measurement.records import FORCE, Campaign
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 
 JUDGED = 3
@@ -332,17 +332,17 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
         (none.model, start.blow_at(none.x), start, none.x),
         (chosen.model, end.blow_at(chosen.x), end, chosen.x),
     ]
-    seen: set[float] = set()
+    seen: set[tuple[float, str]] = set()
     for e in entries:
-        place = float(np.nan_to_num(e.position, nan=-1.0))
-        if place in seen:
+        here = measured_at(e)
+        if here in seen:
             continue
-        seen.add(place)
-        same = [x for x in entries if float(np.nan_to_num(x.position, nan=-1.0)) == place and x.channels == e.channels]
+        seen.add(here)
+        same = [x for x in entries if measured_at(x) == here and x.channels == e.channels]
         (group, *_) = merged(same)
         unit = "N" if nominal.input_quantity == "force" else "m/s^2"
         measured = MeasuredFrequencyResponse(
-            group.data[:1, :, None], group.freq, np.array([e.position]), group.channels, ("force",), group.quantities,
+            group.data[:1, :, None], group.freq, np.array([e.position]), group.channels, (e.input,), group.quantities,
             input_unit=unit, variance=group.variance[:1, :, None], averages=len(same),
         )  # fmt: skip
         computed = []
@@ -350,9 +350,10 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
             value = cross_validation.predicted(same[0], model, blow_at, problem, x).data[None, :, None]
             computed.append(
                 FrequencyResponse(
-                    value, group.freq, measured.positions, group.channels, ("force",), group.quantities, input_unit=unit
+                    value, group.freq, measured.positions, group.channels, (e.input,), group.quantities, input_unit=unit
                 )
             )
-        label = "" if place < 0 else f"position {place:.3g}"
+        told = ["" if here[0] < 0 else f"position {here[0]:.3g}", "" if e.input == FORCE else f"force at {e.input}"]
+        label = ", ".join(part for part in told if part)
         out.append(Comparison(label, measured, *computed))
     return tuple(out)

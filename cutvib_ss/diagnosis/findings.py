@@ -36,6 +36,7 @@ class Metric:
     second: Distances | None  # The same with the second-best cause
     noise_modulus: float  # Of noise alone: its mean modulus, and the distance that it exceeds in one of twenty records
     noise_nu_gap: float
+    input: str | None = None  # Where the record's force acted; None at the model's input
 
 
 @dataclass(frozen=True)

@@ -52,18 +52,18 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
     forces: list[np.ndarray] = []
     rates: list[np.ndarray] = []
     for g in merged(records.simulable, apart=True):
-        for position, (entry, *_) in zip(g.positions, g.entries, strict=True):
+        for position, struck, (entry, *_) in zip(g.positions, g.inputs, g.entries, strict=True):
             at = None if np.isnan(position) else float(position)
-            forces.append(_holding(model, at, g.freq, places) * _peak(entry))
+            forces.append(_holding(model, at, g.freq, places, struck) * _peak(entry))
             if entry.replay is None:
                 sweep = frequency_response(
-                    model, None if at is None else [at], g.freq, form="receptance", inputs=["force"], outputs=places
+                    model, None if at is None else [at], g.freq, form="receptance", inputs=[struck], outputs=places
                 )
                 size = entry.sweep * np.abs(sweep.data[0, :, 0])
                 peaks.append(size.max(axis=1))
                 rates.append((size * 2 * np.pi * g.freq).max(axis=1))
                 continue
-            form = modal_form(model, at, places, HYSTERESIS_AT)
+            form = modal_form(model, at, places, HYSTERESIS_AT, input=struck)
             moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
             peaks.append(np.abs(moved).max(axis=(0, 2)))
             rates.append(np.abs(np.diff(moved, axis=-1)).max(axis=(0, 2)) * entry.replay.fs)
@@ -79,10 +79,10 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
     }
 
 
-def _holding(model: Model, position: float | None, freq: FloatArray, places: tuple[str, ...]) -> FloatArray:
+def _holding(model: Model, position: float | None, freq: FloatArray, places: tuple[str, ...], input: str) -> FloatArray:
     """Force that would hold each place still over the exciting force, of which the median over the lines: by H_pf/H_pp."""
     at = None if position is None else [position]
-    both = frequency_response(model, at, freq, form="receptance", inputs=["force", *places], outputs=places)
+    both = frequency_response(model, at, freq, form="receptance", inputs=[input, *places], outputs=places)
     by_force, own = np.abs(both.data[0, :, 0]), np.abs(both.data[0, :, 1:])
     return np.asarray(np.median(by_force / np.diagonal(own, axis1=0, axis2=1).T, axis=1))
 

@@ -27,6 +27,7 @@ from scipy import optimize, special
 from cutvib_ss.diagnosis.cross_validation import Judged
 from cutvib_ss.diagnosis.findings import Distances, Metric, finite_or_none
 from cutvib_ss.diagnosis.records import Entry
+from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.results import ComplexArray, FloatArray
 
 ALL = "all"
@@ -147,6 +148,7 @@ def metrics(sides: Sides, per_unit: float, scales: Mapping[str, float]) -> tuple
                     position=finite_or_none(j.entry.position),
                     level=finite_or_none(j.entry.level),
                     channel=channel,
+                    input=None if j.entry.input == FORCE else j.entry.input,
                     before=given,
                     tuned=again,
                     after=corrected,

@@ -16,7 +16,7 @@ from cutvib_ss.diagnosis.records import Entry, thinned
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.estimation import estimate
-from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.measurement.records import FORCE, Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
 from cutvib_ss.units import STANDARD_GRAVITY
@@ -129,6 +129,7 @@ def _entry(index: int, record: Record) -> Entry:
         replay=replay,
         sweep=record.peak_force if record.excitation == "sine" and record.peak_force is not None else np.nan,
         session=record.session,
+        input=record.input or FORCE,
         scattered=bool(np.any(np.isfinite(frf.coherence))) if record.kind == "frf" else frf.averages > 1,
     )
 

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 
@@ -43,11 +44,12 @@ class Entry:
     # Whether its noise was seen to scatter: from repetitions or a coherence; else it is read off how smooth the
     # response is
     scattered: bool = True
+    input: str = FORCE  # Where its force acts: the model's input, a port, or ``rail@`` and a fraction of the rail
 
 
 @dataclass(frozen=True)
 class Group:
-    """Entries on one frequency grid with one set of channels, merged by position."""
+    """Entries on one frequency grid with one set of channels, merged by position and input."""
 
     positions: FloatArray  # y_b / L; one NaN for a structure
     freq: FloatArray  # Frequency [Hz]
@@ -59,6 +61,12 @@ class Group:
     blow_at: FloatArray
     decay_rate: FloatArray
     entries: tuple[tuple[Entry, ...], ...] = ()  # The records behind each row
+    struck: tuple[str, ...] = ()  # Where the force of each row acts, as in `Entry`; nothing: at the model's input
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Where the force of each row acts."""
+        return self.struck or (FORCE,) * len(self.data)
 
 
 @dataclass(frozen=True)
@@ -138,10 +146,14 @@ def merged(entries: Sequence[Entry], apart: bool = False, by_session: bool = Fal
     return tuple(_group(members, apart) for members in kinds.values())
 
 
+def measured_at(e: Entry) -> tuple[float, str]:
+    """Position, -1 where there is none, and input: records that share them show the same responses."""
+    return float(np.nan_to_num(e.position, nan=-1.0)), e.input
+
+
 def site(e: Entry) -> tuple[float | str, ...]:
-    """What records must share to be merged: session, position, and a block that loses the same tails."""
-    place = float(np.nan_to_num(e.position, nan=-1.0))
-    return (place, round(e.block, 9), round(e.decay_rate, 9), *session_of(e))
+    """What records must share to be merged: input, session, position, and a block that loses the same tails."""
+    return (*measured_at(e), round(e.block, 9), round(e.decay_rate, 9), *session_of(e))
 
 
 def session_of(e: Entry) -> tuple[float | str, ...]:
@@ -182,6 +194,7 @@ def _group(members: list[Entry], apart: bool) -> Group:
         blow_at=np.array([np.mean([e.blow_at for e in same]) for same in places.values()]),
         decay_rate=np.array([e.decay_rate for e in first]),
         entries=tuple(tuple(same) for same in places.values()),
+        struck=tuple(e.input for e in first),
     )
 
 

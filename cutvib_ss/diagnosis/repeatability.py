@@ -7,17 +7,17 @@ from itertools import combinations
 
 import numpy as np
 
-from cutvib_ss.diagnosis.records import Entry
+from cutvib_ss.diagnosis.records import Entry, measured_at
 
 ALIKE = 1.05
 """Ratio of levels up to which two records are of the same thing."""
 
 
 def repeatability(entries: Sequence[Entry]) -> float:
-    """rms(H_a - H_b) beyond noise over √2 rms(H), over all pairs of one position, level and grid; NaN where none repeat."""
+    """rms(H_a - H_b) beyond noise over √2 rms(H), over all pairs of one position, input, level and grid; NaN where none repeat."""
     beyond, size = 0.0, 0.0
     for a, b in combinations(entries, 2):
-        same = np.array_equal([a.position], [b.position], equal_nan=True) and a.channels == b.channels
+        same = measured_at(a) == measured_at(b) and a.channels == b.channels
         if not same or a.data.shape != b.data.shape or not np.allclose(a.freq, b.freq, rtol=1e-6):
             continue
         levels = [e.level if np.isfinite(e.level) else 1.0 for e in (a, b)]

@@ -84,16 +84,22 @@ def simulated(
     sweeps = {row: _swept(model, group, row) for row in range(len(data)) if np.isfinite(group.entries[row][0].sweep)}
     for row, sweep in sweeps.items():
         data[row] = sweep.data[0]
-    forms: dict[float | None, ModalForm] = {}
+    forms: dict[tuple[float | None, str], ModalForm] = {}
     for rows in _batches(group, wanted):
         at = float(group.positions[rows[0]])
         position = None if np.isnan(at) else at
         replays = [_replay(group, row) for row in rows]
-        if position not in forms:
-            forms[position] = modal_form(
-                model, position, outputs, HYSTERESIS_AT, classical_above=CLASSICAL * float(group.freq[-1])
+        struck = group.inputs[rows[0]]
+        if (position, struck) not in forms:
+            forms[position, struck] = modal_form(
+                model,
+                position,
+                outputs,
+                HYSTERESIS_AT,
+                classical_above=CLASSICAL * float(group.freq[-1]),
+                input=struck,
             )
-        form = forms[position]
+        form = forms[position, struck]
         # All records at a position in one call: they share the modal sum.
         scales = np.ones(len(data)) if force_scale is None else force_scale
         windows = [_window(model, r) for r in replays]
@@ -154,12 +160,12 @@ def _replay(group: Group, row: int) -> Replay:
 
 
 def _batches(group: Group, wanted: np.ndarray | None) -> list[list[int]]:
-    """Rows at one position whose histories have one length and clock."""
-    found: dict[tuple[float, float, int], list[int]] = {}
+    """Rows at one position and input whose histories have one length and clock."""
+    found: dict[tuple[float, str, float, int], list[int]] = {}
     for row, position in enumerate(group.positions):
         if not np.isfinite(group.entries[row][0].sweep) and (wanted is None or wanted[row]):
             replay = _replay(group, row)
-            key = (float(np.nan_to_num(position, nan=-1.0)), replay.fs, replay.forces[0].size)
+            key = (float(np.nan_to_num(position, nan=-1.0)), group.inputs[row], replay.fs, replay.forces[0].size)
             found.setdefault(key, []).append(row)
     return list(found.values())
 
@@ -283,12 +289,16 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
     if not ports:
         return np.zeros((row.size, len(sites.channels), chain.s.size), dtype=np.complex128)
     out = np.array([[condensed.receptance(r, p) for p in ports] for r in chain.signals])
-    drive = np.array([condensed.receptance(p, "force") for p in ports])
+    inputs = tuple(dict.fromkeys(sites.inputs))
+    drives = np.array([[condensed.receptance(p, i) for i in inputs] for p in ports])
     own = np.array([[condensed.receptance(p, q) for q in ports] for p in ports])
     # (record, frequency, ...): one small system a record and line. A structure has one row for all sites.
+    at = np.array([inputs.index(name) for name in sites.inputs])[row]
     row = row if len(own[0, 0]) > 1 else np.zeros_like(row)
+    drive = drives[:, at, row if drives.shape[2] > 1 else 0 * row]
     z = stiffness.transpose(0, 2, 1)
-    a_pr, a_rq, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, drive, own))
+    a_pr, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, own))
+    a_rq = np.moveaxis(drive, 0, -1)
     below = np.eye(len(ports)) + a_rr * z[:, :, None, :]
     taken = np.einsum("rfcp,rfp,rfp->rcf", a_pr, z, np.linalg.solve(below, a_rq[..., None])[..., 0])
     return chain.shown(taken)

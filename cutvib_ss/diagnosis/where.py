@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cutvib_ss.diagnosis.cross_validation import Judged
-from cutvib_ss.diagnosis.records import Entry, Group
+from cutvib_ss.diagnosis.records import Entry, Group, measured_at
 from cutvib_ss.diagnosis.result import ErrorFigure
 from cutvib_ss.results import ComplexArray
 
@@ -56,7 +56,7 @@ def level_dependence(entries: Sequence[Entry]) -> float:
     for e in entries:
         # Records of a structure are compared as they are, unless they state their sessions.
         session = (e.session,) if e.session is not None else ()
-        places.setdefault((float(np.nan_to_num(e.position, nan=-1.0)), e.channels, e.freq.size, *session), []).append(e)
+        places.setdefault((*measured_at(e), e.channels, e.freq.size, *session), []).append(e)
     for same in places.values():
         if len(same) < 2:
             continue
