@@ -76,8 +76,8 @@ def features(g: Group, row: int, problem: Problem) -> tuple[FloatArray, FloatArr
     if problem.hypothesis.linear:
         return u, np.zeros(u.size)
     entry = g.entries[row][0]
-    if np.isfinite(entry.sweep):
-        amplitude = entry.sweep * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
+    if entry.sine is not None:
+        amplitude = entry.sine.force * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
         return u, np.log(np.maximum(amplitude, 1e-300)) / AMPLITUDE_LENGTH
     return u, np.full(u.size, float(np.log(np.nan_to_num(entry.level, nan=1.0))) / AMPLITUDE_LENGTH)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutvib_ss.diagnosis.records import Entry, Records, merged
-from cutvib_ss.diagnosis.simulation import HYSTERESIS_AT
+from cutvib_ss.diagnosis.sweeps import HYSTERESIS_AT
 from cutvib_ss.effects.base import Model, Motion
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.response.frequency import frequency_response
@@ -55,14 +55,15 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
         for position, struck, (entry, *_) in zip(g.positions, g.inputs, g.entries, strict=True):
             at = None if np.isnan(position) else float(position)
             forces.append(_holding(model, at, g.freq, places, struck) * _peak(entry))
-            if entry.replay is None:
+            if entry.sine is not None:
                 sweep = frequency_response(
                     model, None if at is None else [at], g.freq, form="receptance", inputs=[struck], outputs=places
                 )
-                size = entry.sweep * np.abs(sweep.data[0, :, 0])
+                size = entry.sine.force * np.abs(sweep.data[0, :, 0])
                 peaks.append(size.max(axis=1))
                 rates.append((size * 2 * np.pi * g.freq).max(axis=1))
                 continue
+            assert entry.replay is not None
             form = modal_form(model, at, places, HYSTERESIS_AT, input=struck)
             moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
             peaks.append(np.abs(moved).max(axis=(0, 2)))
@@ -89,4 +90,7 @@ def _holding(model: Model, position: float | None, freq: FloatArray, places: tup
 
 def _peak(entry: Entry) -> float:
     """Peak of a record's force."""
-    return float(entry.sweep) if entry.replay is None else float(np.abs(np.stack(entry.replay.forces)).max())
+    if entry.sine is not None:
+        return float(entry.sine.force.max())
+    assert entry.replay is not None
+    return float(np.abs(np.stack(entry.replay.forces)).max())

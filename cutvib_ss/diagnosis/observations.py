@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from cutvib_ss.diagnosis.records import Entry, thinned
+from cutvib_ss.diagnosis.records import Entry, SineTest, thinned
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.estimation import estimate
@@ -113,10 +113,11 @@ def _entry(index: int, record: Record) -> Entry:
     elif record.excitation == "impact" and record.peak_force is not None:
         at = BLOW_AT if np.isnan(blow_at) else blow_at
         replay = assumed_blow(frf.freq, block, at, record.peak_force, np.array(frf.variance[0, 0, 0]))
+    sine = _sine(record)
     return Entry(
         record=index,
         position=float(frf.positions[0]),
-        level=np.nan if record.peak_force is None else record.peak_force,
+        level=_level(record, sine),
         data=np.array(frf.data[0, :, 0]),
         variance=np.array(frf.variance[0, :, 0]),
         freq=np.array(frf.freq),
@@ -127,11 +128,35 @@ def _entry(index: int, record: Record) -> Entry:
         decay_rate=record.exponential_decay,
         check=record.use == "check",
         replay=replay,
-        sweep=record.peak_force if record.excitation == "sine" and record.peak_force is not None else np.nan,
+        sine=sine,
         session=record.session,
         input=record.input or FORCE,
         scattered=bool(np.any(np.isfinite(frf.coherence))) if record.kind == "frf" else frf.averages > 1,
     )
+
+
+def _sine(record: Record) -> SineTest | None:
+    """How a sine record was driven; None where neither force nor response amplitude is known."""
+    if record.kind != "frf" or record.excitation != "sine":
+        return None
+    assert record.frf is not None
+    force = record.force_amplitude
+    if force is None and record.peak_force is not None and record.controlled != "response":
+        force = np.full(record.frf.freq.size, record.peak_force)
+    if record.controlled != "response":
+        return None if force is None else SineTest(force, record.sweep)
+    gain = np.maximum(np.abs(record.frf.data[0, 0, 0]), 1e-300)
+    if record.peak_response is not None:
+        held = np.full(gain.size, record.peak_response)
+        return SineTest(held / gain if force is None else force, record.sweep, held)
+    return None if force is None else SineTest(force, record.sweep, force * gain)
+
+
+def _level(record: Record, sine: SineTest | None) -> float:
+    """Peak force of a record [N]: stated, or the median of a sine's lines; NaN where neither is."""
+    if record.peak_force is not None:
+        return record.peak_force
+    return np.nan if sine is None else float(np.median(sine.force))
 
 
 def _lowest_frequency(machine: Model, positions: Sequence[float]) -> float:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
@@ -20,10 +19,10 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Group, Records, merged, site
+from cutvib_ss.diagnosis.sweeps import HYSTERESIS_AT, SweptRecord, swept
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
-from cutvib_ss.response.harmonic_balance import SineSweep
 from cutvib_ss.response.receptance import CondensedModel
 from cutvib_ss.response.stepping import ModalForm, modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -33,14 +32,10 @@ TUNING_STEP = 0.02
 """Step of a tuned value's unknown in a difference of two closed forms."""
 LAW_STEP = 2e-4
 """Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
-HARMONICS = 3
-"""Highest harmonic in which sine sweeps are balanced: what is compared is the first."""
 FORCE_SCALE = 0.2
 """Relative error of the force behind a record that holds responses alone: hands scatter, and the blow's length is a guess."""
 FORCE_SCALE_STEP = 0.02
 """Step of such a record's unknown in a difference of two simulations."""
-JUMP = 0.2
-"""Step between lines, against the largest response, from which a sweep may have jumped."""
 STILL = 5.0
 """Modes this many times above the band yield statically to nonlinear forces."""
 CLASSICAL = 20.0
@@ -48,8 +43,6 @@ CLASSICAL = 20.0
 STEPS, ROUGH_STEPS = 20.0, 10.0
 """Steps in a period: χ² is then off by less than 1e-6 of a degree of freedom for smooth laws (1e-3 on few lines), and by 3e-4 for
 friction (1e-2), which takes twice as many."""
-HYSTERESIS_AT = 100.0
-"""Frequency at which hysteretic damping is made viscous for stepping in time [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +55,7 @@ class Simulated:
     # Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port
     stiffness: ComplexArray
     # Sine sweeps among the records, by row: they are balanced in their harmonics instead of stepped in time
-    sweeps: Mapping[int, SineSweep] = field(default_factory=dict)
+    sweeps: Mapping[int, SweptRecord] = field(default_factory=dict)
 
 
 def simulated(
@@ -81,9 +74,9 @@ def simulated(
     data = np.zeros(group.data.shape, dtype=np.complex128)
     stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
     still = STILL * float(group.freq[-1])
-    sweeps = {row: _swept(model, group, row) for row in range(len(data)) if np.isfinite(group.entries[row][0].sweep)}
+    sweeps = {row: swept(model, group, row) for row in range(len(data)) if group.entries[row][0].sine is not None}
     for row, sweep in sweeps.items():
-        data[row] = sweep.data[0]
+        data[row] = sweep.data
     forms: dict[tuple[float | None, str], ModalForm] = {}
     for rows in _batches(group, wanted):
         at = float(group.positions[rows[0]])
@@ -134,24 +127,6 @@ def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:
     return gain, chain.window(np.arange(force.shape[1]) / replay.fs - at)
 
 
-def _swept(model: Model, group: Group, row: int) -> SineSweep:
-    """A sine sweep; where it jumps, in the direction that the record is nearer to: no record says which way it went."""
-    entry, position = group.entries[row][0], group.positions[row : row + 1]
-    at = None if np.isnan(position[0]) else position
-
-    def swept(direction: Literal["up", "down"]) -> SineSweep:
-        return SineSweep(
-            model, at, group.freq, entry.sweep, direction, HARMONICS, group.channels, viscous_at=HYSTERESIS_AT
-        )
-
-    up = swept("up")
-    size = np.abs(up.data[0])
-    if np.all(np.abs(np.diff(size, axis=1)) < JUMP * size.max(axis=1, keepdims=True)):
-        return up
-    weight = 1.0 / group.variance[row]
-    return min((up, swept("down")), key=lambda s: float(np.sum(weight * np.abs(group.data[row] - s.data[0]) ** 2)))
-
-
 def _replay(group: Group, row: int) -> Replay:
     replay = group.entries[row][0].replay
     if replay is None:
@@ -163,7 +138,7 @@ def _batches(group: Group, wanted: np.ndarray | None) -> list[list[int]]:
     """Rows at one position and input whose histories have one length and clock."""
     found: dict[tuple[float, str, float, int], list[int]] = {}
     for row, position in enumerate(group.positions):
-        if not np.isfinite(group.entries[row][0].sweep) and (wanted is None or wanted[row]):
+        if group.entries[row][0].sine is None and (wanted is None or wanted[row]):
             replay = _replay(group, row)
             key = (float(np.nan_to_num(position, nan=-1.0)), group.inputs[row], replay.fs, replay.forces[0].size)
             found.setdefault(key, []).append(row)
@@ -237,7 +212,7 @@ class SimulatedProblem(Problem):
             change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
             out[i] = scale * linear.derivative(closed)[row] - change
             for k, sweep in p.sweeps.items():
-                out[i][k] = scale * sum(w * sweep.derivative(path)[0] for path, w in carried)
+                out[i][k] = scale * sum(w * sweep.derivative(path) for path, w in carried)
         return [out[i] for i in sorted(out)]
 
     def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
