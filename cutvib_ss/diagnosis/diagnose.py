@@ -157,12 +157,13 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         held[other.name] = judged(other)
     first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
     after = held[first.name]
-    levels = where.level_dependence(fitted)
-    by_level = bool(levels > where.LEVEL_EXCESS) or level_stands_out(records)
+    tuned_blow = problem.blow_at(none.fit.x)
+    levels = where.level_dependence(fitted, none.fit.model, tuned_blow)
+    by_level = bool(levels > where.LEVEL_EXCESS) or level_stands_out(records, none.fit.model, tuned_blow)
     located, interference = Located(), None
     if by_level or none.reduced > ENOUGH:
         workers.say("locating the fault without a hypothesis")
-        located = locate(nominal, none.fit, fitted, problem.blow_at(none.fit.x), by_level)
+        located = locate(nominal, none.fit, fitted, tuned_blow, by_level)
         interference = mains(nominal, none.fit, records)
         located = located if interference is None else with_mains_interference(located, interference)
     rows = _causes(none, shown, odds, located.best, held, before, observed)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cutvib_ss.diagnosis.comparison import across_grids
 from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.sweeps import HYSTERESIS_AT
 from cutvib_ss.effects.base import Model, Motion
@@ -22,27 +23,32 @@ APART = 1.5
 """Ratio of levels from which what depends on the level would show between them."""
 
 
-def levels_compared(records: Records) -> bool:
+def levels_compared(records: Records, model: Model | None = None, blow_at: float = 0.0) -> bool:
     """Whether some position was measured at levels far enough apart for a difference to show."""
-    each = ([e.level for e in same] for g in records.merged for same in g.entries)
+    each = [[e.level for e in same] for g in records.merged for same in g.entries]
+    each += [list(levels) for levels, _ in across_grids(records.merged, model, blow_at)]
     return any(max(levels) > APART * min(levels) for levels in each)
 
 
-def level_stands_out(records: Records) -> bool:
-    """Whether some band of the responses changes with the level."""
+def level_stands_out(records: Records, model: Model | None = None, blow_at: float = 0.0) -> bool:
+    """Whether some band of the responses changes with the level; records on unlike blocks are compared by a model."""
     for g in records.merged:
         power, count = np.zeros(g.freq.size), 0
         for row, same in zip(g.data, g.entries, strict=True):
             if len(same) > 1:
                 power += sum(np.sum(np.abs(e.data - row) ** 2 / e.variance, axis=0) for e in same)
                 count += (len(same) - 1) * len(g.channels)
-        if count == 0:
-            continue
-        width = min(BAND, g.freq.size)
-        smooth = np.convolve(power / count, np.ones(width) / width, mode="valid")
-        if float(smooth.max()) > 1.0 + NOISE_KNOWN + STANDS_OUT / np.sqrt(count * width):
+        if count and _rises(power, count):
             return True
-    return False
+    pairs = across_grids(records.merged, model, blow_at)
+    return any(_rises(pair.power.sum(axis=0), len(pair.channels)) for _, pair in pairs)
+
+
+def _rises(power: FloatArray, count: int) -> bool:
+    """Whether some band of a sum of `count` squares over their variances rises above one."""
+    width = min(BAND, power.size)
+    smooth = np.convolve(power / count, np.ones(width) / width, mode="valid")
+    return bool(smooth.max() > 1.0 + NOISE_KNOWN + STANDS_OUT / np.sqrt(count * width))
 
 
 def motions(model: Model, records: Records) -> dict[str, Motion]:

@@ -10,9 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cutvib_ss.diagnosis.comparison import across_grids
 from cutvib_ss.diagnosis.cross_validation import Judged
-from cutvib_ss.diagnosis.records import Entry, Group, measured_at
+from cutvib_ss.diagnosis.records import Entry, Group, estimator_of, measured_at, merged
 from cutvib_ss.diagnosis.result import ErrorFigure
+from cutvib_ss.effects.base import Model
 from cutvib_ss.results import ComplexArray
 
 STANDS_OUT = 4.0
@@ -49,14 +51,18 @@ def _joined(found: list[tuple[float, float]], width: float) -> tuple[tuple[float
     return tuple(joined)
 
 
-def level_dependence(entries: Sequence[Entry]) -> float:
-    """Reduced χ² of the levels at each position, in each session, against their mean: sessions differ by drift."""
+def level_dependence(entries: Sequence[Entry], model: Model | None = None, blow_at: float = 0.0) -> float:
+    """
+    Reduced χ² of the levels at each position, in each session, against their mean: sessions differ by drift.
+
+    Records on different grids are compared in pairs; where their blocks differ, by a model.
+    """
     total, freedom = 0.0, 0
     places: dict[tuple[object, ...], list[Entry]] = {}
     for e in entries:
         # Records of a structure are compared as they are, unless they state their sessions.
         session = (e.session,) if e.session is not None else ()
-        places.setdefault((*measured_at(e), e.channels, e.freq.size, *session), []).append(e)
+        places.setdefault((*measured_at(e), *estimator_of(e), *session), []).append(e)
     for same in places.values():
         if len(same) < 2:
             continue
@@ -65,6 +71,9 @@ def level_dependence(entries: Sequence[Entry]) -> float:
         mean = np.sum(precision * data, axis=0) / precision.sum(axis=0)
         total += float(np.sum(np.abs(data - mean) ** 2 * precision))
         freedom += (len(same) - 1) * mean.size
+    for _, pair in across_grids(merged(entries), model, blow_at, stated=True):
+        total += float(pair.power.sum())
+        freedom += pair.power.size
     return total / freedom if freedom else float("nan")
 
 
