@@ -37,7 +37,7 @@ _NAMES_OF = {
         "WorkspaceCheck",
     ),
     "measurement": ("read_campaign", "write_campaign", "estimate", "Campaign", "Record"),
-    "identification": ("identify", "IdentificationResult"),
+    "identification": ("identify", "stabilisation", "IdentificationResult", "Stabilisation"),
     "effects.catalogue": ("register_effect",),
     "diagnosis.diagnose": ("diagnose",),
     "diagnosis.result": ("Diagnosis",),

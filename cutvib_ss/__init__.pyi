@@ -26,7 +26,9 @@ from cutvib_ss.errors import DiagnosisError as DiagnosisError
 from cutvib_ss.errors import IdentificationError as IdentificationError
 from cutvib_ss.errors import ParameterError as ParameterError
 from cutvib_ss.identification import IdentificationResult as IdentificationResult
+from cutvib_ss.identification import Stabilisation as Stabilisation
 from cutvib_ss.identification import identify as identify
+from cutvib_ss.identification import stabilisation as stabilisation
 from cutvib_ss.interchange import read_frf as read_frf
 from cutvib_ss.interchange import write_frf as write_frf
 from cutvib_ss.interchange import write_plant as write_plant

@@ -84,6 +84,7 @@ def absorber_design_command(
 ) -> None:
     """The absorbers of a given mass whose worst over the rail is the best: a study over a grid, then the optimum between."""
     check_outputs(plot, json, save_machine)
+    tunings = frequencies(tuning)
     import numpy as np
 
     from cutvib_ss.absorber import HarmonicForce, MountedAbsorber, mass_front, parametric_study, workspace_check
@@ -95,7 +96,6 @@ def absorber_design_command(
     if save_machine is not None and len(masses) > 1:
         raise ParameterError("--save-machine: several masses give several machines; name one mass")
     where = np.asarray(position) if position else WORKSPACE
-    tunings = frequencies(tuning)
     dampings = np.array(damping_ratio) if damping_ratio else np.arange(10, 51, 5) / 1000
     force = HarmonicForce.tone(working_frequency)
     if harmonics > 1:
@@ -123,9 +123,9 @@ def absorber_design_command(
         front = mass_front(model, masses, ports=ports, seed=seed, **ends, **judged)
         baseline = workspace_check(model, [MountedAbsorber(table_7())], **judged)
         if plot is not None:
-            from cutvib_ss.plot.style import check_picture, save
+            from cutvib_ss.plot.style import save
 
-            save(_picture(study, front, baseline), check_picture(plot))
+            save(_picture(study, front, baseline), plot)
     save_absorbers(model, front[0].mounted, save_machine)
     data = {
         "schema": "cutvib-absorber-design/1",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, MachineOption, PositionsOption, load_machine
+from cutvib_ss.cli.options import JsonOption, MachineOption, PositionsOption, load_machine, picture
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, write_all
 
 if TYPE_CHECKING:
@@ -54,7 +54,8 @@ SaveAbsorbersOption = Annotated[
     typer.Option("--save-machine", metavar="FILE.toml", help="Write the machine with the absorbers as a machine.toml."),
 ]
 PlotOption = Annotated[
-    Path | None, typer.Option("--plot", "--out", metavar="FILE", help="Picture: .png, .svg or .pdf.")
+    Path | None,
+    typer.Option("--plot", "--out", metavar="FILE", help="Picture: .png, .svg or .pdf.", callback=picture),
 ]
 
 
@@ -91,9 +92,9 @@ def absorber_check_command(
     over = workspace_check(model, [chosen], np.arange(1, 50) / 50, force=force, tolerance=box)
     if plot is not None:
         from cutvib_ss.plot.response import absorber_effect
-        from cutvib_ss.plot.style import check_picture, save
+        from cutvib_ss.plot.style import save
 
-        save(absorber_effect(given), check_picture(plot))
+        save(absorber_effect(given), plot)
     save_absorbers(model, [chosen], save_machine)
     data = {
         "schema": "cutvib-absorber/1",

@@ -32,7 +32,7 @@ _STOPPED = 130
 
 app = typer.Typer(
     name="cutvib",
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["--help", "-h"]},
     pretty_exceptions_enable=False,

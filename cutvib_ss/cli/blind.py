@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption
+from cutvib_ss.cli.options import JsonOption, existing_folder, existing_folders
 from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, working, write_all
 from cutvib_ss.errors import ParameterError
 
@@ -63,7 +63,11 @@ def blind_run_command(
 def blind_score_command(
     trials: Annotated[
         list[Path],
-        typer.Argument(metavar="DIR…", help="Folder of the trial; several, already opened, are scored as one."),
+        typer.Argument(
+            metavar="DIR…",
+            help="Folder of the trial; several, already opened, are scored as one.",
+            callback=existing_folders,
+        ),
     ],
     json: JsonOption = None,
     report: Annotated[
@@ -83,13 +87,13 @@ def blind_score_command(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time.")] = 1,
 ) -> None:
     """Open the seal, once, and score the diagnoses."""
-    from cutvib_ss.validation.trial_score import score_trials
-
     pages = report or []
     for page in pages:
         if page.suffix.lower() not in (".html", ".md"):
             raise ParameterError(f"--report {page}: {_SuffixError}")
     check_outputs(json, *pages)
+    from cutvib_ss.validation.trial_score import score_trials
+
     with working("scoring"):
         found = score_trials(trials, jobs)
     if train:
@@ -109,7 +113,12 @@ def blind_score_command(
 
 def blind_real_command(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder that holds campaigns, a label.toml beside each campaign.toml.")
+        Path,
+        typer.Argument(
+            metavar="DIR",
+            help="Folder that holds campaigns, a label.toml beside each campaign.toml.",
+            callback=existing_folder,
+        ),
     ],
     json: JsonOption = None,
     halves: Annotated[
@@ -118,9 +127,9 @@ def blind_real_command(
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes of a diagnosis.")] = 1,
 ) -> None:
     """Diagnose measured campaigns and hold each against its documented cause."""
+    check_outputs(json)
     from cutvib_ss.validation.measured import cells, diagnose_measured, table_data
 
-    check_outputs(json)
     rows = diagnose_measured(folder, halves=halves, jobs=jobs, progress=lambda name: say(messages(), name))
     if give_json(table_data(rows), json):
         return

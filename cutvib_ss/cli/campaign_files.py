@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, MachineOption, load_model
+from cutvib_ss.cli.options import CampaignArgument, JsonOption, MachineOption, existing_folder, load_model
 from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, working, write_all
 from cutvib_ss.errors import CutvibError, ParameterError
 
@@ -22,7 +22,9 @@ _NAMES = ("campaign.toml", "machine.toml")
 
 
 def campaign_init_command(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with the measured files.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder with the measured files.", callback=existing_folder)
+    ],
     channel: Annotated[
         list[str] | None,
         typer.Option(
@@ -39,12 +41,12 @@ def campaign_init_command(
     json: JsonOption = None,
 ) -> None:
     """Write a commented campaign.toml and machine.toml for the files found in a folder; nothing is overwritten."""
-    from cutvib_ss.measurement.draft import Wishes, draft
-    from cutvib_ss.measurement.survey import survey
-
     check_outputs(json)
     if position is not None and not 0.0 < position < 1.0:
         raise ParameterError(f"--position {position:g}: y_b / L lies strictly between 0 and 1")
+    from cutvib_ss.measurement.draft import Wishes, draft
+    from cutvib_ss.measurement.survey import survey
+
     model = load_model(machine)
     wishes = Wishes(*_stated(channel or [], model), position=position, title=title)
     with working("reading the files"):
@@ -226,7 +228,7 @@ def _say_state(folder: Path) -> None:
 
 
 def campaign_show_command(
-    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN", help="Folder of the campaign, or its campaign.toml.")],
+    campaign: CampaignArgument,
     json: JsonOption = None,
     report: Annotated[
         Path | None,

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, MachineOption, SaveMachineOption
+from cutvib_ss.cli.options import CampaignArgument, JsonOption, MachineOption, SaveMachineOption, limits
 from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, working, write_all
 from cutvib_ss.cli.progress import progress
-from cutvib_ss.errors import DataFormatError, ParameterError
+from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from cutvib_ss.identification.identify import IdentificationResult
     from cutvib_ss.measurement.records import Campaign
 
-_CampaignArgument = Annotated[
-    Path, typer.Argument(metavar="CAMPAIGN", help="Folder of the campaign, or its campaign.toml.")
-]
 _SHOWN = 5
 
 
@@ -40,7 +37,7 @@ class BaseName(StrEnum):
 
 
 def diagnose_command(
-    campaign: _CampaignArgument,
+    campaign: CampaignArgument,
     json: JsonOption = None,
     report: Annotated[
         Path | None,
@@ -73,11 +70,7 @@ def diagnose_command(
     """
     if hold_out is not None and not 0.0 < hold_out < 1.0:
         raise ParameterError(f"--hold-out {hold_out:g} must lie strictly between 0 and 1")
-    lines = None if band is None else _band(band)
-    for given in (campaign, machine):
-        if given is not None and not given.exists():
-            what = "a campaign is a folder with a campaign.toml" if given is campaign else "correct --machine"
-            raise DataFormatError(f"{given}: there is no such file; {what}")
+    lines = None if band is None else limits(band, "150:300")
     check_outputs(json, report, save_machine)
     found = diagnosis_of(campaign, machine, hold_out, seed, jobs, lines, tuple(records or ()))
     again = _command(campaign, machine, hold_out, seed, band, records or ())
@@ -87,7 +80,7 @@ def diagnose_command(
 
 
 def identify_command(
-    campaign: _CampaignArgument,
+    campaign: CampaignArgument,
     base: Annotated[
         BaseName, typer.Option("--base", help="Fit with the base held, as the paper does, or riding on the rail.")
     ] = BaseName.RAIL,
@@ -97,6 +90,7 @@ def identify_command(
     save_machine: SaveMachineOption = None,
 ) -> None:
     """First guess and bounded fit of the head's ten parameters, and what the records determine of them."""
+    lines = limits(band, "150:300")
     check_outputs(json, save_machine)
     from cutvib_ss.identification.identify import identify
     from cutvib_ss.measurement.campaign import read_campaign
@@ -104,7 +98,7 @@ def identify_command(
 
     with working("reading and fitting"):
         measured = read_campaign(campaign, None if machine is None else _read(machine))
-        found = identify(measured, base=base.value, band=_band(band))
+        found = identify(measured, base=base.value, band=lines)
     fitted = found.machine
     if save_machine is not None and fitted is not None:
         write_all({save_machine: lambda draft: write_machine(fitted, draft)})
@@ -178,6 +172,21 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
         say(console, f"By channel, on held-out records [{gap.unit}]")
         heads = ["", "before", "tuned", "after", "second-best", "noise", "FRAC before", "after", "dB before", "after"]
         show(console, "", heads, by_channel, "lrrrrrrrrr")
+    heads, correlated = details.frac_rows(found.findings.frac)
+    if len(correlated) > 1:
+        say(console, "")
+        show(
+            console,
+            "FRAC by position, of the model as given and with the cause",
+            heads,
+            correlated,
+            "l" + "r" * len(heads),
+        )
+    modes = details.mode_rows(found.findings.modes)
+    if modes:
+        say(console, "")
+        heads = ["y/L", "nominal [Hz]", "corrected [Hz]", "damping [%]", "corrected [%]", "MAC"]
+        show(console, "Modes", heads, modes, "rrrrrr")
     say(console, "")
     rows = []
     for cause in found.causes[:_SHOWN]:
@@ -276,16 +285,6 @@ def _read(machine: Path) -> Any:
     from cutvib_ss.model_files import read_machine
 
     return read_machine(machine)
-
-
-def _band(text: str) -> tuple[float, float]:
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise ParameterError(f"--band {text}: give LO:HI in Hz, for instance 150:300") from None
-    if not 0.0 < low < high < float("inf"):
-        raise ParameterError(f"--band {text}: needs 0 < LO < HI, both finite")
-    return low, high
 
 
 def _identify_data(found: IdentificationResult) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, MachineOption, load_machine, position_value
+from cutvib_ss.cli.options import JsonOption, MachineOption, existing_machines, load_machine, picture, position_value
 from cutvib_ss.cli.output import check_outputs, give_json, json_text, results, say, show, working, write_all
 from cutvib_ss.errors import ParameterError
 
@@ -94,7 +94,12 @@ def control_check_command(
     ] = None,
     corrected: Annotated[
         list[Path] | None,
-        typer.Option("--corrected", metavar="FILE.toml", help="Check on this machine too; may be given several times."),
+        typer.Option(
+            "--corrected",
+            metavar="FILE.toml",
+            help="Check on this machine too; may be given several times.",
+            callback=existing_machines,
+        ),
     ] = None,
     positions: Annotated[int, typer.Option("--positions", min=2, max=999, help="Positions over the rail.")] = 25,
     modes: Annotated[int, typer.Option("--modes", min=1, max=200, help="Modes of the rail to check on.")] = 20,
@@ -103,10 +108,14 @@ def control_check_command(
     rate: _RateOption = 10_000.0,
     order: _OrderOption = None,
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Picture over the rail: .png, .svg or .pdf.")
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Picture over the rail: .png, .svg or .pdf.", callback=picture),
     ] = None,
     responses: Annotated[
-        Path | None, typer.Option("--responses", metavar="FILE", help="Picture over frequency: .png, .svg or .pdf.")
+        Path | None,
+        typer.Option(
+            "--responses", metavar="FILE", help="Picture over frequency: .png, .svg or .pdf.", callback=picture
+        ),
     ] = None,
     machine: MachineOption = None,
     json: JsonOption = None,
@@ -115,12 +124,6 @@ def control_check_command(
     check_outputs(plot, responses, json)
     from cutvib_ss.control_design import PROTOTYPES, check_controller, check_positions
 
-    if plot is not None or responses is not None:
-        from cutvib_ss.plot.style import check_picture
-
-        for picture in (plot, responses):
-            if picture is not None:
-                check_picture(picture)
     model = load_machine(machine, "cutvib control")
     machines = {"nominal" if machine is None else machine.stem: model}
     for file in corrected or []:
@@ -133,16 +136,16 @@ def control_check_command(
             label, made, hardware = _controller(name, model, position, actuator, rate, order)
             checks.append(check_controller(made, machines, check_positions(positions), hardware, label, modes))
             loops += _over_amplitude(label, made, machines, hardware)
-    pictures = {}
+    drawn = {}
     if plot is not None or responses is not None:
         from cutvib_ss.plot.control import controller_overview, controller_responses
         from cutvib_ss.plot.style import save
 
         with working("drawing"):
-            for picture, draw in ((plot, controller_overview), (responses, controller_responses)):
-                if picture is not None:
-                    pictures[picture] = draw(checks)
-                    save(pictures[picture], picture)
+            for target, draw in ((plot, controller_overview), (responses, controller_responses)):
+                if target is not None:
+                    drawn[target] = draw(checks)
+                    save(drawn[target], target)
     data = {
         "schema": "cutvib-control-check/1",
         "checks": [_check_data(c) for c in checks],
@@ -152,8 +155,8 @@ def control_check_command(
         return
     _show(checks, f"{positions} positions, y/L = 0.02 to 0.98; {modes} modes of the rail or more")
     _show_loops(loops)
-    if pictures:
-        say(results(), f"picture: {', '.join(map(str, pictures))}")
+    if drawn:
+        say(results(), f"picture: {', '.join(map(str, drawn))}")
 
 
 def _controller(

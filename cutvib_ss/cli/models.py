@@ -16,16 +16,19 @@ from cutvib_ss.cli.options import (
     PositionOption,
     PositionsOption,
     check_places,
+    check_position_given,
     frequencies,
     load_machine,
     load_model,
+    picture,
 )
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.files import check_picture, check_target
 
 if TYPE_CHECKING:
     from cutvib_ss.model.machine import Machine
-    from cutvib_ss.results import FrequencyResponse, Modes
+    from cutvib_ss.results import FloatArray, FrequencyResponse, Modes
 
 _OutputsOption = Annotated[
     list[str] | None,
@@ -52,10 +55,12 @@ _TITLES = {
 def modes_command(
     position: PositionOption = None,
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Also draw the modes of rail and head.")
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Also draw the modes of rail and head.", callback=picture),
     ] = None,
     poles: Annotated[
-        Path | None, typer.Option("--poles", metavar="FILE", help="Also draw the poles in the s-plane.")
+        Path | None,
+        typer.Option("--poles", metavar="FILE", help="Also draw the poles in the s-plane.", callback=picture),
     ] = None,
     animate: Annotated[
         Path | None, typer.Option("--animate", metavar="FILE.gif", help="Also show one mode in motion.")
@@ -66,6 +71,7 @@ def modes_command(
 ) -> None:
     """Natural frequencies, damping ratios, poles and mode shapes at a position."""
     check_outputs(json, plot, poles, animate)
+    check_position_given(machine, position)
     import numpy as np
 
     from cutvib_ss.response.modes import modes
@@ -103,12 +109,11 @@ def _draw_modes(
     machine: Machine | None, found: Modes, plot: Path | None, poles: Path | None, animate: Path | None, mode: int
 ) -> None:
     from cutvib_ss.plot import animate_mode, mode_shapes, s_plane, save
-    from cutvib_ss.plot.style import check_picture
 
     if plot is not None and machine is not None:
-        save(mode_shapes(machine, found), check_picture(plot))
+        save(mode_shapes(machine, found), plot)
     if poles is not None:
-        save(s_plane(found), check_picture(poles))
+        save(s_plane(found), poles)
     if animate is not None and machine is not None:
         animate_mode(machine, found, mode, animate)
 
@@ -127,12 +132,13 @@ def frf_command(
     json: JsonOption = None,
 ) -> None:
     """Frequency responses to the force; as CSV on standard output unless a file is asked for."""
+    check_outputs(out, json)
+    lines = _asked(machine, position, freq)
     from cutvib_ss.interchange.frf_files import frf_csv, frf_writer, write_frf
 
-    check_outputs(out, json)
     if out is not None:
         frf_writer(out)
-    frf = _response(machine, position, freq, form, input, output)
+    frf = _response(machine, position, lines, form, input, output)
     if out is not None:
         write_frf(frf, out)
     if give_json(_frf_data("cutvib-frf/1", frf), json):
@@ -149,17 +155,19 @@ def bode_command(
     form: _FormOption = None,
     input: _InputOption = None,
     output: _OutputsOption = None,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.")] = Path("bode.png"),
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.", callback=picture)
+    ] = Path("bode.png"),
     machine: MachineOption = None,
     json: JsonOption = None,
 ) -> None:
     """Bode plots at given positions."""
     check_outputs(out, json)
-    frf = _response(machine, position, freq, form, input, output)
+    lines = _asked(machine, position, freq)
+    frf = _response(machine, position, lines, form, input, output)
     from cutvib_ss.plot.response import bode
-    from cutvib_ss.plot.style import check_picture, save
+    from cutvib_ss.plot.style import save
 
-    check_picture(out)
     with working("drawing"):
         save(bode(frf), out)
     if not give_json(_frf_data("cutvib-bode/1", frf), json):
@@ -192,13 +200,13 @@ def figures_command(
 ) -> None:
     """Figs. 15 to 20 of the paper as far as its printed values allow, each in a file of its name."""
     check_outputs(json)
-    from cutvib_ss.interchange.files import check_target
+    check_picture(out / f"figure.{suffix}")
+    check_target(out / "x") if out.is_dir() else check_target(out)
     from cutvib_ss.paper import paper_curves
     from cutvib_ss.plot.paper import FIGURES
-    from cutvib_ss.plot.style import check_picture, save
+    from cutvib_ss.plot.style import save
 
-    files = {name: check_picture(out / f"{name}.{suffix}") for name in FIGURES}
-    check_target(out / "x") if out.is_dir() else check_target(out)
+    files = {name: out / f"{name}.{suffix}" for name in FIGURES}
     out.mkdir(exist_ok=True)
     with working("drawing the paper's figures"):
         curves = paper_curves()
@@ -210,10 +218,18 @@ def figures_command(
     show(results(), "Figures", ["figure", "what it shows", "file"], rows, "lll")
 
 
+def _asked(machine: Path | None, positions: list[float] | None, freq: str) -> FloatArray:
+    """Positions and frequencies looked at before anything slow is imported; the frequencies."""
+    check_position_given(machine, positions)
+    if positions and len(set(positions)) < len(positions):
+        raise ParameterError("--position: one position is given twice; leave one of them out")
+    return frequencies(freq)
+
+
 def _response(
     machine: Path | None,
     position: list[float] | None,
-    freq: str,
+    lines: FloatArray,
     form: FormName | None,
     input: list[str] | None,
     output: list[str] | None,
@@ -222,9 +238,6 @@ def _response(
 
     model = load_model(machine)
     places = check_places(model, position)
-    if places is not None and len(set(places)) < len(places):
-        raise ParameterError("--position: one position is given twice; leave one of them out")
-    lines = frequencies(freq)
     signals: dict[str, Any] = {"inputs": input or "force", "outputs": output or None}
     return frequency_response(model, places, lines, form=None if form is None else form.value, **signals)
 

@@ -8,16 +8,79 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutvib_ss.errors import ParameterError
+from cutvib_ss.errors import DataFormatError, ParameterError
+from cutvib_ss.files import check_picture
 
 if TYPE_CHECKING:
     from cutvib_ss.model.machine import Machine
     from cutvib_ss.model.structure import Structure
     from cutvib_ss.results import FloatArray
 
+
+def _existing(path: Path | None, remedy: str) -> Path | None:
+    """A path that must be there: refused before anything slow is imported."""
+    if path is not None and not path.exists():
+        raise DataFormatError(f"{path}: there is no such file; {remedy}")
+    return path
+
+
+def existing_machine(path: Path | None) -> Path | None:
+    """A machine.toml that is there."""
+    return _existing(path, "give the path of a machine.toml")
+
+
+def existing_machines(paths: list[Path] | None) -> list[Path] | None:
+    """Each a machine.toml that is there."""
+    for path in paths or ():
+        existing_machine(path)
+    return paths
+
+
+def existing_input(path: Path | None) -> Path | None:
+    """A file of input that is there."""
+    return _existing(path, "correct the path")
+
+
+def existing_folder(path: Path | None) -> Path | None:
+    """A folder that is there."""
+    if path is not None and not path.is_dir():
+        raise DataFormatError(f"{path}: there is no such folder; correct the path")
+    return path
+
+
+def existing_folders(paths: list[Path]) -> list[Path]:
+    """Each a folder that is there."""
+    for path in paths:
+        existing_folder(path)
+    return paths
+
+
+def existing_campaign(path: Path | None) -> Path | None:
+    """A campaign: its campaign.toml, or the folder that holds it."""
+    if path is not None and path.is_dir() and not (path / "campaign.toml").exists():
+        raise DataFormatError(
+            f"{path / 'campaign.toml'}: there is no such file; `cutvib campaign init {path}` writes one for the files "
+            "of the folder"
+        )
+    return _existing(path, "a campaign is a folder with a campaign.toml")
+
+
+def picture(path: Path | None) -> Path | None:
+    """The name of a picture that can be drawn."""
+    return None if path is None else check_picture(path)
+
+
+CampaignArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="CAMPAIGN", help="Folder of the campaign, or its campaign.toml.", callback=existing_campaign
+    ),
+]
 MachineOption = Annotated[
     Path | None,
-    typer.Option("--machine", metavar="FILE.toml", help="The model; by default the published machine."),
+    typer.Option(
+        "--machine", metavar="FILE.toml", help="The model; by default the published machine.", callback=existing_machine
+    ),
 ]
 JsonOption = Annotated[
     str | None,
@@ -81,12 +144,17 @@ def load_model(path: Path | None) -> Machine | Structure:
 
 def load_machine(path: Path | None, command: str) -> Machine:
     """A cutting machine; another structure is refused, for it has no rail to move along."""
-    from cutvib_ss.model.machine import Machine
 
     model = load_model(path)
-    if not isinstance(model, Machine):
+    if model.rail is None:
         raise ParameterError(f'{path}: kind = "second_order" has no position; `{command}` needs a cutting machine')
     return model
+
+
+def check_position_given(machine: Path | None, given: object) -> None:
+    """The published machine has a rail: without a position nothing need be loaded to say that it is missing."""
+    if machine is None and not given and given != 0.0:
+        raise ParameterError("--position is missing; give y_b / L of the head, strictly between 0 and 1")
 
 
 def check_places(model: Machine | Structure, positions: list[float] | None) -> list[float] | None:
@@ -116,3 +184,14 @@ def frequencies(text: str) -> FloatArray:
         raise ParameterError(f"--freq {text}: {count} frequencies are too many; take a larger step")
     lines: FloatArray = low + step * np.arange(count, dtype=np.float64)
     return lines
+
+
+def limits(text: str, example: str) -> tuple[float, float]:
+    """A band from LO:HI [Hz]."""
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise ParameterError(f"--band {text}: give LO:HI in Hz, for instance {example}") from None
+    if not 0.0 < low < high < float("inf"):
+        raise ParameterError(f"--band {text}: needs 0 < LO < HI, both finite")
+    return low, high

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.files import check_target, staged
 
 _WIDTH = 110
 """Columns of tables that are read by no terminal."""
@@ -62,8 +63,6 @@ def say(console: Console, line: str | Text) -> None:
 
 def check_outputs(*targets: str | Path | None) -> None:
     """Refuse targets that cannot be written or are named twice, before the work begins."""
-    from cutvib_ss.interchange.files import check_target
-
     named = [Path(t) for t in targets if t is not None and str(t) != "-"]
     for target in named:
         check_target(target)
@@ -73,8 +72,6 @@ def check_outputs(*targets: str | Path | None) -> None:
 
 def write_all(writers: dict[str | Path, Callable[[Path], object]]) -> None:
     """Write several files; either all of them come to be, or none."""
-    from cutvib_ss.interchange.files import staged
-
     with ExitStack() as stack:
         for target, writer in writers.items():
             writer(stack.enter_context(staged(target)))

@@ -7,9 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, MachineOption, PositionsOption, check_places, load_model
+from cutvib_ss.cli.options import (
+    JsonOption,
+    MachineOption,
+    PositionsOption,
+    check_places,
+    check_position_given,
+    limits,
+    load_model,
+)
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
-from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,6 +52,8 @@ def plan_command(
 ) -> None:
     """Which causes a planned campaign could see and tell apart, and how little of each, before any test."""
     check_outputs(json)
+    lines = limits(band, "15:450")
+    check_position_given(machine, positions)
     model = load_model(machine)
     places = check_places(model, positions)
     from cutvib_ss.diagnosis.plan import PlannedCampaign, plan
@@ -57,7 +66,7 @@ def plan_command(
                 levels=tuple(levels or (50.0,)),
                 channels=tuple(channels or model.channels),
                 blows=blows,
-                band=_limits(band),
+                band=lines,
                 block=block,
                 noise=noise,
                 error=error,
@@ -66,14 +75,6 @@ def plan_command(
         )
     if not give_json(_data(found), json):
         _print(found, results())
-
-
-def _limits(text: str) -> tuple[float, float]:
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        raise ParameterError(f"--band {text}: give LO:HI in Hz, for instance 15:450") from None
-    return low, high
 
 
 def _data(found: Plan) -> dict[str, Any]:

@@ -21,14 +21,16 @@ class Progress:
 
     def __init__(self, status: Status | None) -> None:
         self._status = status
-        self._start = self._shown = time.monotonic()
+        self._start = self._shown = self._begun = time.monotonic()
         self._step, self._said = "", ""
 
     def __call__(self, said: str) -> None:
         """Say what is being done; what follows a colon is how far it has come."""
-        self._said = said
         step, _, count = said.partition(":")
         now = time.monotonic()
+        if step != self._step:
+            self._begun = now
+        self._said = said = said + remaining(count, now - self._begun)
         if self._status is not None:
             self.tick()
         elif step != self._step or (count and now - self._shown >= _EVERY):
@@ -43,8 +45,26 @@ class Progress:
             self._status.update(f"{self._elapsed()} {self._said}".replace("[", "\\["))
 
     def _elapsed(self) -> str:
-        seconds = int(time.monotonic() - self._start)
-        return f"{seconds // 60}:{seconds % 60:02d}"
+        return _clock(time.monotonic() - self._start)
+
+
+def remaining(count: str, passed: float) -> str:
+    """
+    How long a step will take on, judged by its rate so far; nothing where it has no count or is over.
+
+    >>> remaining(" 8 of 32", 20.0)
+    ', about 1:00 more'
+    >>> remaining("", 20.0)
+    ''
+    """
+    done, of, total = count.strip().partition(" of ")
+    if not of or not (done.isdigit() and total.isdigit()) or not 0 < int(done) < int(total):
+        return ""
+    return f", about {_clock(passed * (int(total) - int(done)) / int(done))} more"
+
+
+def _clock(seconds: float) -> str:
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import FreqOption, JsonOption, MachineOption, frequencies, load_machine
+from cutvib_ss.cli.options import FreqOption, JsonOption, MachineOption, frequencies, load_machine, picture
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class InterpolationName(StrEnum):
 
 
 def _picture(option: str, what: str) -> Any:
-    return typer.Option(option, metavar="FILE", help=f"Also draw {what}.")
+    return typer.Option(option, metavar="FILE", help=f"Also draw {what}.", callback=picture)
 
 
 def schedule_command(
@@ -41,9 +41,9 @@ def schedule_command(
             "--output", metavar="NAME", help="Channel or port to map, the first beside the frequencies; tool_x."
         ),
     ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.")] = Path(
-        "schedule.png"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.", callback=picture)
+    ] = Path("schedule.png"),
     poles: Annotated[Path | None, _picture("--poles", "the poles over positions")] = None,
     bode: Annotated[Path | None, _picture("--bode", "maps of magnitude and phase, one for each output")] = None,
     grid: Annotated[int, typer.Option("--grid", min=2, max=2001, help="Grid points of the table of plants.")] = 33,
@@ -59,22 +59,20 @@ def schedule_command(
 ) -> None:
     """Natural frequencies, damping and responses over the whole rail; the plants as a table, with its error."""
     check_outputs(out, poles, bode, table, error, json)
+    lines, outputs = frequencies(freq), output or ["tool_x"]
     import numpy as np
 
     from cutvib_ss.interchange.plant_files import check_plant_file, write_plant
     from cutvib_ss.plant import schedule as family_over
     from cutvib_ss.plot.schedule import bode_map, interpolation_error, pole_map, schedule
-    from cutvib_ss.plot.style import check_picture, save
+    from cutvib_ss.plot.style import save
     from cutvib_ss.response.frequency import frequency_response
     from cutvib_ss.response.modes import track_modes
 
     pictures = [p for p in (out, poles, bode, error) if p is not None]
-    for picture in pictures:
-        check_picture(picture)
     if table is not None:
         check_plant_file(table)
     model = load_machine(machine, "cutvib schedule")
-    lines, outputs = frequencies(freq), output or ["tool_x"]
     places = np.arange(1, positions + 1) / (positions + 1)
     with working("following the modes along the rail"):
         tracked = track_modes(model, places)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from cutvib_ss.cli.options import existing_campaign
 from cutvib_ss.errors import ParameterError
 
 PORT = 8080
@@ -14,7 +15,10 @@ PORT = 8080
 
 def serve_command(
     campaign: Annotated[
-        Path | None, typer.Argument(metavar="[CAMPAIGN]", help="Folder of a campaign that the page opens with.")
+        Path | None,
+        typer.Argument(
+            metavar="[CAMPAIGN]", help="Folder of a campaign that the page opens with.", callback=existing_campaign
+        ),
     ] = None,
     host: Annotated[
         str, typer.Option("--host", metavar="ADDRESS", help="Address to listen at; 0.0.0.0 lets other machines in.")

@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, MachineOption, PositionOption, check_places, load_model
+from cutvib_ss.cli.options import (
+    JsonOption,
+    MachineOption,
+    PositionOption,
+    check_places,
+    check_position_given,
+    existing_input,
+    load_model,
+    picture,
+)
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working, write_all
 from cutvib_ss.errors import ParameterError
 
@@ -79,7 +88,7 @@ def simulate_command(
     force: Annotated[
         Path | None,
         typer.Option(
-            "--force", metavar="FILE", rich_help_panel=_RECORD,
+            "--force", metavar="FILE", rich_help_panel=_RECORD, callback=existing_input,
             help="A record with a channel `force`, in any format of a campaign; for instance CSV with `time \\[s],force [N]`.",
         ),
     ] = None,
@@ -98,7 +107,7 @@ def simulate_command(
     travel: Annotated[
         Path | None,
         typer.Option(
-            "--travel", metavar="FILE", rich_help_panel=_TRAVEL,
+            "--travel", metavar="FILE", rich_help_panel=_TRAVEL, callback=existing_input,
             help="A recorded travel in place of --position and --to: CSV with `time \\[s],position \\[y/L]`.",
         ),
     ] = None,
@@ -106,22 +115,25 @@ def simulate_command(
         Path | None, typer.Option("--out", metavar="FILE", rich_help_panel=_FILES, help="Histories: .csv or .npz.")
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", rich_help_panel=_FILES, help="Picture: .png, .svg or .pdf.")
+        Path | None,
+        typer.Option(
+            "--plot", metavar="FILE", rich_help_panel=_FILES, help="Picture: .png, .svg or .pdf.", callback=picture
+        ),
     ] = None,
     machine: MachineOption = None,
     json: JsonOption = None,
 ) -> None:  # fmt: skip
     """Time response to the tool's pulses, to harmonics or a recorded force; with the machine's nonlinear elements."""
     check_outputs(out, plot, json)
+    if travel is None:
+        check_position_given(machine, position)
     from cutvib_ss.interchange.time_files import check_time_file, write_time_response
-    from cutvib_ss.plot.style import check_picture, save
+    from cutvib_ss.plot.style import save
     from cutvib_ss.plot.time import time_histories
     from cutvib_ss.response.pulses import pulse_train
 
     if out is not None:
         check_time_file(out)
-    if plot is not None:
-        check_picture(plot)
     model = load_model(machine)
     way = None
     if travel is not None or to is not None:
@@ -166,7 +178,6 @@ def _respond(
     steady: bool,
     way: Travel | None,
 ) -> TimeResponse:
-    from cutvib_ss.model.machine import Machine
     from cutvib_ss.response.time_response import time_response
 
     wanted: Quantity | None = None if quantity is None else quantity.value
@@ -183,7 +194,7 @@ def _respond(
         )
     from cutvib_ss.response.moving import moving_response
 
-    assert isinstance(model, Machine)
+    assert model.rail is not None
     return moving_response(model, way, given.values, given.fs, outputs=output, quantity=wanted, viscous_at=217.0)
 
 
@@ -196,11 +207,10 @@ def _way(
     steady: bool,
 ) -> Travel:
     """How the head travels."""
-    from cutvib_ss.model.machine import Machine
     from cutvib_ss.response.travel import s_curve, trapezoid
 
     option = "--to" if file is None else "--travel"
-    if not isinstance(model, Machine):
+    if model.rail is None:
         raise ParameterError(f"{option}: this model has no position; leave the option out")
     if steady:
         raise ParameterError(f"{option} with --steady: a head that travels has no steady state; leave one of them out")

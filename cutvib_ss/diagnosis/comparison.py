@@ -19,19 +19,9 @@ from scipy import interpolate, ndimage
 
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Entry, Group, estimator_of, measured_at, merged, session_of
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import ComplexArray, FloatArray
-
-COMMON = 8
-"""Lines that two records must share to be compared."""
-NEAR = 1e-3
-"""Part of the spacing within which two lines are the same."""
-TAIL_ERROR = 0.3
-"""Relative error of what a block cuts off, since that is taken from a model."""
-HALVED = 4.0
-"""By how much a cubic spline's error grows with twice the spacing, at least: by 16 where lines are dense, by less on a peak."""
-NEIGHBOURS = 9
-"""Lines of which the largest such error is taken."""
 
 
 class Compared(NamedTuple):
@@ -60,12 +50,12 @@ def compared(a: Entry, b: Entry, model: Model | None = None, blow_at: float = 0.
             return None
         a, b = _less(a, model, blow_at), _less(b, model, blow_at)
     here, there = _coinciding(a.freq, b.freq)
-    if here.size >= COMMON:
+    if here.size >= SETTINGS.comparison_common_lines:
         data = (a.data[:, here], b.data[:, there])
         return Compared(a.freq[here], channels, data, (a.variance[:, here], b.variance[:, there]))
     coarse, fine = (a, b) if _spacing(a) >= _spacing(b) else (b, a)
     inside = (coarse.freq >= fine.freq[0]) & (coarse.freq <= fine.freq[-1])
-    if np.count_nonzero(inside) < COMMON or fine.freq.size < COMMON:
+    if np.count_nonzero(inside) < SETTINGS.comparison_common_lines or fine.freq.size < SETTINGS.comparison_common_lines:
         return None
     freq = coarse.freq[inside]
     sides = [(coarse.data[:, inside], coarse.variance[:, inside]), _interpolated(fine, freq)]
@@ -111,7 +101,9 @@ def _less(e: Entry, model: Model, blow_at: float) -> Entry:
     (group,) = merged([e])
     shown = Prediction(model, group, blow_at)
     tail = (shown.untruncated * shown.window - shown.data)[0]
-    return replace(e, data=e.data - shown.data[0], variance=e.variance + (TAIL_ERROR * np.abs(tail)) ** 2)
+    return replace(
+        e, data=e.data - shown.data[0], variance=e.variance + (SETTINGS.comparison_tail_error * np.abs(tail)) ** 2
+    )
 
 
 def _spacing(e: Entry) -> float:
@@ -122,7 +114,7 @@ def _coinciding(a: FloatArray, b: FloatArray) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the lines that two grids share."""
     at = np.clip(np.searchsorted(b, a), 1, b.size - 1)
     nearest = np.where(np.abs(b[at - 1] - a) <= np.abs(b[at] - a), at - 1, at)
-    same = np.flatnonzero(np.abs(b[nearest] - a) <= NEAR * float(np.median(np.diff(b))))
+    same = np.flatnonzero(np.abs(b[nearest] - a) <= SETTINGS.comparison_same_line * float(np.median(np.diff(b))))
     return same, nearest[same]
 
 
@@ -133,7 +125,7 @@ def _interpolated(e: Entry, freq: FloatArray) -> tuple[ComplexArray, FloatArray]
     between = np.zeros(e.freq.size, dtype=bool)
     between[1::2] = True
     # The spline's own noise is a good part of a line's.
-    missed = np.maximum(np.abs(rough - e.data) ** 2 - 2.0 * e.variance, 0.0) / HALVED**2
-    missed = ndimage.maximum_filter1d(np.where(between, missed, 0.0), NEIGHBOURS, axis=1)
+    missed = np.maximum(np.abs(rough - e.data) ** 2 - 2.0 * e.variance, 0.0) / SETTINGS.comparison_halved**2
+    missed = ndimage.maximum_filter1d(np.where(between, missed, 0.0), SETTINGS.comparison_neighbours, axis=1)
     spread = e.variance + missed
     return np.asarray(data), np.array([np.interp(freq, e.freq, row) for row in spread])

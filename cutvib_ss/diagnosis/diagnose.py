@@ -13,6 +13,7 @@ from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.likelihood import Sizes
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
@@ -22,25 +23,19 @@ from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.place import Located, locate
 from cutvib_ss.diagnosis.posterior import Counts, kind_of, probabilities
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.ranking import ENOUGH, Ranked
+from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
 from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.diagnosis.search import search
-from cutvib_ss.diagnosis.unknown_element import AMPLITUDES, ports_of
-from cutvib_ss.diagnosis.verdict import SURE, ambiguity_set, place_set, verdict
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.unknown_element import ports_of
+from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.measurement.records import FORCE, Campaign
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
-
-JUDGED = 3
-"""Causes that are judged on held-out records, at least while they carry any probability."""
-STANDS_OUT = 1.1
-"""χ² a datum of the re-tuned model from which its gap stands out of noise, tuning and repeatability."""
-BAND_WIDTH = 5.0
-"""Width over which the error is averaged to find the bands that stand out [Hz]."""
 
 MAINS_INTERFERENCE = "the re-tuned model's residual lies on multiples of {:g} Hz: mains interference in the measurement"
 
@@ -135,7 +130,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         if kind_of(r.fit.hypothesis) == "known":
             known[r.fit.hypothesis.effect, r.fit.hypothesis.place] += 1
     ports = list(ports_of(nominal).values())
-    variants = {**known, **{("unknown", p): len(AMPLITUDES) * ports.count(p) for p in ports}}
+    variants = {**known, **{("unknown", p): len(SETTINGS.unknown_amplitudes) * ports.count(p) for p in ports}}
     counts = Counts(len(known), len(set(ports)))
     odds = probabilities(ranked, counts, variants)
     shown = sorted(causes, key=lambda r: -odds[r.name])
@@ -143,8 +138,8 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)
     held = {"none": tuned}
-    no_gap = odds["none"] > SURE
-    for r in shown[:JUDGED]:
+    no_gap = odds["none"] > SETTINGS.verdict_sure
+    for r in shown[: SETTINGS.verdict_judged]:
         if odds[r.name] > 1e-3 or (r is shown[0] and not no_gap):
             held[r.name] = judged(r)
     other = next(
@@ -159,16 +154,16 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     after = held[first.name]
     tuned_blow = problem.blow_at(none.fit.x)
     levels = where.level_dependence(fitted, none.fit.model, tuned_blow)
-    by_level = bool(levels > where.LEVEL_EXCESS) or level_stands_out(records, none.fit.model, tuned_blow)
+    by_level = bool(levels > SETTINGS.level_excess) or level_stands_out(records, none.fit.model, tuned_blow)
     located, interference = Located(), None
-    if by_level or none.reduced > ENOUGH:
+    if by_level or none.reduced > SETTINGS.search_enough:
         workers.say("locating the fault without a hypothesis")
         located = locate(nominal, none.fit, fitted, tuned_blow, by_level)
         interference = mains(nominal, none.fit, records)
         located = located if interference is None else with_mains_interference(located, interference)
     rows = _causes(none, shown, odds, located.best, held, before, observed)
     interval = cross_validation.shrinkage_interval(before, after.records, seed)
-    stands_out = none.reduced > STANDS_OUT or first is not none
+    stands_out = none.reduced > SETTINGS.verdict_stands_out or first is not none
     result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end))
     chosen = none.fit if result == "no_gap" else after.ranked.fit
     figures = _figures(observed, before, tuned, held[none.name] if result == "no_gap" else after, seed)
@@ -180,7 +175,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         )
     workers.say("computing what the result means")
     places = _places(ranked, odds)
-    bands_hz = _bands(problem, none.fit)
+    bands_hz = _bands(problem, none.fit, chosen.spread.sizes)
     second = other if first is shown[0] or no_gap else shown[0]
     sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
     return Diagnosis(
@@ -318,9 +313,10 @@ def _places(ranked: Sequence[Ranked], odds: dict[str, float]) -> tuple[tuple[str
     return tuple(sorted(total.items(), key=lambda item: -item[1]))
 
 
-def _bands(problem: Problem, none: Fit) -> tuple[tuple[float, float], ...]:
-    _, residuals, _ = problem.residuals(none.x)
-    return where.bands(list(zip(problem.groups, residuals, strict=True)), BAND_WIDTH)
+def _bands(problem: Problem, none: Fit, sizes: Sizes) -> tuple[tuple[float, float], ...]:
+    predictions, residuals, _ = problem.residuals(none.x)
+    drifts = where.drift_squares(problem, none.x, predictions, sizes)
+    return where.bands(list(zip(problem.groups, residuals, strict=True)), SETTINGS.band_width, drifts)
 
 
 def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry]) -> tuple[Comparison, ...]:

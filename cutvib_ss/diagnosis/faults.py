@@ -17,17 +17,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutvib_ss.diagnosis.modification import Elements, Lines, RailModes
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.model.elements import SpringDamperMass
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import EndSupports, RailAttachment, Torsion
 from cutvib_ss.response.rail_receptance import RailPort, RailReceptance
 from cutvib_ss.results import ComplexArray, FloatArray
-
-STIFF = 30.0
-"""Stiffness of the ends against which they are freed, as a multiple of the rail's first mode's: any would do."""
-FAR_TWIST = 50.0
-"""First frequency of the twist against which the rail's is freed, as a multiple of its first bending frequency."""
-
 
 # -- elements in parallel -----------------------------------------------------------------------------------------------------
 
@@ -110,7 +104,7 @@ def end_supports(v: Lines) -> Elements:
     """Ends that give: one compliance at y = 0, one at y = L."""
     rail = v.condensed.rail.model
     p = rail.parameters
-    k = STIFF * p.mass / 2 * (2 * np.pi * p.first_frequency) ** 2
+    k = SETTINGS.faults_end_stiffness * p.mass / 2 * (2 * np.pi * p.first_frequency) ** 2
     freed = RailReceptance(replace(rail, supports=EndSupports(k, k)), v.s)
     ends = [freed.field(freed.point([y])) for y in (0.0, 1.0)]
     # At the ends the motion is (K + S)^-1 t: S from forces there, t from a force under the head.
@@ -175,8 +169,8 @@ def rail_modes(v: Lines, kind: str) -> RailModes:
 def twist(v: Lines, eccentricity: float) -> Elements:
     """Two modes of twist of the rail, freed against a twist that is all but rigid."""
     machine = v.model
-    assert isinstance(machine, Machine)
-    rigid = Torsion(eccentricity, 1.0, FAR_TWIST * machine.rail.parameters.first_frequency, 0.0)
+    assert machine.rail is not None
+    rigid = Torsion(eccentricity, 1.0, SETTINGS.faults_twist * machine.rail.parameters.first_frequency, 0.0)
     twisted = Lines(replace(machine, rail=replace(machine.rail, torsion=rigid)), v.group, v.tail, v.window)
     at = _interface(twisted, "twist", twisted.condensed.twist.value)
     loads: ComplexArray = np.array([np.sin(k * np.pi * v.group.positions)[:, None] for k in (1, 2)])

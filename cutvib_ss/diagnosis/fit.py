@@ -15,27 +15,17 @@ from scipy import linalg
 
 from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import FARTHEST, Directions, Known, Quadratic, Sizes
+from cutvib_ss.diagnosis.likelihood import Directions, Known, Quadratic, Sizes
 from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, session_of
-from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError, DiagnosisError
 from cutvib_ss.results import ComplexArray, FloatArray
-
-FEW_LINES, WIDENED, ROUGH = 120, 0.1, 1e-2
-"""Lines and relative error of the data on which drifting sessions are started, and the relative gain at which its steps end."""
-HOPELESS, HOPELESS_GAIN = 5.0, 1e-3
-"""Reduced χ² from which a fit is not worth more than steps of this relative gain."""
-FEW_STEPS = 10
-"""A fit of no more steps is a scout: it climbs once."""
-GAIN = 0.1
-"""Gain of the objective at which steps end: a twentieth of what tells two causes apart by a factor of e."""
-PASSES = 4
-"""Times that any other fit climbs at most."""
 
 
 @dataclass(frozen=True)
@@ -87,13 +77,13 @@ def fit(
     search = _Search(problem, problem.start(warm), not records.widened, _beside(problem, records), near)
     if hypothesis.linear and not records.rough and near is None:
         search.start_from(_from_afar(nominal, records, hypothesis, search))
-    if not hypothesis.linear and search.spread and max_iterations > FEW_STEPS:
+    if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
         # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
         plain = _Search(problem, search.at.x, False, search.beside)
         plain.climb(max_iterations, tolerance)
         search.start_from(plain)
-    redrawn = not isinstance(problem, SimulatedProblem)
-    passes = PASSES if redrawn and max_iterations > FEW_STEPS else 1
+    redrawn = not problem.apart
+    passes = SETTINGS.fit_passes if redrawn and max_iterations > SETTINGS.fit_scout_steps else 1
     for _ in range(passes):
         before = search.at.objective
         search.climb(max_iterations, tolerance)
@@ -118,7 +108,7 @@ class _Beside(NamedTuple):
 
 def _beside(problem: Problem, records: Records) -> _Beside:
     known = all(e.scattered for e in records.entries)
-    if isinstance(problem, SimulatedProblem):
+    if problem.apart:
         return _Beside(0.0, 0, known)
     total = sum(2 * int(np.count_nonzero(np.isfinite(e.variance))) for e in records.entries)
     return _Beside(records.scatter, total - problem.count, known)
@@ -130,10 +120,10 @@ def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: 
 
     A session that drifts by more than a resonance is wide is caught in a side minimum when the noise is small.
     """
-    few = records.coarse(FEW_LINES, WIDENED)
+    few = records.coarse(SETTINGS.fit_start_lines, SETTINGS.fit_start_error)
     problem = problem_for(nominal, few, hypothesis, by_session=True)
     search = _Search(problem, start.at.x, True, _beside(problem, few))
-    search.climb(FEW_STEPS, ROUGH)
+    search.climb(SETTINGS.fit_scout_steps, SETTINGS.fit_start_gain)
     return search
 
 
@@ -251,9 +241,9 @@ class _Search:
             damping = self._step(damping, self.at.quadratic)
             gain = before - self.at.objective
             # A residual of many times the noise needs no exact optimum.
-            far = self.at.chi2 > HOPELESS * self.count
-            least = max(tolerance, HOPELESS_GAIN) if far else tolerance
-            if gain < GAIN + least * max(self.at.objective - 0.9 * self.count, 0.0):
+            far = self.at.chi2 > SETTINGS.fit_hopeless * self.count
+            least = max(tolerance, SETTINGS.fit_hopeless_gain) if far else tolerance
+            if gain < SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0):
                 break
 
     def _step(self, damping: float, quadratic: Quadratic) -> float:
@@ -282,7 +272,7 @@ class _Search:
         if lay is None or not lay.sessions:
             return self.at.drift
         own = step[: lay.per_session * len(lay.sessions)].reshape(len(lay.sessions), -1)[:, : self.drifting.size]
-        most = FARTHEST * self.sizes.drift
+        most = SETTINGS.likelihood_farthest_drift * self.sizes.drift
         return np.clip(self.at.drift + self.sizes.drift * own, -most, most)
 
 

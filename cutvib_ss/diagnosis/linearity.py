@@ -6,32 +6,27 @@ import numpy as np
 
 from cutvib_ss.diagnosis.comparison import across_grids
 from cutvib_ss.diagnosis.records import Entry, Records, merged
-from cutvib_ss.diagnosis.sweeps import HYSTERESIS_AT
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model, Motion
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step
 from cutvib_ss.results import FloatArray
 
-BAND = 24
-"""Lines over which the scatter between levels is averaged."""
-STANDS_OUT = 5.0
-"""Standard deviations by which that has to exceed one, somewhere …"""
-NOISE_KNOWN = 0.15
-"""… to which this is added, for the noise itself is an estimate."""
-APART = 1.5
-"""Ratio of levels from which what depends on the level would show between them."""
-
 
 def levels_compared(records: Records, model: Model | None = None, blow_at: float = 0.0) -> bool:
     """Whether some position was measured at levels far enough apart for a difference to show."""
     each = [[e.level for e in same] for g in records.merged for same in g.entries]
     each += [list(levels) for levels, _ in across_grids(records.merged, model, blow_at)]
-    return any(max(levels) > APART * min(levels) for levels in each)
+    return any(max(levels) > SETTINGS.level_apart * min(levels) for levels in each)
 
 
 def level_stands_out(records: Records, model: Model | None = None, blow_at: float = 0.0) -> bool:
-    """Whether some band of the responses changes with the level; records on unlike blocks are compared by a model."""
+    """
+    Whether some band of the responses changes with the level.
+
+    Records on unlike blocks are compared by a model; where no levels can be compared, single blows are by their force.
+    """
     for g in records.merged:
         power, count = np.zeros(g.freq.size), 0
         for row, same in zip(g.data, g.entries, strict=True):
@@ -41,14 +36,23 @@ def level_stands_out(records: Records, model: Model | None = None, blow_at: floa
         if count and _rises(power, count):
             return True
     pairs = across_grids(records.merged, model, blow_at)
-    return any(_rises(pair.power.sum(axis=0), len(pair.channels)) for _, pair in pairs)
+    if any(_rises(pair.power.sum(axis=0), len(pair.channels)) for _, pair in pairs):
+        return True
+    return not levels_compared(records, model, blow_at) and blows_order(records)
+
+
+def blows_order(records: Records) -> bool:
+    """Whether single blows order with their force, in some record and channel, beyond what chance does anywhere."""
+    chances = np.array([p for e in records.entries for p in e.ordering])
+    told = chances[np.isfinite(chances)]
+    return bool(told.size and told.min() * told.size < SETTINGS.level_ordered)
 
 
 def _rises(power: FloatArray, count: int) -> bool:
     """Whether some band of a sum of `count` squares over their variances rises above one."""
-    width = min(BAND, power.size)
+    width = min(SETTINGS.level_lines, power.size)
     smooth = np.convolve(power / count, np.ones(width) / width, mode="valid")
-    return bool(smooth.max() > 1.0 + NOISE_KNOWN + STANDS_OUT / np.sqrt(count * width))
+    return bool(smooth.max() > 1.0 + SETTINGS.level_noise_error + SETTINGS.level_stands_out / np.sqrt(count * width))
 
 
 def motions(model: Model, records: Records) -> dict[str, Motion]:
@@ -70,7 +74,7 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
                 rates.append((size * 2 * np.pi * g.freq).max(axis=1))
                 continue
             assert entry.replay is not None
-            form = modal_form(model, at, places, HYSTERESIS_AT, input=struck)
+            form = modal_form(model, at, places, SETTINGS.simulation_hysteresis_at, input=struck)
             moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
             peaks.append(np.abs(moved).max(axis=(0, 2)))
             rates.append(np.abs(np.diff(moved, axis=-1)).max(axis=(0, 2)) * entry.replay.fs)

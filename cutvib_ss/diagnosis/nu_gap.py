@@ -16,19 +16,11 @@ import numpy as np
 
 from cutvib_ss.diagnosis.findings import ChannelGap, Metric, NuGap
 from cutvib_ss.diagnosis.metrics import ALL, chordal_distance
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.modes import modes
 from cutvib_ss.results import ComplexArray, FloatArray, Modes
-
-TURN = 1.0
-"""Largest step of the phase that is trusted [rad]."""
-ROUNDS = 14
-"""Halvings of the grid where the phase turns faster."""
-SETTLED = 0.1
-"""Half turns that the two ends may lack of a whole number."""
-BEYOND = 30.0
-"""Times the band's upper end to which the axis is followed."""
 
 
 def nu_gap(
@@ -115,10 +107,10 @@ class _Pair:
                     None,
                     "a pole on or beyond the imaginary axis: its encirclements cannot be counted off a response",
                 )
-        freq = self.grid(1e-3 * band[0], BEYOND * band[1])
+        freq = self.grid(1e-3 * band[0], SETTINGS.nu_gap_beyond * band[1])
         values = self._product(freq)
-        for _ in range(ROUNDS):
-            fast = np.flatnonzero(np.abs(np.angle(values[1:] / values[:-1])) > TURN)
+        for _ in range(SETTINGS.nu_gap_rounds):
+            fast = np.flatnonzero(np.abs(np.angle(values[1:] / values[:-1])) > SETTINGS.nu_gap_turn)
             if not fast.size:
                 break
             between = (freq[fast] + freq[fast + 1]) / 2
@@ -129,7 +121,7 @@ class _Pair:
             return None, "1 + P₂ᴴP₁ passes too close to the origin for its turns to be counted"
         # The axis from -∞ to ∞ mirrors this half; both ends are real where the responses settle.
         turns = float(np.sum(np.angle(values[1:] / values[:-1])) / np.pi)
-        if abs(turns - round(turns)) > SETTLED:
+        if abs(turns - round(turns)) > SETTINGS.nu_gap_settled:
             return None, "a delay keeps the responses from settling at high frequency"
         return round(turns), ""
 

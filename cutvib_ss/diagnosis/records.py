@@ -13,12 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.measurement.records import FORCE, Sweep
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
-
-OUTLOOK = 3
-"""Positions on which the starts of level-dependent causes are fitted."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +55,9 @@ class Entry:
     # Whether its noise was seen to scatter: from repetitions or a coherence; else it is read off how smooth the
     # response is
     scattered: bool = True
+    # Of each channel, how probable it is that single blows order with their force as much as they do by chance; NaN
+    # where that cannot be told
+    ordering: tuple[float, ...] = ()
     input: str = FORCE  # Where its force acts: the model's input, a port, or ``rail@`` and a fraction of the rail
 
 
@@ -111,6 +112,11 @@ class Records:
         return merged(self.simulable, apart=True, by_session=True)
 
     @cached_property
+    def each(self) -> tuple[Group, ...]:
+        """Every record a group by itself."""
+        return tuple(_group([e], apart=True) for e in self.entries)
+
+    @cached_property
     def simulable(self) -> tuple[Entry, ...]:
         """Records whose force history is known or can be assumed, and sine sweeps."""
         return tuple(e for e in self.entries if e.replay is not None or e.sine is not None)
@@ -144,7 +150,10 @@ class Records:
         if len(self.simulable) < len(self.entries):
             return None
         places = sorted({site(e) for e in self.entries})
-        chosen = {places[i] for i in np.unique(np.linspace(0, len(places) - 1, OUTLOOK).round().astype(int))}
+        chosen = {
+            places[i]
+            for i in np.unique(np.linspace(0, len(places) - 1, SETTINGS.search_outlook_positions).round().astype(int))
+        }
         alone = Records(tuple(one_blow(e) for e in self.entries if site(e) in chosen))
         return alone.coarse(lines, error)
 

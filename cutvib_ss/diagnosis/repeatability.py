@@ -9,9 +9,7 @@ import numpy as np
 
 from cutvib_ss.diagnosis.comparison import compared
 from cutvib_ss.diagnosis.records import Entry, measured_at
-
-ALIKE = 1.05
-"""Ratio of levels up to which two records are of the same thing."""
+from cutvib_ss.diagnosis.settings import SETTINGS
 
 
 def repeatability(entries: Sequence[Entry]) -> float:
@@ -21,7 +19,7 @@ def repeatability(entries: Sequence[Entry]) -> float:
         if measured_at(a) != measured_at(b):
             continue
         levels = [e.level if np.isfinite(e.level) else 1.0 for e in (a, b)]
-        if max(levels) > ALIKE * min(levels) or np.isfinite(a.level) != np.isfinite(b.level):
+        if max(levels) > SETTINGS.record_same_level * min(levels) or np.isfinite(a.level) != np.isfinite(b.level):
             continue
         if (pair := compared(a, b)) is None:
             continue

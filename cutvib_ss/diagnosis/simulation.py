@@ -19,7 +19,10 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Group, Records, merged, site
-from cutvib_ss.diagnosis.sweeps import HYSTERESIS_AT, SweptRecord, swept
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.sweeps import SweptRecord, swept
+from cutvib_ss.diagnosis.unknown_element import UnknownForce
+from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
@@ -27,22 +30,6 @@ from cutvib_ss.response.receptance import CondensedModel
 from cutvib_ss.response.stepping import ModalForm, modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.units import DERIVATIVE_ORDER
-
-TUNING_STEP = 0.02
-"""Step of a tuned value's unknown in a difference of two closed forms."""
-LAW_STEP = 2e-4
-"""Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
-FORCE_SCALE = 0.2
-"""Relative error of the force behind a record that holds responses alone: hands scatter, and the blow's length is a guess."""
-FORCE_SCALE_STEP = 0.02
-"""Step of such a record's unknown in a difference of two simulations."""
-STILL = 5.0
-"""Modes this many times above the band yield statically to nonlinear forces."""
-CLASSICAL = 20.0
-"""Damping couples no modes that many times above the band."""
-STEPS, ROUGH_STEPS = 20.0, 10.0
-"""Steps in a period: χ² is then off by less than 1e-6 of a degree of freedom for smooth laws (1e-3 on few lines), and by 3e-4 for
-friction (1e-2), which takes twice as many."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +49,7 @@ def simulated(
     model: Model,
     group: Group,
     wanted: np.ndarray | None = None,
-    steps: float = STEPS,
+    steps: float = SETTINGS.simulation_steps,
     force_scale: FloatArray | None = None,
 ) -> Simulated:
     """Run each record's force through a model in time, and its estimator on the responses."""
@@ -73,7 +60,7 @@ def simulated(
     outputs = tuple(dict.fromkeys(steady.signals))
     data = np.zeros(group.data.shape, dtype=np.complex128)
     stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
-    still = STILL * float(group.freq[-1])
+    still = SETTINGS.simulation_static_above * float(group.freq[-1])
     sweeps = {row: swept(model, group, row) for row in range(len(data)) if group.entries[row][0].sine is not None}
     for row, sweep in sweeps.items():
         data[row] = sweep.data
@@ -88,8 +75,8 @@ def simulated(
                 model,
                 position,
                 outputs,
-                HYSTERESIS_AT,
-                classical_above=CLASSICAL * float(group.freq[-1]),
+                SETTINGS.simulation_hysteresis_at,
+                classical_above=SETTINGS.simulation_classical_above * float(group.freq[-1]),
                 input=struck,
             )
         form = forms[position, struck]
@@ -154,7 +141,11 @@ def _equivalent(replay: Replay, motions: FloatArray, forces: FloatArray) -> Comp
 class SimulatedProblem(Problem):
     """A hypothesis with nonlinear effects, on records apart."""
 
-    def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis, steps: float = STEPS) -> None:
+    apart = True
+
+    def __init__(
+        self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis, steps: float = SETTINGS.simulation_steps
+    ) -> None:
         super().__init__(nominal, groups, hypothesis)
         self.steps = steps
         self._sites = [_sites(g) for g in self.groups]
@@ -180,7 +171,7 @@ class SimulatedProblem(Problem):
         """Factors on the forces of each group's records."""
         out = [np.ones(len(g.data)) for g in self.groups]
         for k, (i, row) in enumerate(self.force_scaled):
-            out[i][row] = np.exp(FORCE_SCALE * x[self._shared_by_all + k])
+            out[i][row] = np.exp(SETTINGS.simulation_force_scale * x[self._shared_by_all + k])
         return out
 
     def _slopes(self, x: FloatArray, p: Simulated) -> list[ComplexArray]:
@@ -208,7 +199,7 @@ class SimulatedProblem(Problem):
         for i, scale, carried in moves:
             closed = tuple((path, w) for path, w in carried if path[0] != "nonlinear")
             moved = x.copy()
-            moved[i] += TUNING_STEP if i < self.n_tuning else LAW_STEP
+            moved[i] += SETTINGS.simulation_tuning_step if i < self.n_tuning else SETTINGS.simulation_law_step
             change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
             out[i] = scale * linear.derivative(closed)[row] - change
             for k, sweep in p.sweeps.items():
@@ -217,7 +208,11 @@ class SimulatedProblem(Problem):
 
     def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
         moved = x.copy()
-        moved[i] += LAW_STEP if x[i] + LAW_STEP <= 1.0 else -LAW_STEP
+        moved[i] += (
+            SETTINGS.simulation_law_step
+            if x[i] + SETTINGS.simulation_law_step <= 1.0
+            else -SETTINGS.simulation_law_step
+        )
         index = self._fitted(p)
         scales = None if index is None else self._force_scales(x)[index]
         there = simulated(self.applied(moved), p.group, None, self.steps, scales)
@@ -236,9 +231,9 @@ class SimulatedProblem(Problem):
         if not self.force_scaled:
             return {}
         moved = x.copy()
-        moved[self._shared_by_all : self.first_effect] += FORCE_SCALE_STEP
+        moved[self._shared_by_all : self.first_effect] += SETTINGS.simulation_force_scale_step
         there = simulated(p.model, p.group, None, self.steps, self._force_scales(moved)[index])
-        change = (there.data - p.data) / FORCE_SCALE_STEP
+        change = (there.data - p.data) / SETTINGS.simulation_force_scale_step
         out = {}
         for k, (i, row) in enumerate(self.force_scaled):
             own = np.zeros(p.data.shape, dtype=np.complex128)
@@ -283,7 +278,11 @@ def problem_for(
     nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False, by_session: bool = False
 ) -> Problem:
     """The problem of a hypothesis on some records."""
+    if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
+        return UnknownForceProblem(nominal, records.each, hypothesis)
     if hypothesis.linear and not records.leaking and not apart:
         return Problem(nominal, records.by_session if by_session else records.merged, hypothesis)
     groups = records.apart_by_session if by_session else records.apart
-    return SimulatedProblem(nominal, groups, hypothesis, ROUGH_STEPS if records.rough else STEPS)
+    return SimulatedProblem(
+        nominal, groups, hypothesis, SETTINGS.simulation_rough_steps if records.rough else SETTINGS.simulation_steps
+    )

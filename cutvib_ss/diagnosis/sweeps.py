@@ -15,21 +15,11 @@ from typing import Literal
 import numpy as np
 
 from cutvib_ss.diagnosis.records import Group
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.model.paths import Path
 from cutvib_ss.response.harmonic_balance import SineSweep
 from cutvib_ss.results import ComplexArray, FloatArray
-
-HARMONICS = 3
-"""Highest harmonic in which sine sweeps are balanced: what is compared is the first."""
-HYSTERESIS_AT = 100.0
-"""Frequency at which hysteretic damping is made viscous for stepping in time, and for the balance [Hz]."""
-JUMP = 0.2
-"""Step between lines, against the largest response, from which a sweep may have jumped."""
-EARLY = 0.25
-"""Part of the lines between two folds by which a sweep may jump before the one to which it goes."""
-APART = 1e-3
-"""Difference of two branches, against the largest response, from which a line lies between folds."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +55,9 @@ def swept(model: Model, group: Group, row: int) -> SweptRecord:
             group.freq,
             sine.force if sine.held is None else sine.held,
             direction,
-            HARMONICS,
+            SETTINGS.simulation_harmonics,
             group.channels,
-            HYSTERESIS_AT,
+            SETTINGS.simulation_hysteresis_at,
             controlled,
             group.inputs[row],
         )
@@ -77,11 +67,14 @@ def swept(model: Model, group: Group, row: int) -> SweptRecord:
         return SweptRecord((made("up", "response"),), first)
     up = made("up")
     size = np.abs(up.data[0])
-    if np.all(np.abs(np.diff(size, axis=1)) < JUMP * size.max(axis=1, keepdims=True)):
+    if np.all(np.abs(np.diff(size, axis=1)) < SETTINGS.simulation_jump * size.max(axis=1, keepdims=True)):
         return SweptRecord((up,), first)
     both = (up, made("down"))
     left = [np.sum(np.abs(group.data[row] - b.data[0]) ** 2 / group.variance[row], axis=0) for b in both]
-    apart = np.any(np.abs(up.data[0] - both[1].data[0]) > APART * size.max(axis=1, keepdims=True), axis=0)
+    apart = np.any(
+        np.abs(up.data[0] - both[1].data[0]) > SETTINGS.simulation_branches_apart * size.max(axis=1, keepdims=True),
+        axis=0,
+    )
     return SweptRecord(both, branches(sine.direction, apart, left[0], left[1]))
 
 
@@ -104,6 +97,6 @@ def _followed(direction: str, apart: np.ndarray, up: FloatArray, down: FloatArra
         # Squares of a jump before line a + k, k from none to all of them.
         cost = np.concatenate([[0.0], np.cumsum(up[a:b])]) + np.concatenate([np.cumsum(down[a:b][::-1])[::-1], [0.0]])
         # Behind the last it is the fold itself: at equal cost the sweep goes on.
-        allowed = cost[b - a - max(round(EARLY * (b - a)), 1) :][::-1]
+        allowed = cost[b - a - max(round(SETTINGS.simulation_early_jump * (b - a)), 1) :][::-1]
         which[b - int(np.argmin(allowed)) : b] = 1
     return which

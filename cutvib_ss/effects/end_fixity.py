@@ -18,7 +18,6 @@ from cutvib_ss.effects.base import (
     parameter,
 )
 from cutvib_ss.model.elements import SpringDamperMass
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import RailAttachment
 
 
@@ -43,11 +42,11 @@ class EndFixity(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail_ends",) if isinstance(model, Machine) else ()
+        return ("rail_ends",) if model.rail is not None else ()
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
+        if model.rail is not None:
             p = model.rail.parameters
             turn = p.bending_stiffness / p.length
             turns = (0.1, 0.4, 1.2, 4.0, 15.0)

@@ -19,7 +19,6 @@ from cutvib_ss.effects.base import (
 )
 from cutvib_ss.effects.scales import rail_stiffness
 from cutvib_ss.model.elements import Guide
-from cutvib_ss.model.machine import Machine
 
 SIDES: tuple[Literal["head", "rail"], ...] = ("head", "rail")
 """Sides of the guide on which the sensor of the base may sit."""
@@ -45,11 +44,11 @@ class GuideCompliance(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        return ("head_base",) if isinstance(model, Machine) else ()
+        return ("head_base",) if model.rail is not None else ()
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
+        if model.rail is not None:
             k = rail_stiffness(model)
             # Which side the sensor sits on shows in base_x alone.
             sides = SIDES if "base_x" in measured.channels else SIDES[:1]

@@ -17,7 +17,6 @@ from cutvib_ss.effects.base import (
     machine_only,
 )
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.machine import Machine
 
 FAR = 10.0
 """A rail mode this many times above the band is no cause."""
@@ -41,11 +40,11 @@ class ModalTruncation(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail",) if isinstance(model, Machine) else ()
+        return ("rail",) if model.rail is not None else ()
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
+        if model.rail is not None:
             p = model.rail.parameters
             # Modes far above the band add a stiffness that nothing could tell from the tuning.
             omitted = p.first_frequency * (p.n_modes + 1) ** 2
@@ -55,7 +54,7 @@ class ModalTruncation(Effect):
 
     @classmethod
     def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
-        own = model.rail.parameters.n_modes if isinstance(model, Machine) else 1
+        own = model.rail.parameters.n_modes if model.rail is not None else 1
         yield "", lambda severity: cls(place, own + round(3 * severity))
 
     def apply(self, model: Any) -> Any:

@@ -18,7 +18,6 @@ from cutvib_ss.effects.base import (
     parameter,
 )
 from cutvib_ss.model.elements import SpringDamperMass
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import RailAttachment
 
 
@@ -38,11 +37,11 @@ class RailAddedMass(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail",) if isinstance(model, Machine) else ()
+        return ("rail",) if model.rail is not None else ()
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
+        if model.rail is not None:
             spots = (0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.88)
             mass = model.rail.parameters.mass
             yield "", tuple(cls("rail", y, mass * f, 1.0) for y in spots for f in (0.01, 0.06))

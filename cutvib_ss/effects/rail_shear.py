@@ -17,7 +17,6 @@ from cutvib_ss.effects.base import (
     machine_only,
     parameter,
 )
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import Shear
 
 
@@ -48,12 +47,12 @@ class RailShear(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail",) if isinstance(model, Machine) else ()
+        return ("rail",) if model.rail is not None else ()
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
         # Shear is told from a softer rail by the square of a mode's number: with one mode in the band the two are the same.
-        if isinstance(model, Machine):
+        if model.rail is not None:
             p = model.rail.parameters
             if p.n_modes > 1 and 4 * p.first_frequency < measured.band[1]:
                 yield "", tuple(cls("rail", ratio) for ratio in (15.0, 80.0, 300.0))

@@ -17,7 +17,6 @@ from cutvib_ss.effects.base import (
     machine_only,
     parameter,
 )
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import Torsion
 
 
@@ -54,11 +53,11 @@ class RailTorsion(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail",) if isinstance(model, Machine) else ()
+        return ("rail",) if model.rail is not None else ()
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
+        if model.rail is not None:
             first = model.rail.parameters.first_frequency
             twists = [(e, f) for f in (3.0, 4.5, 6.5, 9.0, 12.0) for e in (0.03, -0.03, 0.09, -0.09)]
             yield "", tuple(cls("rail", e, 0.5, f * first, 0.02) for e, f in twists)

@@ -18,7 +18,6 @@ from cutvib_ss.effects.base import (
     parameter,
 )
 from cutvib_ss.effects.scales import rail_stiffness
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import EndSupports
 
 
@@ -50,11 +49,11 @@ class SupportCompliance(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail_ends",) if isinstance(model, Machine) else ()
+        return ("rail_ends",) if model.rail is not None else ()
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
+        if model.rail is not None:
             k = rail_stiffness(model)
             ends = [(a * k, b * k) for a in (2, 8, 30, 120) for b in (2, 8, 30, 120)]
             yield "", tuple(cls("rail_ends", a, b, 500.0, 500.0) for a, b in ends)

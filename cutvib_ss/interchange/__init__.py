@@ -3,6 +3,7 @@ Out to other programs, and back: frequency responses as CSV, UFF, MAT, NetCDF an
 pandas and SDyPy; plants as MAT and NPZ; responses in time as CSV and NPZ; travels from CSV.
 """
 
+from cutvib_ss.files import staged
 from cutvib_ss.interchange.conversions import (
     from_control,
     from_dataframe,
@@ -11,7 +12,6 @@ from cutvib_ss.interchange.conversions import (
     to_control,
     to_sdypy,
 )
-from cutvib_ss.interchange.files import staged
 from cutvib_ss.interchange.frf_files import frf_csv, read_frf, write_frf
 from cutvib_ss.interchange.plant_files import read_plant, write_plant
 from cutvib_ss.interchange.time_files import read_time_response, write_time_response

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.interchange.files import staged
+from cutvib_ss.files import staged
 from cutvib_ss.interchange.frf_formats import (
     UNITS,
     read_mat,

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import io
 
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.interchange.files import staged
+from cutvib_ss.files import staged
 from cutvib_ss.plant import PlantSchedule
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.interchange.files import staged
+from cutvib_ss.files import staged
 from cutvib_ss.results import MovingResponse, TimeResponse
 
 TIME_SUFFIXES = (".csv", ".npz")

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.records import FORCE, MachineLike
-from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
-from cutvib_ss.model.structure import Structure
+from cutvib_ss.model.machine import CUTTING_SIGNALS
+from cutvib_ss.model.protocol import Model
 
 _ON_RAIL = re.compile(r"^rail\s*(?:@|\()\s*([0-9.eE+-]+)\s*\)?$")
 
@@ -50,8 +50,6 @@ def port_of(struck: str | None, machine: MachineLike) -> str:
 
 def input_ports(machine: MachineLike) -> Sequence[str]:
     """Ports at which a force may act."""
-    if isinstance(machine, Machine):
-        return ["tool_x", "tool_z", "head_x", "head_z", "base"]
-    if isinstance(machine, Structure):
-        return list(machine.system.ports)
+    if isinstance(machine, Model):
+        return machine.force_ports
     return list(dict.fromkeys([machine.input_port, *(str(channel.port) for channel in machine.channels.values())]))

@@ -11,7 +11,7 @@ from typing import Any
 from cutvib_ss.absorber import AbsorberDesign, AbsorberStudy, WorkspaceCheck
 from cutvib_ss.diagnosis.result import Diagnosis
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.identification import IdentificationResult
+from cutvib_ss.identification import IdentificationResult, Stabilisation
 from cutvib_ss.plot.absorber import absorber_front, absorber_study, absorbers_over_the_rail
 from cutvib_ss.plot.control import controller_overview, controller_responses
 from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map
@@ -20,6 +20,7 @@ from cutvib_ss.plot.poles import poles_over_position, s_plane
 from cutvib_ss.plot.response import absorber_effect, bode, fitted_response, magnitude, nyquist
 from cutvib_ss.plot.schedule import bode_map, interpolation_error, pole_map, schedule
 from cutvib_ss.plot.shapes import animate_mode, mode_shapes
+from cutvib_ss.plot.stabilisation import stabilisation_diagram
 from cutvib_ss.plot.style import png, save
 from cutvib_ss.plot.time import time_histories
 from cutvib_ss.results import AbsorberCheck, FrequencyResponse, Modes, MovingResponse, TimeResponse, TrackedModes
@@ -49,6 +50,7 @@ __all__ = [
     "s_plane",
     "save",
     "schedule",
+    "stabilisation_diagram",
     "time_histories",
     "travel_histories",
 ]
@@ -87,6 +89,7 @@ draw.register(MovingResponse, travel_histories)
 draw.register(AbsorberCheck, absorber_effect)
 draw.register(AbsorberStudy, absorber_study)
 draw.register(IdentificationResult, fitted_response)
+draw.register(Stabilisation, stabilisation_diagram)
 
 
 @draw.register

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.interchange.files import staged
+from cutvib_ss.files import staged
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, drawing, legend_outside
 from cutvib_ss.results import FloatArray, Modes

@@ -6,7 +6,6 @@ import io
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -18,8 +17,7 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from PIL import Image
 
-from cutvib_ss.errors import ParameterError
-from cutvib_ss.interchange.files import staged
+from cutvib_ss.files import check_picture, staged
 
 INK, GREY, GRID = "#1d2733", "#6b7683", "#dfe4e9"
 MEASURED, NOMINAL, TUNED, CORRECTED = "#b0b9c2", "#c8553d", "#d9a441", "#1f6f8f"
@@ -30,9 +28,6 @@ POSITIONS = LinearSegmentedColormap.from_list("positions", ["#27426b", "#2a7f9e"
 
 WORKING_FREQUENCY = 217.0
 """Fundamental frequency of the tool's force (Section 2), marked where it matters [Hz]."""
-
-FORMATS = (".png", ".svg", ".pdf")
-"""Suffixes of pictures."""
 
 _STYLE: Any = {
     "font.family": "DejaVu Sans",
@@ -137,14 +132,6 @@ def save(figure: Figure | Axes | np.ndarray, path: str | os.PathLike[str], dpi: 
     metadata = {".png": {}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}[suffix]
     with staged(path) as draft, mpl.rc_context(_STYLE):
         figure_of(figure).savefig(draft, dpi=dpi, format=suffix[1:], metadata=metadata)
-
-
-def check_picture(path: str | os.PathLike[str]) -> Path:
-    """The name of a picture, refused where its suffix is not one that can be drawn."""
-    file = Path(path)
-    if file.suffix.lower() not in FORMATS:
-        raise ParameterError(f"{file}: suffix {file.suffix!r} is no picture; give one of {', '.join(FORMATS)}")
-    return file
 
 
 def png(figure: Figure | Axes | np.ndarray, dpi: float = 150.0, colours: int = 256) -> bytes:

@@ -34,7 +34,12 @@ def why_sentences(d: Diagnosis) -> list[str]:
         share, interval = shrinkage_text(d.gap)
         line = f"Of the error of the model as given {share} is closed on records that were not fitted"
         line += f" ({interval})." if interval else "."
-        if math.isfinite(best.share):
+        if tuning_suffices(d):
+            line += (
+                " Tuning alone leaves hardly more than noise and repeatability, so the size of the residual does not tell "
+                "them apart: it has to move the model's values further than their tolerances make credible."
+            )
+        elif math.isfinite(best.share):
             taken = f"{100 * best.share:.0f} %"
             line += f" Of what stands above noise and repeatability once the model is tuned, the cause takes {taken}."
         said.append(line)
@@ -46,6 +51,13 @@ def why_sentences(d: Diagnosis) -> list[str]:
         )
         said.append(f"It leaves {left} (χ² a datum {figure(best.reduced_chi2)} on held-out records).")
     return [s for s in said if s]
+
+
+def tuning_suffices(d: Diagnosis) -> bool:
+    """Whether the tuned model without any cause leaves less than a tenth above noise and repeatability."""
+    repeats = repeatability_in_gap(d)
+    known = math.hypot(d.gap.noise_floor, repeats if math.isfinite(repeats) else 0.0)
+    return d.verdict != "no_gap" and d.gap.tuned < 1.1 * known
 
 
 def place_set_sentence(d: Diagnosis) -> str:

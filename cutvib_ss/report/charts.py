@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from cutvib_ss.diagnosis.element_type import element_type_value
 from cutvib_ss.diagnosis.findings import DynamicStiffness
 from cutvib_ss.diagnosis.result import Comparison, Diagnosis
 from cutvib_ss.plot.diagnosis import error_over_noise
-from cutvib_ss.plot.style import unit_text
-from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.units import STANDARD_GRAVITY
+from cutvib_ss.plot.style import WORKING_FREQUENCY, unit_text
+from cutvib_ss.report.frame import complex_lists, number, number_list, scale_of
+from cutvib_ss.results import ComplexArray
 
 _MOST_LINES = 4000
 """Lines of a response that are drawn at most; more would be thinned to every second, third, …"""
@@ -27,32 +24,16 @@ _KNOWN = 0.6
 MODELS = ("nominal", "tuned", "corrected")
 
 
-def plotly_script() -> Markup:
-    """The plotting library, to stand in the page once."""
-    source = (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
-    return Markup(source.replace("</script", "<\\/script"))
-
-
-def charts_script() -> Markup:
-    """What draws the charts."""
-    return Markup((files("cutvib_ss.report") / "templates" / "charts.js").read_text(encoding="utf-8"))
-
-
-def charts_data(d: Diagnosis) -> Markup:
-    """All that the charts show, as JSON that may stand in a script element."""
-    data = {
-        "repeatability": _number(d.repeatability),
+def charts_data(d: Diagnosis) -> dict[str, Any]:
+    """All that the charts show."""
+    return {
+        "mark": WORKING_FREQUENCY if d.nominal.has_position else None,
+        "repeatability": number(d.repeatability),
         "records": [_record(c) for c in d.comparisons],
         "maps": _maps(d.comparisons),
         "stiffness": [_stiffness(z, d) for z in d.findings.stiffness],
         "bands": [list(b) for b in d.where.bands_hz],
     }
-    return Markup(json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
-
-
-def scale_of(unit: str) -> tuple[float, str]:
-    """Factor and unit in which a response is shown: accelerance in g/N, as the gap is."""
-    return (1.0 / STANDARD_GRAVITY, "g/N") if unit == "m/s^2/N" else (1.0, unit_text(unit))
 
 
 def record_name(c: Comparison) -> str:
@@ -67,14 +48,14 @@ def _record(c: Comparison) -> dict[str, Any]:
     for k, (name, unit) in enumerate(zip(c.measured.outputs, c.measured.units, strict=True)):
         factor, shown = scale_of(unit)
         one: dict[str, Any] = {"name": name, "unit": shown}
-        one["measured"] = _complex(factor * c.measured.data[0, k, 0, ::step])
+        one["measured"] = complex_lists(factor * c.measured.data[0, k, 0, ::step])
         for side in MODELS:
-            one[side] = _complex(factor * getattr(c, side).data[0, k, 0, ::step])
-        one["noise"] = _list(factor * np.sqrt(c.measured.variance[0, k, 0, ::step]))
+            one[side] = complex_lists(factor * getattr(c, side).data[0, k, 0, ::step])
+        one["noise"] = number_list(factor * np.sqrt(c.measured.variance[0, k, 0, ::step]))
         coherence = c.measured.coherence[0, k, 0, ::step]
-        one["coherence"] = _list(coherence) if np.any(np.isfinite(coherence)) else None
+        one["coherence"] = number_list(coherence) if np.any(np.isfinite(coherence)) else None
         channels.append(one)
-    return {"name": record_name(c), "freq": _list(c.measured.freq[::step]), "channels": channels}
+    return {"name": record_name(c), "freq": number_list(c.measured.freq[::step]), "channels": channels}
 
 
 def _maps(comparisons: Sequence[Comparison]) -> dict[str, Any] | None:
@@ -88,11 +69,13 @@ def _maps(comparisons: Sequence[Comparison]) -> dict[str, Any] | None:
         rows.setdefault(record_name(c), []).append(c)
     channels = list(dict.fromkeys(name for c in comparisons for name in c.measured.outputs))
     return {
-        "freq": _list(0.5 * (edges[1:] + edges[:-1])),
+        "freq": number_list(0.5 * (edges[1:] + edges[:-1])),
         "rows": list(rows),
         "channels": channels,
         "ratio": {
-            side: {name: [_list(error_over_noise(m, side, name, edges)) for m in rows.values()] for name in channels}
+            side: {
+                name: [number_list(error_over_noise(m, side, name, edges)) for m in rows.values()] for name in channels
+            }
             for side in MODELS
         },
     }
@@ -113,7 +96,7 @@ def _stiffness(z: DynamicStiffness, d: Diagnosis) -> dict[str, Any]:
     levels = [
         {
             "name": "the records ask for" if level is None else f"at {level:.3g} N",
-            "re": _list(value.real), "im": _list(value.imag), "std": _list(std),
+            "re": number_list(value.real), "im": number_list(value.imag), "std": number_list(std),
         }
         for level, value, std in zip(z.levels, z.value, z.std, strict=True)
     ]  # fmt: skip
@@ -121,9 +104,9 @@ def _stiffness(z: DynamicStiffness, d: Diagnosis) -> dict[str, Any]:
         "title": f"{z.place}: {z.label}",
         "quantity": z.quantity,
         "unit": "" if z.unit == "1" else unit_text(z.unit),
-        "freq": _list(z.freq),
+        "freq": number_list(z.freq),
         "levels": levels,
-        "laws": [{"name": name, **_complex(value)} for name, value in laws],
+        "laws": [{"name": name, **complex_lists(value)} for name, value in laws],
         "limits": {part: _limits(z, [v for _, v in laws], part) for part in ("real", "imag")},
     }
 
@@ -151,15 +134,3 @@ def _limits(z: DynamicStiffness, laws: Sequence[ComplexArray], part: str) -> lis
     low, high = float(every.min()), float(every.max())
     room = 0.06 * max(high - low, 1e-300)
     return [low - room, high + room]
-
-
-def _complex(values: ComplexArray) -> dict[str, list[float | None]]:
-    return {"re": _list(values.real), "im": _list(values.imag)}
-
-
-def _list(values: FloatArray) -> list[float | None]:
-    return [_number(v) for v in values.tolist()]
-
-
-def _number(value: float) -> float | None:
-    return float(f"{value:.5g}") if np.isfinite(value) else None

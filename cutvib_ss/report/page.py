@@ -9,18 +9,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib.figure import Figure
 
 from cutvib_ss import __version__
 from cutvib_ss.diagnosis.result import Comparison, Diagnosis, FittedParameter, GapFigures
-from cutvib_ss.interchange.files import staged
-from cutvib_ss.model.machine import Machine
+from cutvib_ss.files import staged
 from cutvib_ss.plot.diagnosis import comparison_grid, probability_text
 from cutvib_ss.plot.style import png
 from cutvib_ss.report import answer, details, wording
-from cutvib_ss.report.charts import MODELS, charts_data, charts_script, plotly_script, record_name
+from cutvib_ss.report.charts import MODELS, charts_data, record_name
 from cutvib_ss.report.drawing import machine_drawing
+from cutvib_ss.report.frame import page
 
 _SHOWN_RECORDS = 8
 """Rows of the picture of responses; a campaign of more positions and levels shows one record a position."""
@@ -63,9 +62,9 @@ def write_report(diagnosis: Diagnosis, path: str | os.PathLike[str]) -> None:
     DataFormatError
         If the file cannot be written.
     """
-    page = report_html(diagnosis)
+    text = report_html(diagnosis)
     with staged(path) as draft:
-        draft.write_text(page, encoding="utf-8")
+        draft.write_text(text, encoding="utf-8")
 
 
 def report_html(diagnosis: Diagnosis, command: str = "") -> str:
@@ -84,16 +83,8 @@ def report_html(diagnosis: Diagnosis, command: str = "") -> str:
     str
         One page with charts inside; the same diagnosis gives the same page.
     """
-    environment = Environment(
-        loader=PackageLoader("cutvib_ss.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters |= {
-        "figure": wording.figure,
-        "probability": probability_text,
-        "place": wording.place_name,
-    }
-    return environment.get_template("report.html.j2").render(**_content(diagnosis, command))
+    filters = {"figure": wording.figure, "probability": probability_text, "place": wording.place_name}
+    return page("report.html.j2", "charts.js", charts_data(diagnosis), filters=filters, **_content(diagnosis, command))
 
 
 def _content(d: Diagnosis, command: str) -> dict[str, Any]:
@@ -107,6 +98,7 @@ def _content(d: Diagnosis, command: str) -> dict[str, Any]:
         "sentence": wording.verdict_sentence(d),
         "why": answer.why_sentences(d),
         "steps": answer.to_do(d),
+        "far_tuned": answer.tuning_suffices(d),
         "drawing": machine_drawing(d),
         "shrinkage": wording.shrinkage_text(d.gap),
         "bands": wording.bands_text(d.where.bands_hz),
@@ -134,9 +126,6 @@ def _content(d: Diagnosis, command: str) -> dict[str, Any]:
         "limits": answer.limit_rows(d),
         "command": command,
         "version": __version__,
-        "plotly": plotly_script(),
-        "charts": charts_script(),
-        "data": charts_data(d),
         "picture": _picture(comparison_grid(_chosen(d.comparisons))) if d.comparisons else "",
         **_details(d),
         "changes": _changes(d),
@@ -203,7 +192,7 @@ def _chosen(comparisons: Sequence[Comparison]) -> list[Comparison]:
 def _changes(d: Diagnosis) -> list[_Change]:
     """How far the corrected model's own values have moved from the nominal ones."""
     nominal, corrected = d.nominal, d.corrected_machine
-    if not isinstance(nominal, Machine) or not isinstance(corrected, Machine):
+    if nominal.rail is None or corrected.rail is None:
         return []
     rows = []
     for names, before, after in (

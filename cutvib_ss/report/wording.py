@@ -112,7 +112,7 @@ def _named(effect: str, parameters: Mapping[str, FittedParameter] | None) -> str
     names = identifying_names(EFFECTS[effect]) if effect in EFFECTS else tuple(parameters or ())
     found = [f.value for name, f in (parameters or {}).items() if name in names]
     named = ", ".join(value for value in found if isinstance(value, str))
-    return {"": "one value or channel", "all": "every channel"}.get(named, named)
+    return {"": "one channel" if "channel" in names else "one value", "all": "every channel"}.get(named, named)
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:

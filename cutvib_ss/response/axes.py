@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.machine import Machine
-from cutvib_ss.model.structure import Structure
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.parameters import check_number, check_position
 from cutvib_ss.results import ComplexArray, FloatArray
 
 
-def as_positions(model: Machine | Structure, positions: object) -> FloatArray:
+def as_positions(model: Model, positions: object) -> FloatArray:
     """Positions as an array, checked against the kind of model, shape (position,)."""
     if not model.has_position:
         if positions is not None and not np.isnan(np.asarray(positions, dtype=float)).all():

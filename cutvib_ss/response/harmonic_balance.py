@@ -25,11 +25,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.model.machine import Machine
-from cutvib_ss.model.paths import Path
-from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.paths import Path, with_slots
+from cutvib_ss.model.protocol import Model, NonlinearElement
 from cutvib_ss.model.restoring_forces import RestoringForce
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_choice, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.frequency import ChainedResponse, output_quantities
@@ -43,7 +41,7 @@ _SAMPLES = 32
 
 
 def sine_response(
-    machine: Machine | Structure,
+    machine: Model,
     positions: ArrayLike | None,
     freq: ArrayLike,
     amplitude: ArrayLike,
@@ -120,7 +118,7 @@ class SineSweep:
 
     def __init__(
         self,
-        machine: Machine | Structure,
+        machine: Model,
         positions: ArrayLike | None,
         freq: ArrayLike,
         amplitude: ArrayLike,
@@ -132,7 +130,7 @@ class SineSweep:
         input: str = "force",
     ) -> None:
         # A window's decay belongs to estimates from transients.
-        self.machine = replace(machine, chain=replace(machine.chain, decay_rate=0.0))
+        self.machine = with_slots(machine, chain=replace(machine.chain, decay_rate=0.0))
         self.positions = as_positions(machine, positions)
         self.freq, self._s = as_laplace(freq, 0.0)
         if self.freq.size == 0 or self.freq[0] <= 0.0 or (np.diff(self.freq) <= 0.0).any():

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.model.machine import CUTTING_SIGNALS
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.rail import rail_points
 from cutvib_ss.model.second_order import SecondOrder
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.modal_basis import modal_basis
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 from cutvib_ss.units import DERIVATIVE_ORDER
@@ -60,7 +60,7 @@ class ModalForm:
 
 
 def modal_form(
-    machine: Machine | Structure,
+    machine: Model,
     position: float | None = None,
     outputs: Sequence[str] | None = None,
     viscous_at: float | None = None,
@@ -114,9 +114,7 @@ def base_motion(acceleration: FloatArray, fs: float, order: int, periodic: bool 
     return out if order else out - out.mean(axis=-1, keepdims=True)
 
 
-def system_with(
-    machine: Machine | Structure, position: float | None, viscous_at: float | None, names: Sequence[str]
-) -> SecondOrder:
+def system_with(machine: Model, position: float | None, viscous_at: float | None, names: Sequence[str]) -> SecondOrder:
     """The second-order form of a model with the ports that some signals need; points of the rail as ``rail(0.25)``."""
     return machine.second_order(position, viscous_at, rail_points(names))
 

@@ -81,7 +81,7 @@ def band_of(model: Model, records: Sequence[RecordSummary]) -> tuple[float, floa
     """The band of all records [Hz]; of a cutting machine not far beyond the second harmonic of the tool's force."""
     low = min((r.band_hz[0] for r in records), default=5.0)
     high = max((r.band_hz[1] for r in records), default=_HIGHEST)
-    return low, min(high, max(_HIGHEST, 2 * low)) if isinstance(model, Machine) else high
+    return low, min(high, max(_HIGHEST, 2 * low)) if model.has_position else high
 
 
 def measured_curves(
@@ -187,7 +187,7 @@ def modified(model: Model, position: float | None, output: str, change: Change, 
         freq = np.union1d(freq, lines_of(damped, position, *band))
         found = frequency_response(damped, _at(position), freq, outputs=output)
         curves.append(Curve("with the absorber", freq, found.data[0, 0, 0], "absorber", found.units[0]))
-    if change.controller is None or not isinstance(damped, Machine) or position is None:
+    if change.controller is None or damped.rail is None or position is None:
         return Modified(tuple(curves), None)
     return _controlled(model, damped, position, output, change.controller, curves)
 
@@ -202,7 +202,7 @@ def _controlled(
 
     kind, sampling = prototype(wanted.name), Sampling()
     hardware = kind.hardware(kind.port, sampling)
-    assert isinstance(model, Machine)
+    assert model.rail is not None
     loop = Loop(
         control_plant(damped, position, hardware, delayed=False),
         _scaled(designed(model, wanted.name, wanted.designed_at), wanted.gain),
@@ -276,7 +276,7 @@ def at_frequency(curve: Curve, freq: float) -> float | None:
 
 def default_absorber(model: Model) -> AbsorberParameters:
     """Where the absorber's sliders start: Table 7's of a cutting machine, else a fiftieth of the mass at the first mode."""
-    if isinstance(model, Machine):
+    if model.head is not None:
         return replace(table_7(), source="", caveat="")
     first = float(modes(model, None).natural_freq[0])
     return AbsorberParameters(max(first, 0.1), 0.05, 0.02 * float(np.mean(np.diag(model.system.mass))))
@@ -284,7 +284,7 @@ def default_absorber(model: Model) -> AbsorberParameters:
 
 def absorber_port(model: Model) -> str:
     """Where the absorber sits: at the tool in X, or where the force acts."""
-    return "tool_x" if isinstance(model, Machine) else model.input_port
+    return model.input_port
 
 
 def response_channels(model: Model) -> list[str]:

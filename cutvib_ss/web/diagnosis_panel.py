@@ -42,6 +42,15 @@ class DiagnosisPanel:
             self.timer = ui.timer(_PERIOD, self.poll)
         self.poll()
 
+    @property
+    def _theme(self) -> str:
+        return "dark" if self.page.dark else "light"
+
+    def recolour(self) -> None:
+        """Tell the report in its frame that the page has turned light or dark."""
+        told = f"contentWindow.postMessage({{theme: '{self._theme}'}}, location.origin)"
+        ui.run_javascript(f"document.querySelectorAll('iframe.report').forEach(frame => frame.{told})")
+
     def _start(self) -> None:
         self.log.clear()
         self._told = 0
@@ -105,7 +114,7 @@ class DiagnosisPanel:
                 ui.link("Open the report alone", f"{address}/{REPORT}", new_tab=True)
             # Changed for every diagnosis: a frame of the same address would not load again.
             ui.element("iframe").classes("report").props(
-                f'src="{address}/{REPORT}?started={id(job)}" title="Report of the diagnosis"'
+                f'src="{address}/{REPORT}?started={id(job)}&theme={self._theme}" title="Report of the diagnosis"'
             )
         if self.page.session.corrected is None:
             self.page.corrected_is_there()

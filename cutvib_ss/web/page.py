@@ -80,7 +80,7 @@ class Page:
             self._measured = MeasuredPanel(self, opened)
             self._model = ModelPanel(self, opened)
             self._diagnosis = DiagnosisPanel(self, opened)
-            self._redraws = [self._measured.draw, self._model.draw]
+            self._redraws = [self._measured.draw, self._model.draw, self._diagnosis.recolour]
 
     def redraw(self) -> None:
         """Draw all pictures again: the corrected model has come, or the colours are others."""

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -51,3 +52,52 @@ def test_no_module_opens_a_window_when_imported() -> None:
     # python-control itself imports pyplot, which by itself opens nothing: here only figures and toolkits count.
     loaded = _modules_after(IMPORT_EVERY_MODULE)
     assert not loaded & WINDOW_TOOLKITS
+
+
+MISTYPED = [
+    (["diagnose", "nowhere"], "nowhere: there is no such file; a campaign is a folder"),
+    (["diagnose", "FOLDER"], "campaign.toml: there is no such file; `cutvib campaign init"),
+    (["diagnose", "FOLDER/x.toml", "--report", "nowhere/x.html"], "there is no folder nowhere; make it first"),
+    (["diagnose", "FOLDER/x.toml", "--machine", "nowhere.toml"], "nowhere.toml: there is no such file"),
+    (["diagnose", "FOLDER/x.toml", "--band", "300:10"], "--band 300:10: needs 0 < LO < HI"),
+    (["identify", "nowhere"], "nowhere: there is no such file"),
+    (["campaign", "show", "nowhere"], "nowhere: there is no such file"),
+    (["campaign", "init", "nowhere"], "nowhere: there is no such folder"),
+    (["modes"], "--position is missing"),
+    (["modes", "--position", "2"], "must lie strictly between 0 and 1"),
+    (["frf", "--position", "0.5", "--freq", "1:2"], "--freq 1:2: give LO:HI:STEP"),
+    (["bode", "--position", "0.5", "--out", "x.gif"], "x.gif: suffix '.gif' is no picture"),
+    (["schedule", "--machine", "nowhere.toml"], "nowhere.toml: there is no such file"),
+    (["simulate", "--position", "0.5", "--force", "nowhere.csv"], "nowhere.csv: there is no such file"),
+    (["simulate"], "--position is missing"),
+    (["absorber", "check", "--plot", "x.bmp"], "x.bmp: suffix '.bmp' is no picture"),
+    (["control", "check", "--corrected", "nowhere.toml"], "nowhere.toml: there is no such file"),
+    (["plan"], "--position is missing"),
+    (["blind", "score", "nowhere"], "nowhere: there is no such folder"),
+    (["blind", "real", "nowhere"], "nowhere: there is no such folder"),
+    (["serve", "nowhere"], "nowhere: there is no such file"),
+    (["figures", "--format", "gif"], "suffix '.gif' is no picture"),
+]
+RUN_THEM = """
+import contextlib, io, json, sys
+from cutvib_ss.cli import main
+told = []
+for arguments in json.loads(sys.argv[1]):
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        told.append([main(arguments), said.getvalue(), sorted({name.split(".")[0] for name in sys.modules})])
+print(json.dumps(told))
+"""
+
+
+def test_simple_errors_are_told_before_anything_slow_is_imported(tmp_path: Path) -> None:
+    """scipy and control take seconds to import: whoever mistypes a name waits for neither."""
+    (tmp_path / "x.toml").touch()
+    asked = [[part.replace("FOLDER", str(tmp_path)) for part in arguments] for arguments, _ in MISTYPED]
+    ended = subprocess.run(
+        [sys.executable, "-c", RUN_THEM, json.dumps(asked)], capture_output=True, text=True, check=True, timeout=120
+    )
+    for (arguments, words), (status, said, loaded) in zip(MISTYPED, json.loads(ended.stdout), strict=True):
+        assert status == 2, (arguments, said)
+        assert words in said
+        assert len(said.splitlines()) == 1
+        assert not {"scipy", "control", "matplotlib", "numba"} & set(loaded), arguments

@@ -1,5 +1,6 @@
 """The commands: their JSON as outside programs read it, their files, their help, their exit status."""
 
+import contextlib
 import json
 import subprocess
 import sys
@@ -65,9 +66,30 @@ def test_help_lists_these_commands_and_no_others(capsys: pytest.CaptureFixture[s
     listed = {
         line.split()[1] for line in capsys.readouterr().out.splitlines() if line.startswith("│ ") and line[2] != " "
     }
-    assert listed - {"--version", "--help"} == {command.split()[0] for command in COMMANDS}
+    assert listed - {"--version", "--help", "--install-completion", "--show-completion"} == {
+        command.split()[0] for command in COMMANDS
+    }
     assert main(["absorber"]) == 0
     assert "design" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        (["cutvib", "camp"], "campaign"),
+        (["cutvib", "diagnose", "--sa"], "--save-machine"),
+        (["cutvib", "frf", "--form", "mob"], "mobility"),
+    ],
+)
+def test_the_shell_completes_commands_options_and_choices(
+    typed: list[str], completed: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("_CUTVIB_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", " ".join(typed))
+    monkeypatch.setenv("COMP_CWORD", str(len(typed) - 1))
+    with contextlib.suppress(SystemExit):
+        main([])
+    assert capsys.readouterr().out.split() == [completed]
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,7 +10,8 @@ from cutvib_ss.diagnosis.linearity import level_stands_out, levels_compared
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.repeatability import repeatability
-from cutvib_ss.diagnosis.where import LEVEL_EXCESS, level_dependence
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.where import level_dependence
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.paths import with_values
 from cutvib_ss.response.frequency import frequency_response
@@ -53,14 +54,14 @@ def test_records_alike_differ_by_their_noise_whatever_their_lines(one, other):
     assert len(records.merged) == 2
     assert levels_compared(records)
     assert not level_stands_out(records)
-    assert level_dependence((a, b)) < LEVEL_EXCESS
+    assert level_dependence((a, b)) < SETTINGS.level_excess
 
 
 @pytest.mark.parametrize(("one", "other"), [(FINE, COARSE), (FINE, NARROW), (FINE, ASIDE)])
 def test_a_change_with_the_level_shows_across_grids(one, other):
     a, b = entry(0, one, 20.0), entry(1, other, 60.0, SOFTER)
     assert level_stands_out(Records((a, b)))
-    assert level_dependence((a, b)) > LEVEL_EXCESS
+    assert level_dependence((a, b)) > SETTINGS.level_excess
     # Of one level it is no matter of the level.
     assert not level_stands_out(Records((a, replace(b, level=20.0))))
     assert not levels_compared(Records((a, replace(b, level=20.0))))

@@ -12,7 +12,7 @@ import pytest
 
 from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, NextTest
 from cutvib_ss.report import report_html, write_report
-from cutvib_ss.report.charts import plotly_script
+from cutvib_ss.report.frame import plotly_script
 from cutvib_ss.report.wording import (
     EFFECTS,
     cause_name,
@@ -219,7 +219,7 @@ def test_pairs_and_strangers_have_names() -> None:
     )
     late = {"delay": FittedParameter(2e-4, 1e-6, "s"), "channel": FittedParameter("all", 0.0, "")}  # type: ignore[arg-type]
     assert cause_name("channel_delay", "measurement", late) == "every channel is late against the force"
-    assert cause_name("calibration_error", "measurement") == "the sensitivity of one value or channel is wrong"
+    assert cause_name("calibration_error", "measurement") == "the sensitivity of one channel is wrong"
     assert cause_name("brand_new_effect", "drive") == "brand new effect at drive"
 
 

@@ -64,6 +64,18 @@ def test_the_search_without_a_law_is_compared(place: str, said: str) -> None:
     assert said in " ".join(answer.why_sentences(d))
 
 
+def test_a_gap_that_tuning_closes_too_is_said_to_rest_on_the_tolerances() -> None:
+    """A share of nothing is no figure to read: the tuned model leaves noise, far from its tolerances."""
+    first = replace(EXAMPLE.causes[0], share=0.99)
+    explained = replace(EXAMPLE, causes=(first, *EXAMPLE.causes[1:]))
+    d = replace(explained, gap=replace(EXAMPLE.gap, tuned=1.05 * EXAMPLE.gap.noise_floor))
+    said = " ".join(answer.why_sentences(d))
+    assert "further than their tolerances make credible" in said
+    assert "the cause takes" not in said
+    assert "the cause takes 99 %" in " ".join(answer.why_sentences(explained))
+    assert not answer.tuning_suffices(replace(d, verdict="no_gap"))
+
+
 def test_what_to_do_names_the_inspection_and_a_test() -> None:
     first, last = answer.to_do(EXAMPLE)
     assert first.startswith("Inspect: ")

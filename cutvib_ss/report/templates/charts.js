@@ -1,54 +1,7 @@
 "use strict";
 (() => {
-  const data = JSON.parse(document.getElementById("charts-data").textContent);
-  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const $ = (id) => document.getElementById(id);
   const LABEL = { measured: "measured", nominal: "nominal model", tuned: "re-tuned within tolerance", corrected: "corrected model" };
   const DASH = { nominal: "dash", tuned: "dot", corrected: "solid" };
-  const config = { displaylogo: false, modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]] };
-
-  const modulus = (z) => z.re.map((x, k) => (x === null ? null : Math.hypot(x, z.im[k])));
-  // From -100° on, so that neither 0° nor 180° lies at the end; broken where it jumps.
-  const phase = (z) => {
-    const turned = z.re.map((x, k) => (x === null ? null : ((((180 / Math.PI) * Math.atan2(z.im[k], x) + 100) % 360) + 360) % 360 - 100));
-    return turned.map((v, k) => (k && v !== null && Math.abs(v - turned[k - 1]) > 200 ? null : v));
-  };
-  const apart = (a, b) => a.re.map((x, k) => (x === null ? null : Math.hypot(x - b.re[k], a.im[k] - b.im[k])));
-  const clear = (colour, alpha) => {
-    const n = parseInt(colour.slice(1), 16);
-    return `rgba(${n >> 16},${(n >> 8) & 255},${n & 255},${alpha})`;
-  };
-  const decades = (values) => {
-    const known = values.filter((v) => v > 0).sort((a, b) => a - b);
-    return known.length ? [Math.log10(known[Math.floor(0.002 * known.length)]) - 0.1, Math.log10(known[known.length - 1]) + 0.1] : [-1, 1];
-  };
-  const band = (x, low, high, colour, name, extra) => ({
-    x: x.concat([...x].reverse()), y: high.concat([...low].reverse()), fill: "toself", fillcolor: clear(colour, 0.25),
-    line: { width: 0 }, mode: "lines", name, hoverinfo: "skip", ...extra,
-  });
-  const axis = (title, more) => ({
-    title: { text: title, standoff: 4 }, gridcolor: css("--line"), zerolinecolor: css("--soft"), linecolor: css("--soft"), automargin: true, ...more,
-  });
-  const layout = (height, more) => ({
-    height, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: css("--ink"), size: 12, family: "Helvetica, Arial, sans-serif" },
-    margin: { l: 58, r: 12, t: 34, b: 44 }, hovermode: "x", hoverlabel: { bgcolor: css("--paper"), bordercolor: css("--soft"), font: { color: css("--ink") } },
-    legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, modebar: { color: css("--soft"), activecolor: css("--mark"), bgcolor: "rgba(0,0,0,0)", orientation: "h" },
-    dragmode: matchMedia("(pointer: coarse)").matches ? false : "zoom", ...more,
-  });
-  const narrow = () => document.querySelector("main").clientWidth < 600;
-  const widths = new Map();
-  const draw = (id, traces, shape) => {
-    const width = $(id).clientWidth;
-    widths.set(id, width);
-    if (narrow()) {
-      // Names below: beside the buttons there is no room for them.
-      const rows = new Set(traces.filter((t) => t.showlegend !== false && t.name).map((t) => t.name)).size;
-      shape.margin = { l: 52, r: 8, t: 30, b: 50 + 20 * rows };
-      shape.legend = { orientation: "h", y: 0, yref: "container", yanchor: "bottom", x: 0, entrywidth: 1, entrywidthmode: "fraction" };
-      shape.height += 20 * rows;
-    }
-    Plotly.react(id, traces, { ...shape, width }, config);
-  };
 
   function responses() {
     const record = data.records[$("frf-record").value];
@@ -92,8 +45,9 @@
       ...(coherent ? [["yaxis4", axis("coh.", { domain: ends[3], range: [0, 1.05], tickvals: [0, 1] })]] : []),
     ]);
     const bottom = coherent ? "y4" : "y3";
-    const shapes = data.bands.map(([x0, x1]) => ({ type: "rect", xref: "x", yref: "paper", x0, x1, y0: 0, y1: 1, fillcolor: css("--soft"), opacity: 0.07, line: { width: 0 }, layer: "below" }));
-    draw("frf", traces, layout(coherent ? 760 : 680, { ...named, xaxis: axis("frequency [Hz]", { anchor: bottom, range: [x[0], x[x.length - 1]] }), shapes }));
+    const mark = marked(data.mark, x[0], x[x.length - 1]);
+    const shapes = data.bands.map(([x0, x1]) => ({ type: "rect", xref: "x", yref: "paper", x0, x1, y0: 0, y1: 1, fillcolor: css("--soft"), opacity: 0.07, line: { width: 0 }, layer: "below" })).concat(mark.shapes || []);
+    draw("frf", traces, layout(coherent ? 760 : 680, { ...named, xaxis: axis("frequency [Hz]", { anchor: bottom, range: [x[0], x[x.length - 1]] }), ...mark, shapes }));
   }
 
   function map() {
@@ -105,7 +59,7 @@
       colorscale: [[0, css("--paper")], [0.15, css("--heat1")], [0.5, css("--heat2")], [1, css("--heat3")]],
       colorbar: { ...(narrow() ? { orientation: "h", y: -0.32, yanchor: "top" } : {}), tickvals: [0, 0.5, 1, 1.5, 2], ticktext: ["1", "3", "10", "30", "100"], title: { text: "error / noise", side: narrow() ? "bottom" : "right" }, thickness: 12, outlinewidth: 0 },
       hovertemplate: "%{x:.4g} Hz, %{y}: %{customdata:.3g} times the noise<extra></extra>",
-    }], layout((narrow() ? 190 : 130) + 34 * m.rows.length, { margin: { l: 58, r: 12, t: 34, b: 44 }, hovermode: "closest", xaxis: axis("frequency [Hz]"), yaxis: axis("", { autorange: "reversed", type: "category" }) }));
+    }], layout((narrow() ? 190 : 130) + 34 * m.rows.length, { margin: { l: 58, r: 12, t: 34, b: 44 }, hovermode: "closest", ...marked(data.mark, m.freq[0], m.freq[m.freq.length - 1]), xaxis: axis("frequency [Hz]"), yaxis: axis("", { autorange: "reversed", type: "category" }) }));
   }
 
   function stiffness(k) {
@@ -133,13 +87,5 @@
   }
   for (const id of ["frf-record", "frf-channel"]) if ($(id)) $(id).addEventListener("change", responses);
   for (const id of ["map-model", "map-channel"]) if ($(id)) $(id).addEventListener("change", map);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", all);
-  addEventListener("beforeprint", () => { document.documentElement.classList.add("print"); all(); });
-  addEventListener("afterprint", () => { document.documentElement.classList.remove("print"); all(); });
-  all();
-  // The page may get narrower or wider: by a turned phone, a scroll bar, the paper.
-  const watch = new ResizeObserver((entries) => {
-    if (entries.some((e) => Math.abs(e.contentRect.width - (widths.get(e.target.id) || 0)) > 1)) all();
-  });
-  document.querySelectorAll(".chart").forEach((chart) => watch.observe(chart));
+  keepDrawn(all);
 })();

@@ -1,4 +1,8 @@
-"""Files that are either there complete or not there at all."""
+"""
+Files that are written: complete or not there at all, and refused before the work where they cannot be.
+
+Imports nothing slow, so that the command line can refuse a wrong name at once.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from cutvib_ss.errors import DataFormatError
+from cutvib_ss.errors import DataFormatError, ParameterError
+
+PICTURES = (".png", ".svg", ".pdf")
+"""Suffixes of pictures."""
 
 
 @contextmanager
@@ -60,3 +67,11 @@ def check_target(path: str | os.PathLike[str]) -> Path:
     if not os.access(target.parent, os.W_OK):
         raise DataFormatError(f"{target}: the folder {target.parent} cannot be written to; choose another path")
     return target
+
+
+def check_picture(path: str | os.PathLike[str]) -> Path:
+    """The name of a picture, refused where its suffix is not one that can be drawn."""
+    file = Path(path)
+    if file.suffix.lower() not in PICTURES:
+        raise ParameterError(f"{file}: suffix {file.suffix!r} is no picture; give one of {', '.join(PICTURES)}")
+    return file
