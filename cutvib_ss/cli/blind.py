@@ -121,16 +121,25 @@ def blind_real_command(
         ),
     ],
     json: JsonOption = None,
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", metavar="FILE.html", help="Write the table as one self-contained page."),
+    ] = None,
     halves: Annotated[
         bool, typer.Option("--halves", help="Diagnose both halves of each campaign's records too: do they agree?")
     ] = False,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes of a diagnosis.")] = 1,
 ) -> None:
     """Diagnose measured campaigns and hold each against its documented cause."""
-    check_outputs(json)
+    check_outputs(json, report)
     from cutvib_ss.validation.measured import cells, diagnose_measured, table_data
 
     rows = diagnose_measured(folder, halves=halves, jobs=jobs, progress=lambda name: say(messages(), name))
+    if report is not None:
+        from cutvib_ss.report.blind import measured_html
+
+        text = measured_html(rows)
+        write_all({report: _writer(text)})
     if give_json(table_data(rows), json):
         return
     console = results()

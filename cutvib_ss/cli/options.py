@@ -90,10 +90,10 @@ JsonOption = Annotated[
 
 def position_value(given: str | float) -> float:
     """A position as the command line takes it: a number, which a default is already, or FC, CC, BC, FR, CR, BR."""
-    from cutvib_ss.parameters import position_of
+    from cutvib_ss.parameters import check_position
 
     try:
-        return position_of(str(given))
+        return check_position(str(given))
     except ParameterError as error:
         raise typer.BadParameter(str(error)) from None
 

@@ -23,6 +23,7 @@ from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.result import Verdict
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import unforced_problem
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.measurement.records import FORCE
@@ -41,7 +42,7 @@ def consequences(
     """What the chosen cause means for the machine."""
     channel = "tool_x" if "tool_x" in nominal.channels else observed.channels[0]
     frequency = WORKING_FREQUENCY if nominal.has_position else _loudest(fit.model, channel, observed.band)
-    problem = Problem(nominal, records.merged, fit.hypothesis)
+    problem = unforced_problem(nominal, records, fit.hypothesis)
     by_level = bool(fit.model.nonlinear)
     positions = _places(records, SETTINGS.consequence_positions_laws if by_level else SETTINGS.consequence_positions)
     warnings = _warnings(fit, records, observed, verdict, frequency)

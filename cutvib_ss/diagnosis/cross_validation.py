@@ -46,7 +46,6 @@ class Judged:
     predicted: ComplexArray  # What was predicted of it
     # Mean square of the error, and of the error of a right model by noise and drift; over channels and lines
     squares: float = 0.0
-    # Mean square of the error, and of the error of a right model by noise and drift; over channels and lines
     floor: float = 0.0
 
 

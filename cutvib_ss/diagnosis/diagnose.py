@@ -29,7 +29,9 @@ from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.diagnosis.search import search
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import unforced_problem
 from cutvib_ss.diagnosis.unknown_element import ports_of
+from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
 from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model, parameter_fields
@@ -139,7 +141,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     tuned = judged(none)
     held = {"none": tuned}
     no_gap = odds["none"] > SETTINGS.verdict_sure
-    for r in shown[: SETTINGS.verdict_judged]:
+    for r in shown[: 1 if no_gap else SETTINGS.verdict_judged]:
         if odds[r.name] > 1e-3 or (r is shown[0] and not no_gap):
             held[r.name] = judged(r)
     other = next(
@@ -323,7 +325,7 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
     groups = merged(entries)
     out = []
     start = Problem(nominal, groups, Hypothesis())
-    end = Problem(nominal, groups, chosen.hypothesis)
+    end = unforced_problem(nominal, Records(tuple(entries)), chosen.hypothesis)
     sides = [
         (nominal, start.blow_at(none.x), None, None),
         (none.model, start.blow_at(none.x), start, none.x),
@@ -344,6 +346,8 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
         )  # fmt: skip
         computed = []
         for model, blow_at, problem, x in sides:
+            if isinstance(problem, UnknownForceProblem) and x is not None:
+                model = problem.model_of(x, merged(same[:1])[0])
             value = cross_validation.predicted(same[0], model, blow_at, problem, x).data[None, :, None]
             computed.append(
                 FrequencyResponse(

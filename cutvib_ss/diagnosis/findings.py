@@ -73,9 +73,7 @@ class ChannelGap:
     scale: float | None
     # Largest distance of the measurement from each model over positions, at each the record of least noise
     before: float
-    # Largest distance of the measurement from each model over positions, at each the record of least noise
     tuned: float
-    # Largest distance of the measurement from each model over positions, at each the record of least noise
     after: float
     noise: float  # What noise alone would show
     models: float  # The largest between the nominal and the corrected model at these positions: without noise

@@ -262,15 +262,15 @@ class Quadratic:
         matrix[index, index] += 12.0
         free = np.concatenate([self.free, np.ones(self.layout.size - n, dtype=bool)])
         # An unknown at its bound keeps its share of the determinant, but does not move.
-        size = np.sqrt(np.diag(matrix))
-        factor = linalg.cholesky(matrix / np.outer(size, size), lower=True, check_finite=False)
+        factor, size = _factor(matrix)
         log_det = 2.0 * float(np.sum(np.log(np.diag(factor))) + np.sum(np.log(size)))
         if free.all():
             pulled = linalg.solve_triangular(factor, gradient / size, lower=True, check_finite=False)
             gain = float(pulled @ pulled)
         else:
-            inner = matrix[np.ix_(free, free)]
-            gain = float(gradient[free] @ linalg.solve(inner, gradient[free], assume_a="pos", check_finite=False))
+            inner, own = _factor(matrix[np.ix_(free, free)])
+            pulled = linalg.solve_triangular(inner, gradient[free] / own, lower=True, check_finite=False)
+            gain = float(pulled @ pulled)
         noise = self.count * float(np.log(sizes.noise))
         return -0.5 * (self.at(sizes) - gain + log_det + noise) + 0.5 * e * float(np.log(2 * np.pi))
 
@@ -309,6 +309,24 @@ class Quadratic:
             line = [self.posterior(replace(sizes, **{name: v}), known) - top for v, _ in grid]
             total += float(np.logaddexp.reduce(np.array(line)))
         return total
+
+
+def _factor(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Cholesky factor of a matrix scaled to a unit diagonal, and the scale."""
+    size = np.sqrt(np.diag(matrix))
+    scaled = matrix / np.outer(size, size)
+    try:
+        return linalg.cholesky(scaled, lower=True, check_finite=False), size
+    except linalg.LinAlgError:
+        # Directions that are nearly the same leave rounding errors for eigenvalues.
+        scaled[np.diag_indices_from(scaled)] += SETTINGS.likelihood_precision_floor
+        return linalg.cholesky(scaled, lower=True, check_finite=False), size
+
+
+def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solution of a normal equation."""
+    factor, size = _factor(matrix)
+    return np.asarray(linalg.cho_solve((factor, True), right / size, check_finite=False) / size)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ def nu_gap(
 ) -> NuGap:
     """The largest ν-gaps of a campaign, and the winding condition."""
     positions = dict.fromkeys(m.position for m in rows)
-    pairs = {position: _Pair(nominal, corrected, position, scales) for position in positions}
+    pairs = {position: Pair(nominal, corrected, position, scales) for position in positions}
     out = []
     for channel in dict.fromkeys(m.channel for m in rows):
         quiet = [
@@ -53,7 +53,7 @@ def nu_gap(
     return NuGap(tuple(out), *_winding(pairs, band, bool(corrected.nonlinear)))
 
 
-def _winding(pairs: Mapping[float | None, _Pair], band: tuple[float, float], nonlinear: bool) -> tuple[str, str]:
+def _winding(pairs: Mapping[float | None, Pair], band: tuple[float, float], nonlinear: bool) -> tuple[str, str]:
     for position, pair in pairs.items():
         turns, reason = pair.winding(band)
         if turns is None:
@@ -66,7 +66,7 @@ def _winding(pairs: Mapping[float | None, _Pair], band: tuple[float, float], non
 
 
 @dataclass(frozen=True)
-class _Pair:
+class Pair:
     """Two models at one position, their responses scaled."""
 
     first: Model
@@ -76,6 +76,7 @@ class _Pair:
 
     @cached_property
     def modes(self) -> tuple[Modes, Modes]:
+        """Modes of both."""
         return modes(self.first, self.position), modes(self.second, self.position)
 
     def grid(self, low: float, high: float) -> FloatArray:
@@ -129,10 +130,3 @@ class _Pair:
         p1, p2 = self.responses(freq, list(self.scales))
         value: ComplexArray = 1.0 + np.sum(p2.conj() * p1, axis=0)
         return value
-
-
-def winding_number(
-    first: Model, second: Model, position: float | None, scales: Mapping[str, float], band: tuple[float, float]
-) -> tuple[int | None, str]:
-    """Turns of 1 + P₂ᴴP₁ around the origin along the imaginary axis, of two stable models."""
-    return _Pair(first, second, position, scales).winding(band)

@@ -50,8 +50,6 @@ class _Family:
     # The same few lines with a widened noise, which pulls from afar, and as measured, where they tell what is alike
     # under it
     wide: Records
-    # The same few lines with a widened noise, which pulls from afar, and as measured, where they tell what is alike
-    # under it
     sharp: Records
     linear: bool  # Which family it is
     motion: Mapping[str, float]  # Largest motion at each place, from which laws get their size

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
 from cutvib_ss.diagnosis.discrepancy import weights
-from cutvib_ss.diagnosis.likelihood import Directions, Layout, Sizes, real_rows
+from cutvib_ss.diagnosis.likelihood import Directions, Layout, Sizes, real_rows, solved
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
@@ -76,10 +76,19 @@ class Spread:
             at = slice(first, first + moved.size)
             z[at], mean[at] = mean[at], 0.0
         new = name not in self.layout.sessions and own.sizes.drift > SETTINGS.predictive_small_drift
+        last = z[at].copy()
         for iteration in range(SETTINGS.predictive_iterations if new else 1):
             there = x.copy()
             there[moved] += drift[moved] * own.sizes.drift * z[at] if at.stop else 0.0
-            shown, residual = show(there)
+            try:
+                shown, residual = show(there)
+            except CutvibError:
+                # No model drifts so far: it stays where it was.
+                if iteration == 0:
+                    raise
+                z[at] = last
+                break
+            last = z[at].copy()
             chunks = list(Directions(problem, there, [shown], like=lay).chunks())
             if iteration < SETTINGS.predictive_iterations - 1 and new:
                 matrix, pulled = own.precision.copy(), np.zeros(lay.size)
@@ -88,7 +97,7 @@ class Spread:
                     matrix[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
                     pulled[index] += flat @ (real_rows(residual[None, c])[0] - mean[index] @ flat) / own.sizes.noise
                 pulled[at] -= z[at]
-                z[at] += linalg.solve(matrix, pulled, assume_a="pos", check_finite=False)[at]
+                z[at] += solved(matrix, pulled)[at]
                 z[at] = np.clip(z[at], -SETTINGS.likelihood_farthest_drift, SETTINGS.likelihood_farthest_drift)
         out = np.empty(residual.shape[0])
         known = 0.0 if not new else float(z[at] @ z[at])
@@ -106,6 +115,6 @@ class Spread:
             pulled[index] = flat @ r / own.sizes.noise
             if new:
                 pulled[at] -= z[at]
-            gain = pulled @ linalg.solve(inner, pulled, assume_a="pos", check_finite=False)
+            gain = pulled @ solved(inner, pulled)
             out[c] = (r @ r / own.sizes.noise + known - gain) / r.size
         return out, float(np.mean(drifts))

@@ -88,8 +88,14 @@ class Problem:
     def tuned(self, x: FloatArray) -> Model:
         """The nominal model with its values moved."""
         steps = zip(self.tuning, self._nominal_values, x, strict=False)
+        values = {path: value * float(np.exp(tolerance * step)) for (path, tolerance), value, step in steps}
+        # A drift that is followed far may ask for more than critical damping, at which there is no mode.
         return with_values(
-            self.nominal, {path: value * float(np.exp(tolerance * step)) for (path, tolerance), value, step in steps}
+            self.nominal,
+            {
+                path: min(v, SETTINGS.fit_most_damping) if path[-1] == "damping_ratio" else v
+                for path, v in values.items()
+            },
         )
 
     def effects(self, x: FloatArray) -> tuple[Effect, ...]:

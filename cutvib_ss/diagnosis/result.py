@@ -12,7 +12,7 @@ from cutvib_ss.diagnosis.findings import Findings
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
-from cutvib_ss.results.display import Drawn, Table
+from cutvib_ss.results.display import Drawn, Table, optional
 
 SCHEMA = "cutvib-diagnosis/1"
 Verdict: TypeAlias = Literal["no_gap", "explained", "partly_explained", "ambiguous", "unknown"]
@@ -128,9 +128,7 @@ class Comparison:
     measured: MeasuredFrequencyResponse  # The measurement
     # The model as given, re-tuned, and with the cause; each through the same estimator as the measurement
     nominal: FrequencyResponse
-    # The model as given, re-tuned, and with the cause; each through the same estimator as the measurement
     tuned: FrequencyResponse
-    # The model as given, re-tuned, and with the cause; each through the same estimator as the measurement
     corrected: FrequencyResponse
 
 
@@ -280,6 +278,23 @@ class Diagnosis(Drawn):
         }
         cleaned: dict[str, Any] = _finite(data)
         return cleaned
+
+    def to_dataframe(self) -> Any:
+        """
+        The causes as a table of pandas (extra ``data``).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each cause and parameter: effect, place, probability; parameter, value, std, unit.
+        """
+        rows = [
+            (c.effect, c.place, c.probability, n, p.value, p.std, p.unit)
+            for c in self.causes
+            for n, p in (c.parameters or {"": FittedParameter("", math.nan, "")}).items()
+        ]
+        columns = ["effect", "place", "probability", "parameter", "value", "std", "unit"]
+        return optional("pandas", "to_dataframe").DataFrame(rows, columns=columns)
 
     def to_json(self) -> str:
         """

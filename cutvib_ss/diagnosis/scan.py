@@ -72,11 +72,16 @@ class Scan:
     def promise(self, starts: Sequence[Effect]) -> Scanned:
         """The best of a cause's starts."""
         if starts[0].linear:
-            return max((self._scaled(e) for e in starts), key=lambda s: s.gain)
+            gain, best = max(((g, h) for h, _, g in map(self._of_start, starts)), key=lambda row: row[0])
+            return Scanned(gain, best)
         tried = [self.as_it_stands(e) for e in starts]
         if starts[0].proportional:
             tried.append(self._in_proportion(starts))
         return max(tried, key=lambda s: s.gain)
+
+    def each(self, starts: Sequence[Effect]) -> list[tuple[float, float]]:
+        """χ² that each start of a linear cause would take away: as it stands, and scaled as it is best."""
+        return [self._of_start(e)[1:] for e in starts]
 
     def refined(self, best: Scanned) -> Scanned:
         """A law with its parameters where it explains most."""
@@ -150,24 +155,21 @@ class Scan:
             # Its parameter cannot be negative.
             return Scanned(-np.inf, both)
 
-    def _scaled(self, effect: Effect) -> Scanned:
-        """By the change of the prediction at a start, scaled as it is best."""
+    def _of_start(self, effect: Effect) -> tuple[Hypothesis, float, float]:
+        """χ² that a linear cause would take away at a start: as it stands, and with its change scaled as it is best."""
         both, problem, x = self.with_cause(effect)
-        gain, moved_by = self._along(problem, x)
+        along, size, moved_by = self.change(problem, x)
+        stands, gain = 2.0 * along - size, along * abs(along) / size if size > 0.0 else along
         if moved_by > SETTINGS.scan_nothing * self.left.size or gain == -np.inf:
-            return Scanned(gain, both)
+            return both, stands, gain
         # The start does nothing yet: each parameter is moved off it, and may go either way.
         moves = []
         for i in range(problem.size - sum(p[0] == len(self.effects) for p in problem.parameters), problem.size):
             moved = x.copy()
             moved[i] += SETTINGS.scan_nudge if x[i] + SETTINGS.scan_nudge <= 1.0 else -SETTINGS.scan_nudge
-            moves.append(abs(self._along(problem, moved)[0]))
-        return Scanned(max((m for m in moves if np.isfinite(m)), default=-np.inf), both)
-
-    def _along(self, problem: Problem, x: FloatArray) -> tuple[float, float]:
-        """χ² that a change of the prediction would take away, negative if turned round; and the change's own squares."""
-        along, size, moved_by = self.change(problem, x)
-        return along * abs(along) / size if size > 0.0 else along, moved_by
+            along, size, _ = self.change(problem, moved)
+            moves.append(along**2 / size if size > 0.0 else along)
+        return both, stands, max((m for m in moves if np.isfinite(m)), default=-np.inf)
 
     def change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
         """

@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -25,7 +27,7 @@ from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce, unknown_candidates
 from cutvib_ss.diagnosis.workers import Workers
-from cutvib_ss.effects.base import Model
+from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.results import FloatArray
 
 
@@ -69,7 +71,7 @@ def search(
     none = Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True)
     linear = candidates(nominal, observed.band, observed.channels)
     workers.say(f"fitting {len(linear)} linear causes")
-    rough = _rough(nominal, few, linear, workers)
+    rough = _rough(nominal, records, few, linear, none, workers)
     alone = {c.name: f.hypothesis.effects[0] for c, f in rough}
     ranked = on_all_lines(
         nominal,
@@ -114,7 +116,7 @@ def search(
     if none.reduced > SETTINGS.search_enough and not _enough(ranked, none, leaves):
         workers.say("fitting elements of unknown form")
         ranked += _unknown(nominal, records, few, observed, ranked, workers)
-        if by_level:
+        if dependent:
             ranked += _unknown_forces(nominal, records, few, observed, none, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
@@ -125,7 +127,7 @@ def search(
 def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked]) -> Ranked:
     """The model without a cause, tuned from where the best cause has its tuning too: it may have been caught in a side minimum."""
     best = max(ranked, key=lambda r: r.fit.log_evidence).fit
-    if best.log_evidence < none.fit.log_evidence + SETTINGS.search_caught:
+    if best.log_evidence < none.fit.log_evidence + SETTINGS.search_caught or none.reduced > SETTINGS.fit_hopeless:
         return none
     again = fit(nominal, records, Hypothesis(), best.x[: best.first_effect])
     return Ranked(none.name, again, True) if again.objective < none.fit.objective else none
@@ -203,24 +205,36 @@ def _rival(nominal: Model, outlook: Records, ranked: Sequence[Ranked]) -> tuple[
     return cost(there), best.fit.log_evidence
 
 
-def _rough(nominal: Model, few: Records, found: Sequence[Candidate], workers: Workers) -> list[tuple[Candidate, Fit]]:
-    """Each candidate from the best of its starts, on few lines; best first."""
-    scan = Scan(nominal, few, Hypothesis(), None, {}, apart=False)
-    fits = workers.map(partial(_scouted, nominal, few, scan), found)
-    pairs = [(c, f) for c, f in zip(found, fits, strict=True) if f is not None]
+def _rough(
+    nominal: Model, records: Records, few: Records, found: Sequence[Candidate], none: Ranked, workers: Workers
+) -> list[tuple[Candidate, Fit]]:
+    """The candidates that promise most, each from the best of its starts, on few lines; best first."""
+    # The tuning of a model that lacks the cause leads away from a large one; of a small one it is what is left that tells.
+    afar = Scan(nominal, few, Hypothesis(), None, {}, apart=False)
+    sharp = records.coarse(SETTINGS.search_coarse_lines, 0.0)
+    near = Scan(nominal, sharp, Hypothesis(), none.fit.x, {}, apart=False)
+    chosen: set[int] = set()
+    orders: dict[int, list[Effect]] = {}
+    for scan in (near, afar):
+        tried = workers.map(scan.each, [c.starts for c in found])
+        best = [max(max(gains) for gains in rows) for rows in tried]
+        chosen |= set(np.argsort(best)[::-1][: SETTINGS.search_scouted].tolist())
+        for i, rows in enumerate(tried):
+            order = sorted(range(len(rows)), key=lambda k: -rows[k][0])
+            orders[i] = [found[i].starts[k] for k in order]
+    kept = sorted(chosen)
+    fits = workers.map(partial(_scouted, nominal, few), [orders[i] for i in kept])
+    pairs = [(found[i], f) for i, f in zip(kept, fits, strict=True) if f is not None]
     return sorted(pairs, key=lambda pair: cost(pair[1]))
 
 
-def _scouted(nominal: Model, few: Records, scan: Scan, candidate: Candidate) -> Fit | None:
-    """A candidate from the best of its starts; None where the model takes none."""
+def _scouted(nominal: Model, few: Records, starts: Sequence[Effect]) -> Fit | None:
+    """A candidate from the best of its starts, which are in order of promise; None where the model takes none."""
     # All start from the untuned model: the tuning of a model that lacks the cause leads away.
-    starts = [Hypothesis((e,)) for e in candidate.starts]
-    if len(starts) > SETTINGS.search_starts_climbed:
-        starts.sort(key=lambda h: -scan.as_it_stands(h.effects[0]).gain)
     tries = [
         f
-        for h in starts[: SETTINGS.search_starts_climbed]
-        if (f := first_steps(nominal, few, h, None, SETTINGS.search_start_steps)) is not None
+        for e in starts[: SETTINGS.search_starts_climbed]
+        if (f := first_steps(nominal, few, Hypothesis((e,)), None, SETTINGS.search_start_steps)) is not None
     ]
     if not tries:
         return None

@@ -65,9 +65,10 @@ class Settings:
         "Prior of the discrepancy of the cause itself", "causes of the wrong form are forgiven",
         "constitutive models of joints, contacts and losses hold to some percent, seldom to a tenth of that")
     likelihood_noise_factors: Weighted = _of(
-        ((1.0, 0.70), (1.3, 0.20), (2.0, 0.08), (4.0, 0.015), (10.0, 0.004), (100.0, 0.001)),
+        ((0.1, 0.005), (0.3, 0.02), (0.7, 0.075), (1.0, 0.65), (1.3, 0.18), (2.0, 0.055), (4.0, 0.01), (10.0, 0.004),
+         (100.0, 0.001)),
         "factor on the variance, probability", "Prior of the noise against its estimate", "residuals are taken for noise",
-        "estimates from 5-20 repetitions")
+        "estimates from 5-20 repetitions; on a machine that is not linear part of what scatters is its own doing")
     likelihood_noise_unknown: Weighted = _of(tuple((float(v), 1.0 / 13.0) for v in np.geomspace(1.0, 1e6, 13)),
         "factor on the variance, probability", "The same where no repetitions told the scatter",
         "residuals are taken for noise", "the noise is then a guess")
@@ -126,13 +127,14 @@ class Settings:
     # One fit
     fit_gain: float = _of(0.1, "objective", "Gain at which steps end", "coarser fits",
         "a twentieth of what tells two causes apart by a factor of e")
-    fit_passes: int = _of(4, "climbs", "Times that a fit climbs at most", "longer", _TIME)
+    fit_passes: int = _of(3, "climbs", "Times that a fit climbs at most", "longer", _TIME)
     fit_scout_steps: int = _of(10, "steps", "A fit of no more steps climbs once", "more scouts", _TIME)
     fit_start_lines: int = _of(120, "lines", "Lines on which drifting sessions are started", "longer", _TIME)
     fit_start_error: float = _of(0.1, "1", "Relative error added to those", "smoother objective", _JUDGEMENT)
     fit_start_gain: float = _of(1e-2, "1", "Relative gain at which those steps end", "rougher starts", _TIME)
     fit_hopeless: float = _of(5.0, "χ² a datum", "From which a fit is not worth small steps", "longer", _TIME)
-    fit_hopeless_gain: float = _of(1e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
+    fit_hopeless_gain: float = _of(5e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
+    fit_most_damping: float = _of(0.9, "1", "Damping ratio of the rail beyond which none is followed", "-", _NUMERICAL)
     fit_within: float = _of(8.0, "std", "How far a tuned value or calibration error is followed", "-",
         "its prior holds it long before")
     projection_step: float = _of(0.05, "std", "Step of tuning and shape in a difference of two closed forms", "-", _NUMERICAL)
@@ -218,6 +220,9 @@ class Settings:
     search_law_steps: int = _of(6, "steps", "The same of a law", "longer", _TIME)
     search_most_steps: int = _of(40, "steps", "On all lines", "longer", _TIME)
     search_most_law_steps: int = _of(15, "steps", "The same of a law: the last of many gain little", "longer", _TIME)
+    search_scouted: int = _of(6, "causes",
+        "Linear causes that promise most from the tuned model, and as many from the untuned one, that are fitted",
+        "longer", "the true cause was within the first three of one or the other of 16 simulated machines, once ninth")
     search_linear_refined: int = _of(3, "causes", "Linear causes fitted on all lines, at least", "longer", _TIME)
     search_laws_refined: int = _of(3, "causes", "Simulated causes fitted on all lines, at most", "longer", _TIME)
     search_laws_looked_at: int = _of(6, "causes", "Simulated causes whose scan is refined: the most promising", "longer",

@@ -274,6 +274,13 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
     return chain.shown(taken)
 
 
+def unforced_problem(nominal: Model, records: Records, hypothesis: Hypothesis) -> Problem:
+    """The unknowns of a hypothesis without the forces of single records: to draw models and calibration errors from a fit."""
+    if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
+        return UnknownForceProblem(nominal, records.each, hypothesis)
+    return Problem(nominal, records.merged, hypothesis)
+
+
 def problem_for(
     nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False, by_session: bool = False
 ) -> Problem:

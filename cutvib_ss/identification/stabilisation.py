@@ -150,7 +150,9 @@ def stabilisation(
     before = np.empty(0, complex)
     for n in range(2, highest_order + 1):
         poles = _poles(equations, n, freq[0], span)
-        poles = poles[(np.abs(poles.imag) >= 2 * np.pi * freq[0]) & (np.abs(poles.imag) <= 2 * np.pi * freq[-1])]
+        # Of a resonance at least half lies in the band: what only its end asks for is no mode.
+        room = np.minimum(poles.imag - 2 * np.pi * freq[0], 2 * np.pi * freq[-1] - poles.imag)
+        poles = poles[room >= -poles.real]
         for p in poles:
             found.append(
                 (n, abs(p) / (2 * np.pi), -p.real / abs(p), _agreement(p, before, freq_tolerance, damping_tolerance))

@@ -1,18 +1,13 @@
-"""A sealed trial's score for reading: as lines and cells of text, as Markdown, as one page with pictures."""
+"""A sealed trial's score, and the table of measured campaigns, for reading: as cells of text, as Markdown, as one page."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-from matplotlib.figure import Figure
-
-from cutvib_ss.plot import blind as pictures
-from cutvib_ss.plot.style import svg
+from cutvib_ss.report.frame import number, number_list, page
 from cutvib_ss.validation.cases import Case, name_of
+from cutvib_ss.validation.measured import MeasuredRow, cells
 from cutvib_ss.validation.plan import options_of
 from cutvib_ss.validation.rows import Row
 from cutvib_ss.validation.score import Group, Score, case_data
@@ -125,32 +120,78 @@ def _table(head: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
 
 def score_html(score: Score) -> str:
     """The score as one self-contained page."""
-    environment = Environment(
-        loader=PackageLoader("cutvib_ss.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    return environment.get_template("blind.html.j2").render(
+    charts = {
+        "bins": [
+            {"at": number(b.confidence), "right": number(b.right.value), "low": number(b.right.low), "high": number(b.right.high),
+             "cases": b.right.cases}
+            for b in score.bins if b.right.cases
+        ],
+        "counts": [{"at": 0.5 * (b.low + b.high), "width": b.high - b.low, "cases": b.right.cases} for b in score.bins],
+        "risk": {"coverage": number_list(score.coverage), "risk": number_list(score.risk)},
+        "severity": [
+            {"name": g.name, "cases": g.right.cases, "right": number(g.right.value), "low": number(g.right.low),
+             "high": number(g.right.high), "probability": number(g.probability)}
+            for g in score.by_severity
+        ],
+        "shrinkage": [
+            {"name": s.name, "right": s.right, "achieved": number(1.0 - s.achieved), "stated": number(1.0 - s.stated),
+             "low": number(1.0 - s.high), "high": number(1.0 - s.low)}
+            for s in score.shrinkage
+        ],
+        "maps": {
+            name: {"truths": list(m.truths), "named": list(m.named), "counts": m.counts.tolist()}
+            for name, m in (("causes", score.causes), ("places", score.places))
+        },
+    }  # fmt: skip
+    return page(
+        "blind.html.j2",
+        "blind.js",
+        charts,
         heading=heading(score),
         methods=list(score.baselines),
         rows=[(row_cells(score, row), row) for row in score.rows],
         by_cause=[group_cells(g) for g in score.by_cause],
         wrong=[wrong_cells(c) for c in score.sure_and_wrong],
         cases=[case_data(c) for c in score.cases],
-        pictures={
-            "reliability": _inline(pictures.reliability_diagram(score), "r"),
-            "risk": _inline(pictures.risk_curve(score), "c"),
-            "severity": _inline(pictures.severity_curve(score), "s"),
-            "shrinkage": _inline(pictures.shrinkage_scatter(score), "k") if score.shrinkage else "",
-            "causes": _inline(pictures.confusion_map(score.causes, "Causes"), "m"),
-            "places": _inline(pictures.confusion_map(score.places, "Places"), "p"),
-        },
+        shrinkage=bool(score.shrinkage),
     )
 
 
-def _inline(picture: Figure, prefix: str) -> Markup:
-    """A picture as an element of the page; its ids are made its own, for the page holds several."""
-    text = svg(picture)
-    text = text[text.index("<svg") :]
-    text = re.sub(r'\bid="', f'id="{prefix}-', text)
-    text = re.sub(r'(url\(|href=")#', rf"\1#{prefix}-", text)
-    return Markup(text)
+def measured_html(rows: Sequence[MeasuredRow]) -> str:
+    """Measured campaigns held against their documented causes, as one self-contained page."""
+    labelled = [r for r in rows if r.effects is not None and r.probability is not None]
+    charts = {
+        "campaigns": [
+            {"name": r.campaign, "probability": number(r.probability or 0.0), "rank": r.rank, "place": r.place_right,
+             "share": None if r.share is None else number(r.share)}
+            for r in labelled
+        ]
+    }  # fmt: skip
+    named = sum(r.rank == 1 for r in labelled)
+    placed = sum(bool(r.place_right) for r in labelled)
+    said = [f"{len(rows)} campaigns, {len(labelled)} of them with a documented cause and a diagnosis."]
+    if labelled:
+        said.append(
+            f"The documented cause is named first in {named} of {len(labelled)}; its place is in the set of places in "
+            f"{placed}."
+        )
+    failed = [r for r in rows if r.error is not None]
+    if failed:
+        said.append(f"{len(failed)} could not be diagnosed.")
+    return page(
+        "measured.html.j2",
+        "blind.js",
+        charts if labelled else None,
+        filters={"bound": _bound},
+        said=said,
+        rows=[(list(cells(r)), r) for r in rows],
+        failed=failed,
+        limits=[(r.campaign, x) for r in rows for x in r.limits],
+    )
+
+
+def _bound(value: object) -> str:
+    """A limit, or the pair of a signed value."""
+    if isinstance(value, tuple | list):
+        return " to ".join(f"{v:.3g}" for v in value)
+    return f"{value:.3g}"

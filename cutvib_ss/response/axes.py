@@ -18,8 +18,7 @@ def as_positions(model: Model, positions: object) -> FloatArray:
         return np.array([np.nan])
     if positions is None:
         raise ParameterError("the response of a cutting machine needs a position y_b / L, strictly inside (0, 1)")
-    values = np.atleast_1d(np.asarray(positions, dtype=float))
-    return np.array([check_position(float(y)) for y in values.ravel()])
+    return np.array([check_position(y) for y in np.asarray(positions, dtype=object).ravel()])
 
 
 def as_laplace(freq: object, decay_rate: float) -> tuple[FloatArray, ComplexArray]:

@@ -24,6 +24,8 @@ from cutvib_ss.units import DERIVATIVE_ORDER
 if TYPE_CHECKING:
     import control
 
+    from cutvib_ss.control_design.loop import Loop
+
 Model: TypeAlias = Machine | Structure
 
 WORKING_FREQUENCY = 217.0
@@ -35,6 +37,8 @@ _EVEN_LINES = 420
 _NEAR_A_MODE = np.array([-8.0, -4.0, -2.0, -1.2, -0.7, -0.35, 0.0, 0.35, 0.7, 1.2, 2.0, 4.0, 8.0])
 """Lines about each natural frequency, in its half-power half widths."""
 _ALONG = np.linspace(0.02, 0.98, 97)
+_CONTROLLED = np.linspace(0.02, 0.98, 33)
+"""Positions over the rail at which a closed loop is evaluated: each takes some milliseconds."""
 
 
 @dataclass(frozen=True)
@@ -196,28 +200,54 @@ def _controlled(
     model: Model, damped: Machine, position: float, output: str, wanted: Controller, curves: list[Curve]
 ) -> Modified:
     """The closed loop beside the other curves; only where it is stable does it have a response."""
-    from cutvib_ss.control_design.hardware import MOTIONS, Sampling, control_plant
+    from cutvib_ss.control_design.hardware import MOTIONS
+
+    loop = _closed(model, damped, position, wanted)
+    fastest = loop.poles[np.argmax(loop.poles.real)]
+    stable = bool(fastest.real < 0.0)
+    if stable and output in MOTIONS:
+        freq = curves[-1].freq
+        data = _closed_response(loop, model, output, freq)
+        curves.append(Curve("with the controller", freq, data, "controller", curves[0].unit))
+    return Modified(tuple(curves), stable, float(fastest.real), float(abs(fastest.imag)) / (2 * np.pi))
+
+
+def _closed(model: Model, damped: Machine, position: float, wanted: Controller) -> Loop:
+    """The loop of a controller, designed for the model, around the machine at a position."""
+    from cutvib_ss.control_design.hardware import Sampling, control_plant
     from cutvib_ss.control_design.loop import Loop
     from cutvib_ss.control_design.prototypes import prototype
 
     kind, sampling = prototype(wanted.name), Sampling()
     hardware = kind.hardware(kind.port, sampling)
     assert model.rail is not None
-    loop = Loop(
-        control_plant(damped, position, hardware, delayed=False),
-        _scaled(designed(model, wanted.name, wanted.designed_at), wanted.gain),
-        sampling,
-    )
-    fastest = loop.poles[np.argmax(loop.poles.real)]
-    stable = bool(fastest.real < 0.0)
-    if stable and output in MOTIONS:
-        freq = curves[-1].freq
-        _, closed, _ = loop.response(freq)
-        # The plant gives accelerations, the channel reads what it reads.
-        order = DERIVATIVE_ORDER[output_quantities(model, (output,), None)[0]] - 2
-        data = closed[MOTIONS.index(output)] * (2j * np.pi * freq) ** order
-        curves.append(Curve("with the controller", freq, data, "controller", curves[0].unit))
-    return Modified(tuple(curves), stable, float(fastest.real), float(abs(fastest.imag)) / (2 * np.pi))
+    controller = _scaled(designed(model, wanted.name, wanted.designed_at), wanted.gain)
+    return Loop(control_plant(damped, position, hardware, delayed=False), controller, sampling)
+
+
+def _closed_response(loop: Loop, model: Model, output: str, freq: FloatArray) -> ComplexArray:
+    """Response of a channel in a closed loop: its plant gives accelerations, the channel reads what it reads."""
+    from cutvib_ss.control_design.hardware import MOTIONS
+
+    _, closed, _ = loop.response(freq)
+    order = DERIVATIVE_ORDER[output_quantities(model, (output,), None)[0]] - 2
+    data: ComplexArray = closed[MOTIONS.index(output)] * (2j * np.pi * freq) ** order
+    return data
+
+
+def controlled_along_the_rail(model: Model, output: str, change: Change, freq: float) -> Curve | None:
+    """The controlled machine at one frequency over the positions of the head; not a number where its loop is unstable."""
+    from cutvib_ss.control_design.hardware import MOTIONS
+
+    damped = model if change.absorber is None else attach_absorber(model, change.absorber, change.port)
+    if change.controller is None or output not in MOTIONS or damped.rail is None:
+        return None
+    values = np.full(_CONTROLLED.size, np.nan, dtype=np.complex128)
+    for k, position in enumerate(_CONTROLLED):
+        loop = _closed(model, damped, float(position), change.controller)
+        if np.all(loop.poles.real < 0.0):
+            values[k] = _closed_response(loop, model, output, np.array([freq]))[0]
+    return Curve("with the controller", _CONTROLLED, values, "controller")
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +286,7 @@ def _scaled(controller: control.StateSpace, gain: float) -> control.StateSpace:
     )  # fmt: skip
 
 
-def along_the_rail(model: Machine, output: str, change: Change, freq: float) -> list[Curve]:
+def along_the_rail(model: Model, output: str, change: Change, freq: float) -> list[Curve]:
     """Modulus at one frequency over all positions of the head, as it is and with the absorber; positions for frequencies."""
     found = frequency_response(model, _ALONG, [freq], outputs=output)
     curves = [Curve("the model", _ALONG, found.data[:, 0, 0, 0], "nominal", found.units[0])]

@@ -126,14 +126,26 @@ def rail_figure(
         }
         for c in curves
     ]  # fmt: skip
+    for c in curves:
+        unstable = c.freq[np.isnan(c.data)]
+        if unstable.size:
+            at = [0.0] * unstable.size
+            marker = {"color": _OWN[c.kind][dark], "symbol": "x", "size": 7}
+            traces.append(
+                {
+                    "type": "scatter", "mode": "markers", "name": f"{c.name}: unstable", "x": unstable.tolist(), "y": at,
+                    "marker": marker, "cliponaxis": False, "hovertemplate": "y/L = %{x:.2f}: unstable<extra></extra>",
+                }
+            )  # fmt: skip
     if extra is not None:
+        shown = any(t["name"] == extra[1] for t in traces)
         traces.append(
             {
-                "type": "scatter", "mode": "markers", "name": extra[1], "x": [position], "y": [extra[0]],
+                "type": "scatter", "mode": "markers", "name": extra[1], "showlegend": not shown, "x": [position], "y": [extra[0]],
                 "marker": {"color": _OWN["controller"][dark], "size": 10},
             }
         )  # fmt: skip
-    layout = _layout(dark, "rail", [t["name"] for t in traces], width, 230)
+    layout = _layout(dark, "rail", [t["name"] for t in traces if t.get("showlegend", True)], width, 230)
     layout["yaxis"] |= {"title": {"text": title}, "rangemode": "tozero"}
     layout["xaxis"] |= {"title": {"text": "position y/L of the head"}, "range": [0, 1]}
     layout["shapes"] = [_upright(position, dark)]

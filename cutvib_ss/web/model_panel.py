@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from nicegui import run, ui
+from nicegui import background_tasks, run, ui
 
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.parameters import AbsorberParameters
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 _NONE = "none"
 _START = 0.5
+_PAUSE = 0.15
+"""Time that a slider has to rest before the controller is evaluated over the rail [s]."""
 _NEAR = 3
 """Records at the head's position that are drawn, at most."""
 
@@ -29,6 +32,7 @@ class ModelPanel:
     def __init__(self, page: Page, opened: Opened) -> None:
         self.page, self.opened = page, opened
         self.designed_at = _START
+        self._asked = 0
         model = self.model
         self.band = curves.band_of(model, opened.summary.records)
         with ui.element("section").classes("card"):
@@ -177,16 +181,35 @@ class ModelPanel:
             add="unstable" if found.stable is False else "", remove="" if found.stable is False else "unstable"
         )
         if model.rail is not None and position is not None:
-            last = found.curves[-1]
-            extra = curves.at_frequency(last, curves.WORKING_FREQUENCY) if last.kind == "controller" else None
+            self._draw_rail(model, output, position, found.curves[-1])
+
+    def _draw_rail(self, model: Model, output: str, position: float, last: Curve) -> None:
+        """The response at the working frequency over the rail; the controlled one follows, which takes some tenths of a second."""
+        change, frequency = self.change, curves.WORKING_FREQUENCY
+        along = curves.along_the_rail(model, output, change, frequency)
+        extra = curves.at_frequency(last, frequency) if last.kind == "controller" else None
+        self._asked += 1
+        asked = self._asked
+
+        def show(more: list[Curve]) -> None:
             self.rail.update_figure(
                 figures.rail_figure(
-                    curves.along_the_rail(model, output, self.change, curves.WORKING_FREQUENCY), position,
-                    dark=dark, width=self.width,
-                    title=f"at {curves.WORKING_FREQUENCY:g} Hz [{found.curves[0].unit}]",
-                    extra=None if extra is None else (extra, last.name),
+                    [*along, *more], position, dark=self.page.dark, width=self.width,
+                    title=f"at {frequency:g} Hz [{along[0].unit}]", extra=None if extra is None else (extra, last.name),
                 )
             )  # fmt: skip
+
+        async def follow() -> None:
+            await asyncio.sleep(_PAUSE)
+            if asked != self._asked:
+                return  # the slider has moved on
+            controlled = await run.io_bound(curves.controlled_along_the_rail, model, output, change, frequency)
+            if asked == self._asked and controlled is not None:
+                show([controlled])
+
+        show([])
+        if change.controller is not None:
+            background_tasks.create(follow(), name="controller over the rail")
 
     def _measured_here(self, position: float | None, output: str) -> list[Curve]:
         """Records that were taken where the head is."""

@@ -1,6 +1,7 @@
 """Measured campaigns with a documented cause in one table, and an element that arithmetic adds to a record."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ from cutvib_ss.cli import main
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.measurement.records import History, Record
+from cutvib_ss.report.blind import measured_html
+from cutvib_ss.report.frame import plotly_script
 from cutvib_ss.results import MeasuredFrequencyResponse
-from cutvib_ss.validation.measured import add_element, halved, read_label
+from cutvib_ss.validation.measured import MeasuredRow, add_element, halved, read_label
 
 MASS, DAMPING, STIFFNESS = 2.0, 8.0, 8.0e4
 FREQ = np.arange(10.0, 80.0, 0.5)
@@ -188,3 +191,27 @@ def test_element_needs_a_drive_point_and_a_force() -> None:
         )
     with pytest.raises(ParameterError, match="not finite at 10 Hz"):
         add_element(record, lambda s: np.full(s.shape, np.inf), channel="a")
+
+
+def test_the_page_of_measured_campaigns_holds_every_row_and_loads_nothing() -> None:
+    rows = (
+        MeasuredRow("beam", ("added_mass",), ("tip",), "explained", 0.97, 1, "added_mass at tip", True, 0.9, 0.01),
+        MeasuredRow(
+            "frame", ("support_compliance",), ("rail_ends",), "ambiguous", 0.1, 3, "guide_compliance at head_base", False,
+            limits=({"effect": "support_compliance", "place": "rail_ends", "parameter": "k_left", "unit": "N/m",
+                     "allowed": 2e7, "visible": (-9e6, 9e6)},),
+        ),
+        MeasuredRow("broken", error="records/p1.csv: <truncated>"),
+    )  # fmt: skip
+    page = measured_html(rows).replace(str(plotly_script()), "")
+    assert not re.search(r'(?:src|href)="[^"#]|https?://|url\(', page)
+    assert "The documented cause is named first in 1 of 2; its place is in the set of places in 1." in page
+    assert "-9e+06 to 9e+06" in page
+    assert "records/p1.csv: &lt;truncated&gt;" in page
+    found = re.search(r'id="charts-data">(.*?)</script>', page, re.DOTALL)
+    assert found
+    assert [(c["name"], c["probability"], c["rank"]) for c in json.loads(found[1])["campaigns"]] == [
+        ("beam", 0.97, 1),
+        ("frame", 0.1, 3),
+    ]
+    assert "charts-data" not in measured_html(rows[2:])

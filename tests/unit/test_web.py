@@ -275,6 +275,27 @@ def test_the_rails_picture_marks_where_the_head_is() -> None:
     assert np.abs(along[1].data).max() < 0.5 * np.abs(along[0].data).max(), "Table 7's absorber works"
 
 
+def test_a_controller_is_followed_over_the_rail_and_unstable_positions_are_marked() -> None:
+    machine = published_machine()
+    steady = Change(controller=Controller("resonant", 1.0, 0.5))
+    along = curves.controlled_along_the_rail(machine, "tool_x", steady, 217.0)
+    assert along is not None
+    at = 16  # y/L = 0.5, where it was designed
+    alone = curves.modified(machine, 0.5, "tool_x", steady, (200.0, 230.0)).curves[-1]
+    assert abs(along.data[at]) == pytest.approx(curves.at_frequency(alone, 217.0), rel=0.02)
+    wild = curves.controlled_along_the_rail(
+        machine, "tool_x", Change(controller=Controller("resonant", 30.0, 0.5)), 217.0
+    )
+    assert wild is not None
+    unstable = np.isnan(wild.data)
+    assert unstable.any()
+    figure = figures.rail_figure([wild], 0.3, dark=True, width=800, title="x", extra=(1.0, "with the controller"))
+    (marked,) = [t for t in figure["data"] if t["name"].endswith("unstable")]
+    assert marked["x"] == wild.freq[unstable].tolist()
+    assert curves.controlled_along_the_rail(machine, "joint1", steady, 217.0) is None
+    assert curves.controlled_along_the_rail(machine, "tool_x", Change(), 217.0) is None
+
+
 # --- the diagnosis in its process ------------------------------------------------------------------------------------
 
 

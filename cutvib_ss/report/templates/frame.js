@@ -38,7 +38,7 @@ const widths = new Map(), wasNarrow = new Map();
 const draw = (id, traces, shape) => {
   const width = $(id).clientWidth;
   widths.set(id, width);
-  if (narrow()) {
+  if (width < 600) {
     // Names below: beside the buttons there is no room for them.
     const rows = new Set(traces.filter((t) => t.showlegend !== false && t.name).map((t) => t.name)).size;
     shape.margin = { l: 52, r: 8, t: 30, b: 50 + 20 * rows };

@@ -30,7 +30,7 @@ _MODES, _RESIDUAL = 40, 1500
 def covered(rig: Rig) -> bool:
     """Whether a machine has nothing but what is computed here."""
     f, c = rig.fittings, rig.chain
-    strange = f.laws or f.oscillators or f.springs or f.coupling or f.skews or f.crack
+    strange: object = f.laws or f.oscillators or f.springs or f.coupling or f.skews or f.crack
     strange = strange or (f.shear is not None and f.shear.soft is not None) or rig.lean or rig.drift
     odd = c.saturation or c.asymmetry or c.jitter or c.mains or c.feedthrough or c.clock or c.shift[0]
     return not strange and not odd and (c.window is None or c.window.kind == "exponential")
