@@ -8,7 +8,7 @@ Fields are named after the module or the step that reads them. `docs/settings.md
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -402,25 +402,3 @@ class Settings:
 
 SETTINGS = Settings()
 """The numbers that the diagnosis uses."""
-
-
-def settings_table() -> str:
-    """The numbers as a table of the documentation, a section for each prefix of their names."""
-    rows, section = [], ""
-    for f in fields(SETTINGS):
-        prefix, _, rest = f.name.partition("_")
-        if prefix != section:
-            section = prefix
-            rows += ["", f"## `{section}_…`", "", "| number | value | unit | what it is | larger | source |"]
-            rows.append("|---|---|---|---|---|---|")
-        about = " | ".join(f.metadata[key] for key in ("unit", "meaning", "effect", "source"))
-        rows.append(f"| `{rest}` | {_shown(getattr(SETTINGS, f.name))} | {about} |")
-    return "\n".join(rows).strip() + "\n"
-
-
-def _shown(value: Any) -> str:
-    """A value, or several, of which many by their ends."""
-    if not isinstance(value, tuple):
-        return f"{value:.4g}"
-    each = [" : ".join(f"{x:.3g}" for x in v) if isinstance(v, tuple) else f"{v:.3g}" for v in value]
-    return ", ".join(each if len(each) <= 8 else [*each[:2], "…", each[-1]])

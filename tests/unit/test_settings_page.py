@@ -4,7 +4,8 @@ import re
 from dataclasses import fields
 from pathlib import Path
 
-from cutvib_ss.diagnosis.settings import SETTINGS, settings_table
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.settings_table import settings_table
 
 ROOT = Path(__file__).parents[2]
 
