@@ -198,6 +198,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         title=campaign.title,
         warnings=(
             *campaign.warnings,
+            *observed.warnings,
             *([] if interference is None else [MAINS_INTERFERENCE.format(interference)]),
             *at_their_ends(chosen),
         ),

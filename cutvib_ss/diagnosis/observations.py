@@ -23,6 +23,12 @@ from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
 from cutvib_ss.units import STANDARD_GRAVITY
 
+LACKING = {
+    "impact": "state peak_force, or give the histories of the blows",
+    "sine": "state peak_force, or give a column `force amplitude`",
+    "held": "state peak_response, or give a column `force amplitude`",
+}
+"""What tells the force of a record."""
 ADVICE = {
     "impact": "measure longer, with a harder tip, or with more blows",
     "timeseries": "record longer, or with a stronger excitation",
@@ -41,6 +47,7 @@ class Observations:
     channels: tuple[str, ...]  # All response channels
     unit: str  # Unit in which errors are reported
     per_unit: float  # SI value of that unit
+    warnings: tuple[str, ...] = ()  # What the records lack for some causes
 
 
 def observe(campaign: Campaign, machine: Model) -> Observations:
@@ -72,7 +79,24 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
     per_newton = acceleration and machine.input_quantity == "force"
     unit = "g/N" if per_newton else campaign_unit(cut, machine)
     hull = (min(float(e.freq[0]) for e in cut), max(float(e.freq[-1]) for e in cut))
-    return Observations(tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0)
+    return Observations(
+        tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0, _without_force(cut, campaign.records)
+    )
+
+
+def _without_force(entries: Sequence[Entry], records: Sequence[Record]) -> tuple[str, ...]:
+    """One line for the records whose force no simulation can tell, with what each kind would have to state."""
+    lacking: dict[str, list[str]] = {}
+    for e in entries:
+        record = records[e.record]
+        if e.replay is None and e.sine is None and (kind := _kind(record)) in LACKING:
+            held = kind == "sine" and record.controlled == "response"
+            lacking.setdefault("held" if held else kind, []).append(record.name)
+    return tuple(
+        f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: causes that depend on the level are not tried, "
+        f"for the force is not known; {LACKING[kind]}"
+        for kind, names in lacking.items()
+    )
 
 
 def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:

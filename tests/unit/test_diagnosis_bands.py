@@ -40,7 +40,7 @@ def sessions(drift, bump=0.0, count=8):
     for k in range(count):
         stiffness = W0**2 * (1.0 + drift * rng.standard_normal())
         data = S**2 / (S**2 + 2 * ZETA * W0 * S + stiffness)
-        data = data * (1.0 + bump * S**2 / (S**2 + 20.0 * S + (2 * np.pi * 110.0) ** 2))
+        data = data * (1.0 + bump * 20.0 * S / (S**2 + 20.0 * S + (2 * np.pi * 110.0) ** 2))
         variance = (NOISE * np.abs(data)) ** 2
         data = data + np.sqrt(variance / 2) * (rng.standard_normal(S.size) + 1j * rng.standard_normal(S.size))
         out.append(
@@ -67,7 +67,7 @@ def test_a_band_that_drift_explains_does_not_stand_out():
 
 
 def test_an_error_beside_the_drift_still_stands_out():
-    found = stand_out(sessions(0.01, bump=0.01), Sizes(drift=0.01))
+    found = stand_out(sessions(0.01, bump=0.1), Sizes(drift=0.01))
     assert found
     assert all(90.0 < low < 110.0 < high < 130.0 for low, high in found)
 
