@@ -169,17 +169,12 @@ def _by_blows(e: Entry, record: Record) -> Entry:
     """
     A record of blows with how surely they order with their force.
 
-    What orders is nonlinearity, which a law or the levels have to explain: where it is beyond doubt it is no noise. The rest, which
-    the hand leaves, stays in the variance.
+    The variance keeps what orders: a hand may hit elsewhere when it hits harder.
     """
     if record.kind != "impact" or len(record.histories) < SETTINGS.level_blows:
         return e
     found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])))
-    variance = np.array(e.variance)
-    for k, chance in enumerate(found.significance):
-        if chance < SETTINGS.level_ordered and found.rest.shape == variance.shape:
-            variance[k] = np.minimum(variance[k], found.rest[k] / len(record.histories))
-    return replace(e, variance=variance, ordering=tuple(float(p) for p in found.significance))
+    return replace(e, ordering=tuple(float(p) for p in found.significance))
 
 
 def _level(record: Record, sine: SineTest | None) -> float:
