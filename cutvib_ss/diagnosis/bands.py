@@ -11,6 +11,7 @@ from scipy import ndimage, stats
 from cutvib_ss.diagnosis.cross_validation import Judged
 from cutvib_ss.diagnosis.findings import Band
 from cutvib_ss.diagnosis.metrics import Sides
+from cutvib_ss.diagnosis.records import measured_at
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -125,10 +126,10 @@ def _moves(centres: Sequence[tuple[float, float, float]]) -> bool:
 
 def _coherence(records: Sequence[Judged], inside: Sequence[np.ndarray]) -> float:
     """What records of one position share of their errors' power above the noise."""
-    places: dict[float, list[tuple[ComplexArray, FloatArray]]] = {}
+    places: dict[tuple[float, str], list[tuple[ComplexArray, FloatArray]]] = {}
     for j, m in zip(records, inside, strict=True):
         error = (j.entry.data - j.predicted)[:, m]
-        places.setdefault(float(np.nan_to_num(j.entry.position, nan=-1.0)), []).append((error, j.entry.variance[:, m]))
+        places.setdefault(measured_at(j.entry), []).append((error, j.entry.variance[:, m]))
     shared, total = 0.0, 0.0
     for same in places.values():
         alike = [(e, v) for e, v in same if e.shape == same[0][0].shape]

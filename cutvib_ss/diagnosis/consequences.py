@@ -26,6 +26,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import unforced_problem
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
+from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.harmonic_balance import sine_response
@@ -168,7 +169,8 @@ def _measured(records: Records, positions: FloatArray, frequency: float, channel
     for position in positions:
         found = None
         for g in records.merged:
-            here = np.flatnonzero((g.positions == position) | (np.isnan(g.positions) & np.isnan(position)))
+            own = np.array([name == FORCE for name in g.inputs])
+            here = np.flatnonzero(own & ((g.positions == position) | (np.isnan(g.positions) & np.isnan(position))))
             step = float(np.median(np.diff(g.freq)))
             if here.size and channel in g.channels and g.freq[0] - step <= frequency <= g.freq[-1] + step:
                 line = int(np.argmin(np.abs(g.freq - frequency)))

@@ -13,6 +13,7 @@ from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.likelihood import Sizes
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
@@ -23,7 +24,7 @@ from cutvib_ss.diagnosis.place import Located, locate
 from cutvib_ss.diagnosis.posterior import Counts, kind_of, probabilities
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import Ranked
-from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
 from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.diagnosis.search import search
@@ -35,7 +36,7 @@ from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
-from cutvib_ss.measurement.records import Campaign
+from cutvib_ss.measurement.records import FORCE, Campaign
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 
 MAINS_INTERFERENCE = "the re-tuned model's residual lies on multiples of {:g} Hz: mains interference in the measurement"
@@ -153,12 +154,13 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         held[other.name] = judged(other)
     first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
     after = held[first.name]
-    levels = where.level_dependence(fitted)
-    by_level = bool(levels > SETTINGS.level_excess) or level_stands_out(records)
+    tuned_blow = problem.blow_at(none.fit.x)
+    levels = where.level_dependence(fitted, none.fit.model, tuned_blow)
+    by_level = bool(levels > SETTINGS.level_excess) or level_stands_out(records, none.fit.model, tuned_blow)
     located, interference = Located(), None
     if by_level or none.reduced > SETTINGS.search_enough:
         workers.say("locating the fault without a hypothesis")
-        located = locate(nominal, none.fit, fitted, problem.blow_at(none.fit.x), by_level)
+        located = locate(nominal, none.fit, fitted, tuned_blow, by_level)
         interference = mains(nominal, none.fit, records)
         located = located if interference is None else with_mains_interference(located, interference)
     rows = _causes(none, shown, odds, located.best, held, before, observed)
@@ -175,7 +177,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         )
     workers.say("computing what the result means")
     places = _places(ranked, odds)
-    bands_hz = _bands(problem, none.fit)
+    bands_hz = _bands(problem, none.fit, chosen.spread.sizes)
     second = other if first is shown[0] or no_gap else shown[0]
     sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
     return Diagnosis(
@@ -313,9 +315,10 @@ def _places(ranked: Sequence[Ranked], odds: dict[str, float]) -> tuple[tuple[str
     return tuple(sorted(total.items(), key=lambda item: -item[1]))
 
 
-def _bands(problem: Problem, none: Fit) -> tuple[tuple[float, float], ...]:
-    _, residuals, _ = problem.residuals(none.x)
-    return where.bands(list(zip(problem.groups, residuals, strict=True)), SETTINGS.band_width)
+def _bands(problem: Problem, none: Fit, sizes: Sizes) -> tuple[tuple[float, float], ...]:
+    predictions, residuals, _ = problem.residuals(none.x)
+    drifts = where.drift_squares(problem, none.x, predictions, sizes)
+    return where.bands(list(zip(problem.groups, residuals, strict=True)), SETTINGS.band_width, drifts)
 
 
 def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry]) -> tuple[Comparison, ...]:
@@ -328,17 +331,17 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
         (none.model, start.blow_at(none.x), start, none.x),
         (chosen.model, end.blow_at(chosen.x), end, chosen.x),
     ]
-    seen: set[float] = set()
+    seen: set[tuple[float, str]] = set()
     for e in entries:
-        place = float(np.nan_to_num(e.position, nan=-1.0))
-        if place in seen:
+        here = measured_at(e)
+        if here in seen:
             continue
-        seen.add(place)
-        same = [x for x in entries if float(np.nan_to_num(x.position, nan=-1.0)) == place and x.channels == e.channels]
+        seen.add(here)
+        same = [x for x in entries if measured_at(x) == here and x.channels == e.channels]
         (group, *_) = merged(same)
         unit = "N" if nominal.input_quantity == "force" else "m/s^2"
         measured = MeasuredFrequencyResponse(
-            group.data[:1, :, None], group.freq, np.array([e.position]), group.channels, ("force",), group.quantities,
+            group.data[:1, :, None], group.freq, np.array([e.position]), group.channels, (e.input,), group.quantities,
             input_unit=unit, variance=group.variance[:1, :, None], averages=len(same),
         )  # fmt: skip
         computed = []
@@ -348,9 +351,10 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
             value = cross_validation.predicted(same[0], model, blow_at, problem, x).data[None, :, None]
             computed.append(
                 FrequencyResponse(
-                    value, group.freq, measured.positions, group.channels, ("force",), group.quantities, input_unit=unit
+                    value, group.freq, measured.positions, group.channels, (e.input,), group.quantities, input_unit=unit
                 )
             )
-        label = "" if place < 0 else f"position {place:.3g}"
+        told = ["" if here[0] < 0 else f"position {here[0]:.3g}", "" if e.input == FORCE else f"force at {e.input}"]
+        label = ", ".join(part for part in told if part)
         out.append(Comparison(label, measured, *computed))
     return tuple(out)

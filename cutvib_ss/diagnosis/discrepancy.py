@@ -73,8 +73,8 @@ def features(g: Group, row: int, problem: Problem) -> tuple[FloatArray, FloatArr
 def level_of(g: Group, row: int) -> FloatArray:
     """Logarithm of the level of a record's motion by line: of a sine its amplitude there, else the peak force."""
     entry = g.entries[row][0]
-    if np.isfinite(entry.sweep):
-        amplitude = entry.sweep * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
+    if entry.sine is not None:
+        amplitude = entry.sine.force * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
         return np.asarray(np.log(np.maximum(amplitude, 1e-300)))
     return np.full(g.freq.size, float(np.log(np.nan_to_num(entry.level, nan=1.0))))
 

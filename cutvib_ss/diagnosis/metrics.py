@@ -12,8 +12,8 @@ most, so that the scaling decides what is asked: each channel is divided by the 
 over records and band, which asks for loops whose gain is around one at a typical line. It is the ν-gap if the winding
 condition holds (`cutvib_ss.diagnosis.nu_gap`).
 
-Sources: G. Vinnicombe, Frequency domain uncertainty and the graph topology, IEEE Trans. Automatic Control 38 (1993);
-R. J. Allemang, The modal assurance criterion: twenty years of use and abuse, Sound and Vibration 37 (2003), for FRAC.
+Source: G. Vinnicombe, Frequency domain uncertainty and the graph topology, IEEE Trans. Automatic Control 38 (1993). FRAC is in
+`cutvib_ss.diagnosis.correlation`.
 """
 
 from __future__ import annotations
@@ -24,10 +24,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, special
 
+from cutvib_ss.diagnosis.correlation import frac
 from cutvib_ss.diagnosis.cross_validation import Judged
 from cutvib_ss.diagnosis.findings import Distances, Metric, finite_or_none
 from cutvib_ss.diagnosis.records import Entry
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.results import ComplexArray, FloatArray
 
 ALL = "all"
@@ -47,12 +49,6 @@ class Sides:
 def mean_modulus(measured: ComplexArray, computed: ComplexArray) -> float:
     """Mean of |ΔH|, the metric of the paper's Table 4."""
     return float(np.mean(np.abs(measured - computed)))
-
-
-def frac(measured: ComplexArray, computed: ComplexArray) -> float:
-    """Frequency response assurance criterion |Σ H₁ᴴH₂|² / (Σ|H₁|² Σ|H₂|²)."""
-    power = np.sum(np.abs(measured) ** 2) * np.sum(np.abs(computed) ** 2)
-    return float(np.abs(np.sum(measured.conj() * computed)) ** 2 / power) if power > 0 else 0.0
 
 
 def log_error(measured: ComplexArray, computed: ComplexArray) -> float:
@@ -144,6 +140,7 @@ def metrics(sides: Sides, per_unit: float, scales: Mapping[str, float]) -> tuple
                     position=finite_or_none(j.entry.position),
                     level=finite_or_none(j.entry.level),
                     channel=channel,
+                    input=None if j.entry.input == FORCE else j.entry.input,
                     before=given,
                     tuned=again,
                     after=corrected,

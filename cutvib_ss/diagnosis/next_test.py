@@ -70,7 +70,7 @@ def _shown(model: Model, positions: FloatArray, levels: FloatArray, like: Entry)
     """Responses that records like one would show, shape (position, level, channel, frequency)."""
     if not model.nonlinear or like.replay is None:
         places = None if np.isnan(positions).all() else positions
-        linear = frequency_response(model, places, like.freq, outputs=like.channels).data[:, :, 0]
+        linear = frequency_response(model, places, like.freq, inputs=[like.input], outputs=like.channels).data[:, :, 0]
         out: ComplexArray = np.broadcast_to(linear[:, None], (linear.shape[0], levels.size, *linear.shape[1:]))
         return out
     first = like.replay.only(1)

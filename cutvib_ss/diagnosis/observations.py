@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from cutvib_ss.diagnosis.records import Entry, thinned
+from cutvib_ss.diagnosis.records import Entry, SineTest, thinned
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
+from cutvib_ss.measurement.blow_noise import blow_scatter
 from cutvib_ss.measurement.estimation import estimate
-from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.measurement.records import FORCE, Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
 from cutvib_ss.units import STANDARD_GRAVITY
@@ -64,7 +65,7 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
                 f"record {record.name}: only {np.count_nonzero(keep)} lines lie in its band of {low:.4g} to {high:.4g} Hz; "
                 + ("widen band_hz" if record.band_hz else ADVICE[_kind(record)])
             )
-        e = thinned(e, keep)
+        e = _by_blows(thinned(e, keep), record)
         cut.append(replace(e, replay=None if e.replay is None else e.replay.slower()))
     names = tuple(n for n in machine.channels if any(n in e.channels for e in cut))
     acceleration = all(q == "acceleration" for e in cut for q in e.quantities)
@@ -101,10 +102,11 @@ def _entry(index: int, record: Record) -> Entry:
     elif record.excitation == "impact" and record.peak_force is not None:
         at = SETTINGS.record_blow_at if np.isnan(blow_at) else blow_at
         replay = assumed_blow(frf.freq, block, at, record.peak_force, np.array(frf.variance[0, 0, 0]))
+    sine = _sine(record)
     return Entry(
         record=index,
         position=float(frf.positions[0]),
-        level=np.nan if record.peak_force is None else record.peak_force,
+        level=_level(record, sine),
         data=np.array(frf.data[0, :, 0]),
         variance=np.array(frf.variance[0, :, 0]),
         freq=np.array(frf.freq),
@@ -115,10 +117,52 @@ def _entry(index: int, record: Record) -> Entry:
         decay_rate=record.exponential_decay,
         check=record.use == "check",
         replay=replay,
-        sweep=record.peak_force if record.excitation == "sine" and record.peak_force is not None else np.nan,
+        sine=sine,
         session=record.session,
+        input=record.input or FORCE,
         scattered=bool(np.any(np.isfinite(frf.coherence))) if record.kind == "frf" else frf.averages > 1,
     )
+
+
+def _sine(record: Record) -> SineTest | None:
+    """How a sine record was driven; None where neither force nor response amplitude is known."""
+    if record.kind != "frf" or record.excitation != "sine":
+        return None
+    assert record.frf is not None
+    force = record.force_amplitude
+    if force is None and record.peak_force is not None and record.controlled != "response":
+        force = np.full(record.frf.freq.size, record.peak_force)
+    if record.controlled != "response":
+        return None if force is None else SineTest(force, record.sweep)
+    gain = np.maximum(np.abs(record.frf.data[0, 0, 0]), 1e-300)
+    if record.peak_response is not None:
+        held = np.full(gain.size, record.peak_response)
+        return SineTest(held / gain if force is None else force, record.sweep, held)
+    return None if force is None else SineTest(force, record.sweep, force * gain)
+
+
+def _by_blows(e: Entry, record: Record) -> Entry:
+    """
+    A record of blows with how surely they order with their force.
+
+    What orders is nonlinearity, which a law or the levels have to explain: where it is beyond doubt it is no noise. The rest, which
+    the hand leaves, stays in the variance.
+    """
+    if record.kind != "impact" or len(record.histories) < SETTINGS.level_blows:
+        return e
+    found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])))
+    variance = np.array(e.variance)
+    for k, chance in enumerate(found.significance):
+        if chance < SETTINGS.level_ordered and found.rest.shape == variance.shape:
+            variance[k] = np.minimum(variance[k], found.rest[k] / len(record.histories))
+    return replace(e, variance=variance, ordering=tuple(float(p) for p in found.significance))
+
+
+def _level(record: Record, sine: SineTest | None) -> float:
+    """Peak force of a record [N]: stated, or the median of a sine's lines; NaN where neither is."""
+    if record.peak_force is not None:
+        return record.peak_force
+    return np.nan if sine is None else float(np.median(sine.force))
 
 
 def _lowest_frequency(machine: Model, positions: Sequence[float]) -> float:

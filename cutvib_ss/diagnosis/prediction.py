@@ -55,6 +55,7 @@ class Prediction:
 
     def __init__(self, model: Model, group: Group, blow_at: float = 0.0, circles: Circles | None = None) -> None:
         self.model, self.group = model, group
+        self._inputs = tuple(dict.fromkeys(group.inputs))
         sigma = float(group.decay_rate[0])
         self.s: ComplexArray = np.asarray(sigma + 2j * np.pi * group.freq, dtype=np.complex128)
         start = np.where(np.isnan(group.blow_at), blow_at, group.blow_at)
@@ -75,13 +76,17 @@ class Prediction:
         """Responses on the line and on the circles, which become this prediction's; shape (position, channel, s)."""
         g, s = self.group, np.concatenate([self.s, circles.points])
         self.circles = circles
-        self._response = ChainedResponse(self.model, g.positions, s, g.quantities, g.channels, ("force",))
-        return self._by_row(self._response.data()[:, :, 0])
+        self._response = ChainedResponse(self.model, g.positions, s, g.quantities, g.channels, self._inputs)
+        return self._by_row(self._response.data())
 
     def _by_row(self, values: ComplexArray) -> ComplexArray:
-        """A structure without positions shows the same in every row."""
-        rows = len(self.group.positions)
-        return values if len(values) == rows else np.repeat(values, rows, axis=0)
+        """Of responses to all inputs each row's own; a structure without positions shows the same in every row."""
+        rows = np.arange(len(self.group.positions))
+        if len(self._inputs) == 1 and len(values) == rows.size:
+            return values[:, :, 0]
+        own = [self._inputs.index(name) for name in self.group.inputs]
+        out: ComplexArray = values[rows if len(values) == rows.size else 0 * rows, :, own]
+        return out
 
     @cached_property
     def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, ComplexArray]]:
@@ -114,7 +119,7 @@ class Prediction:
         """Derivative of the prediction along some of the model's values."""
         total: ComplexArray | None = None
         for path, weight in carried:
-            change = self._by_row(self._response.derivative(path)[:, :, 0])
+            change = self._by_row(self._response.derivative(path))
             change = change if weight == 1.0 else weight * change
             total = change if total is None else total + change
         return np.zeros(self.group.data.shape, dtype=np.complex128) if total is None else self._estimate(total)

@@ -39,6 +39,9 @@ class ErrorFigure:
     label: float | str | None  # Position y_b / L, or name of the channel
     error: float  # Mean modulus of the re-tuned nominal model's error, and that of noise alone, in the gap's unit
     noise: float
+    floor: float | None = (
+        None  # What noise and drift between sessions leave of a right model; None where that is not known
+    )
 
 
 @dataclass(frozen=True)
@@ -234,8 +237,12 @@ class Diagnosis(Drawn):
                 "place_set": list(w.place_set),
                 "places": [{"place": p, "probability": q} for p, q in w.places],
                 "bands_hz": [list(b) for b in w.bands_hz],
-                "by_position": [{"position": f.label, "error": f.error, "noise": f.noise} for f in w.by_position],
-                "by_channel": [{"channel": f.label, "error": f.error, "noise": f.noise} for f in w.by_channel],
+                "by_position": [
+                    {"position": f.label, "error": f.error, "noise": f.noise, "floor": f.floor} for f in w.by_position
+                ],
+                "by_channel": [
+                    {"channel": f.label, "error": f.error, "noise": f.noise, "floor": f.floor} for f in w.by_channel
+                ],
                 "level_dependent": w.level_dependent,
                 **self.findings.where(),
             },

@@ -83,11 +83,11 @@ def search(
         near=none.fit if none.reduced < SETTINGS.search_enough else None,
     )
     none = _not_caught(nominal, records, none, ranked)
-    by_level = level_stands_out(records)
+    by_level = level_stands_out(records, none.fit.model)
     dependent: Sequence[Candidate] = ()
     motion: dict[str, float] = {}
     outlook = records.for_laws(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error) if laws else None
-    compared = levels_compared(records)
+    compared = levels_compared(records, none.fit.model)
     if (
         outlook is not None
         and (by_level or not compared or not _enough(ranked, none, leaves))

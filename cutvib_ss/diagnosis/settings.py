@@ -160,6 +160,11 @@ class Settings:
     simulation_force_scale_step: float = _of(0.02, "std", "Its step in a difference of two simulations", "-", _NUMERICAL)
     simulation_jump: float = _of(0.2, "1", "Step between lines, of the largest response, from which a sweep may have jumped",
         "jumps are passed over", _JUDGEMENT)
+    simulation_early_jump: float = _of(0.25, "1",
+        "Part of the lines between two folds by which a sweep may jump before the one to which it goes",
+        "less is learnt from where a sweep jumps", _JUDGEMENT)
+    simulation_branches_apart: float = _of(1e-3, "1",
+        "Difference of two branches, of the largest response, from which a line lies between folds", "-", _NUMERICAL)
     simulation_static_above: float = _of(5.0, "band", "Modes so far above the band yield statically to nonlinear forces",
         "longer", _NUMERICAL)
     simulation_classical_above: float = _of(20.0, "band", "Damping couples no modes so far above the band", "longer",
@@ -171,6 +176,21 @@ class Settings:
     simulation_rough_steps: float = _of(10.0, "steps a period", "The same on few lines: 1e-3 and 1e-2", "longer", _NUMERICAL)
     simulation_hysteresis_at: float = _of(100.0, "Hz", "Where hysteretic damping is made viscous for stepping in time", "-",
         "the first modes of machines of this size")
+    level_blows: int = _of(3, "blows", "Of a record that are compared one by one", "fewer such comparisons",
+        "a mean, what orders with the force, and one to judge it by")
+    level_ordered: float = _of(1e-4, "probability",
+        "Of blows that order with their force by chance as much as they do, from which it is nonlinearity and no noise",
+        "more records are called nonlinear", _STATISTICS)
+    comparison_common_lines: int = _of(8, "lines", "That two records must share to be compared", "fewer comparisons",
+        _JUDGEMENT)
+    comparison_same_line: float = _of(1e-3, "spacing", "Within which two lines are the same", "-", _NUMERICAL)
+    comparison_halved: float = _of(4.0, "1",
+        "By how much a cubic spline's error grows with twice the spacing, at least: by 16 where lines are dense, by less on a peak",
+        "interpolated records are trusted more", _JUDGEMENT)
+    comparison_neighbours: int = _of(9, "lines", "Of which the largest such error is taken",
+        "interpolated records are trusted less", _JUDGEMENT)
+    comparison_tail_error: float = _of(0.3, "1", "Relative error of what unlike blocks cut off, where a model tells it",
+        "less weight on cut responses", _JUDGEMENT)
     level_lines: int = _of(24, "lines", "Over which the scatter between levels is averaged",
         "narrow effects of the level are missed", _STATISTICS)
     level_stands_out: float = _of(5.0, "std", "By which that has to exceed one, somewhere", "less level dependence is seen",

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
@@ -21,12 +20,12 @@ from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Group, Records, merged, site
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.sweeps import SweptRecord, swept
 from cutvib_ss.diagnosis.unknown_element import UnknownForce
 from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
-from cutvib_ss.response.harmonic_balance import SineSweep
 from cutvib_ss.response.receptance import CondensedModel
 from cutvib_ss.response.stepping import ModalForm, modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -43,7 +42,7 @@ class Simulated:
     # Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port
     stiffness: ComplexArray
     # Sine sweeps among the records, by row: they are balanced in their harmonics instead of stepped in time
-    sweeps: Mapping[int, SineSweep] = field(default_factory=dict)
+    sweeps: Mapping[int, SweptRecord] = field(default_factory=dict)
 
 
 def simulated(
@@ -62,23 +61,25 @@ def simulated(
     data = np.zeros(group.data.shape, dtype=np.complex128)
     stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
     still = SETTINGS.simulation_static_above * float(group.freq[-1])
-    sweeps = {row: _swept(model, group, row) for row in range(len(data)) if np.isfinite(group.entries[row][0].sweep)}
+    sweeps = {row: swept(model, group, row) for row in range(len(data)) if group.entries[row][0].sine is not None}
     for row, sweep in sweeps.items():
-        data[row] = sweep.data[0]
-    forms: dict[float | None, ModalForm] = {}
+        data[row] = sweep.data
+    forms: dict[tuple[float | None, str], ModalForm] = {}
     for rows in _batches(group, wanted):
         at = float(group.positions[rows[0]])
         position = None if np.isnan(at) else at
         replays = [_replay(group, row) for row in rows]
-        if position not in forms:
-            forms[position] = modal_form(
+        struck = group.inputs[rows[0]]
+        if (position, struck) not in forms:
+            forms[position, struck] = modal_form(
                 model,
                 position,
                 outputs,
                 SETTINGS.simulation_hysteresis_at,
                 classical_above=SETTINGS.simulation_classical_above * float(group.freq[-1]),
+                input=struck,
             )
-        form = forms[position]
+        form = forms[position, struck]
         # All records at a position in one call: they share the modal sum.
         scales = np.ones(len(data)) if force_scale is None else force_scale
         windows = [_window(model, r) for r in replays]
@@ -113,31 +114,6 @@ def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:
     return gain, chain.window(np.arange(force.shape[1]) / replay.fs - at)
 
 
-def _swept(model: Model, group: Group, row: int) -> SineSweep:
-    """A sine sweep; where it jumps, in the direction that the record is nearer to: no record says which way it went."""
-    entry, position = group.entries[row][0], group.positions[row : row + 1]
-    at = None if np.isnan(position[0]) else position
-
-    def swept(direction: Literal["up", "down"]) -> SineSweep:
-        return SineSweep(
-            model,
-            at,
-            group.freq,
-            entry.sweep,
-            direction,
-            SETTINGS.simulation_harmonics,
-            group.channels,
-            viscous_at=SETTINGS.simulation_hysteresis_at,
-        )
-
-    up = swept("up")
-    size = np.abs(up.data[0])
-    if np.all(np.abs(np.diff(size, axis=1)) < SETTINGS.simulation_jump * size.max(axis=1, keepdims=True)):
-        return up
-    weight = 1.0 / group.variance[row]
-    return min((up, swept("down")), key=lambda s: float(np.sum(weight * np.abs(group.data[row] - s.data[0]) ** 2)))
-
-
 def _replay(group: Group, row: int) -> Replay:
     replay = group.entries[row][0].replay
     if replay is None:
@@ -146,12 +122,12 @@ def _replay(group: Group, row: int) -> Replay:
 
 
 def _batches(group: Group, wanted: np.ndarray | None) -> list[list[int]]:
-    """Rows at one position whose histories have one length and clock."""
-    found: dict[tuple[float, float, int], list[int]] = {}
+    """Rows at one position and input whose histories have one length and clock."""
+    found: dict[tuple[float, str, float, int], list[int]] = {}
     for row, position in enumerate(group.positions):
-        if not np.isfinite(group.entries[row][0].sweep) and (wanted is None or wanted[row]):
+        if group.entries[row][0].sine is None and (wanted is None or wanted[row]):
             replay = _replay(group, row)
-            key = (float(np.nan_to_num(position, nan=-1.0)), replay.fs, replay.forces[0].size)
+            key = (float(np.nan_to_num(position, nan=-1.0)), group.inputs[row], replay.fs, replay.forces[0].size)
             found.setdefault(key, []).append(row)
     return list(found.values())
 
@@ -227,7 +203,7 @@ class SimulatedProblem(Problem):
             change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
             out[i] = scale * linear.derivative(closed)[row] - change
             for k, sweep in p.sweeps.items():
-                out[i][k] = scale * sum(w * sweep.derivative(path)[0] for path, w in carried)
+                out[i][k] = scale * sum(w * sweep.derivative(path) for path, w in carried)
         return [out[i] for i in sorted(out)]
 
     def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
@@ -283,12 +259,16 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
     if not ports:
         return np.zeros((row.size, len(sites.channels), chain.s.size), dtype=np.complex128)
     out = np.array([[condensed.receptance(r, p) for p in ports] for r in chain.signals])
-    drive = np.array([condensed.receptance(p, "force") for p in ports])
+    inputs = tuple(dict.fromkeys(sites.inputs))
+    drives = np.array([[condensed.receptance(p, i) for i in inputs] for p in ports])
     own = np.array([[condensed.receptance(p, q) for q in ports] for p in ports])
     # (record, frequency, ...): one small system a record and line. A structure has one row for all sites.
+    at = np.array([inputs.index(name) for name in sites.inputs])[row]
     row = row if len(own[0, 0]) > 1 else np.zeros_like(row)
+    drive = drives[:, at, row if drives.shape[2] > 1 else 0 * row]
     z = stiffness.transpose(0, 2, 1)
-    a_pr, a_rq, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, drive, own))
+    a_pr, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, own))
+    a_rq = np.moveaxis(drive, 0, -1)
     below = np.eye(len(ports)) + a_rr * z[:, :, None, :]
     taken = np.einsum("rfcp,rfp,rfp->rcf", a_pr, z, np.linalg.solve(below, a_rq[..., None])[..., 0])
     return chain.shown(taken)

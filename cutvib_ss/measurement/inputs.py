@@ -29,6 +29,11 @@ def struck_port(stated: str | None, machine: MachineLike, where: str) -> str | N
     port = CUTTING_SIGNALS.get(stated, stated) if machine.has_position else stated
     if port in (FORCE, machine.input_port):
         return None
+    if machine.input_quantity == "acceleration":
+        raise DataFormatError(
+            f"{where}.input = {stated!r}: the model's input is the acceleration of its base; put records of a hammer into a "
+            "campaign whose machine.toml names the force's port under [input]"
+        )
     ports = input_ports(machine)
     if port not in ports:
         rail = ", or rail@ and a fraction of its length" if machine.has_position else ""

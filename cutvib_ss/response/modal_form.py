@@ -67,6 +67,7 @@ def modal_form(
     quantities: Sequence[Quantity] | None = None,
     ports: Sequence[str] | None = None,
     classical_above: float = np.inf,
+    input: str = "force",
 ) -> ModalForm:
     """The modal sum of a model at a position, as its channels and nonlinear elements see it."""
     names = tuple(machine.channels) if outputs is None else tuple(outputs)
@@ -74,9 +75,10 @@ def modal_form(
     given = {n: machine.channels[n].quantity if n in machine.channels else "displacement" for n in names}
     read = tuple(given.values()) if quantities is None else tuple(quantities)
     reads = [machine.channels[n].port if n in machine.channels else n for n in names]
-    system = system_with(machine, position, viscous_at, (*reads, *at))
+    system = system_with(machine, position, viscous_at, (*reads, *at, input))
     rows = np.array([row_of(system, r) for r in (*reads, *at)])
-    forces = np.array([machine.drive(system), *(row_of(system, p) for p in at)]).T
+    first = machine.drive(system) if input == "force" else row_of(system, input)
+    forces = np.array([first, *(row_of(system, p) for p in at)]).T
     m = modal_basis(system, classical_above)
     shares = tuple(machine.base_share(n) for n in names)
     return ModalForm(m.poles, m.drives @ forces, rows @ m.shapes, read, names, at, m.from_state, system.dofs, shares)
