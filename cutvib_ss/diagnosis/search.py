@@ -40,31 +40,7 @@ def search(
     pairs: bool = True,
     laws: bool = True,
 ) -> tuple[Ranked, ...]:
-    """
-    Fit every cause, and pairs where no single one is enough.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    records : Records
-        Records to fit on.
-    observed : Observations
-        The campaign they are of: its band and channels.
-    leaves : callable
-        Reduced χ² that a cause leaves on held-out records.
-    workers : Workers
-        Who fits.
-    pairs : bool
-        Whether two causes are tried where no single one is enough.
-    laws : bool
-        Whether causes that depend on the level are tried.
-
-    Returns
-    -------
-    tuple of Ranked
-        The tuned nominal model first, then the causes by evidence.
-    """
+    """Fit every cause, and pairs where no single one is enough: the tuned nominal model first, then causes by evidence."""
     workers.say("tuning the nominal model")
     few = records.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
     scout = fit(nominal, few, Hypothesis(), None, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain)
