@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from cutvib_ss.diagnosis.element_type import element_type_value
 from cutvib_ss.diagnosis.findings import DynamicStiffness
-from cutvib_ss.plot.style import CORRECTED, INK, NOMINAL, TUNED, drawing, unit_text
+from cutvib_ss.plot.style import CORRECTED, INK, NOMINAL, TUNED, on_grid, unit_text
 from cutvib_ss.results import FloatArray
 
 _LEVELS = (CORRECTED, TUNED, NOMINAL)
@@ -18,10 +18,24 @@ _SEEN = 0.6
 """Part of the lines, those of least uncertainty, that set the limits of an axis."""
 
 
-def stiffness_grid(functions: Sequence[DynamicStiffness]) -> Figure:
-    """Unknown dynamic stiffnesses over frequency, real beside imaginary part, with the law that their shape suggests."""
-    with drawing(9.6, 0.5 + 2.2 * len(functions)) as figure:
-        panels = figure.subplots(len(functions), 2, sharex=True, squeeze=False)
+def stiffness_grid(functions: Sequence[DynamicStiffness], *, ax: Any = None) -> Any:
+    """
+    Unknown dynamic stiffnesses over frequency, real beside imaginary part, with the law that their shape suggests.
+
+    Parameters
+    ----------
+    functions : sequence of DynamicStiffness
+        Those of a diagnosis, ``diagnosis.findings.stiffness``.
+    ax : array of Axes, shape (function, 2), optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Figure or array of Axes
+        The axes that were given, else the figure.
+    """
+    with on_grid(ax, len(functions), 2, 9.6, 0.5 + 2.2 * len(functions), sharex=True) as grid:
+        panels = grid.axes
         for row, z in zip(panels, functions, strict=True):
             unit = f" [{unit_text(z.unit)}]" if z.unit not in ("", "1") else ""
             for axes, part in zip(row, ("real", "imag"), strict=True):
@@ -33,8 +47,8 @@ def stiffness_grid(functions: Sequence[DynamicStiffness]) -> Figure:
         panels[0, 0].set_xlim(functions[0].freq[0], functions[0].freq[-1])
         handles, labels = panels[0, 0].get_legend_handles_labels()
         if len(labels) > 1:
-            figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
-    return figure
+            grid.legend(panels[0, 0], "outside upper right", ncols=len(handles))
+    return grid.drawn
 
 
 def _part(axes: Axes, z: DynamicStiffness, part: str) -> None:
