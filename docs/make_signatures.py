@@ -8,6 +8,8 @@ A strong example of each effect (that of the conformance suite) is applied to th
 effects by frequency responses over the rail; laws by sine sweeps at two levels of force.
 """
 
+# ruff: noqa: E501 - lines of a page
+
 import sys
 from dataclasses import fields
 from pathlib import Path
@@ -149,7 +151,12 @@ def page(signatures: dict[str, Signature]) -> str:
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for name, s in signatures.items():
-        cells = [f"[`{name}`](#{name.replace('_', '-')})", f"`{s.effect.place}`", values_text(s.effect), *channels_text(s)]
+        cells = [
+            f"[`{name}`](#{name.replace('_', '-')})",
+            f"`{s.effect.place}`",
+            values_text(s.effect),
+            *channels_text(s),
+        ]
         cells += [positions_text(s), bands_text(s), level_text(s)]
         lines.append("| " + " | ".join(cells) + " |")
     lines += [
