@@ -143,8 +143,14 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     for r in shown[: 1 if no_gap else SETTINGS.verdict_judged]:
         if odds[r.name] > 1e-3 or (r is shown[0] and not no_gap):
             held[r.name] = judged(r)
+    nameless = kind_of(shown[0].fit.hypothesis) == "unknown"
     other = next(
-        (r for r in shown if not _same_cause(r, shown[0]) and (r.name in held or r.fit.hypothesis.linear)), None
+        (
+            r
+            for r in shown
+            if not _same_cause(r, shown[0]) and (nameless or r.name in held or r.fit.hypothesis.linear) and r.refined
+        ),
+        None,
     )
     if no_gap:
         other = next((r for r in shown if r.name in held), None)
