@@ -78,8 +78,8 @@ def mode_pairs(
         alike = mac(shapes, others)
         freq, freq_other = np.abs(poles) / (2 * np.pi), np.abs(other) / (2 * np.pi)
         cost = 1.0 - alike + np.abs(np.log(freq[:, None] / freq_other))
-        mine, continued = optimize.linear_sum_assignment(cost.T)
-        before = dict(zip(mine.tolist(), continued.tolist(), strict=True))
+        rows, columns = optimize.linear_sum_assignment(cost.T)
+        before = dict(zip(rows.tolist(), columns.tolist(), strict=True))
         for k, f in enumerate(freq_other):
             if not band[0] <= f <= band[1]:
                 continue

@@ -134,6 +134,7 @@ class Settings:
     fit_start_gain: float = _of(1e-2, "1", "Relative gain at which those steps end", "rougher starts", _TIME)
     fit_hopeless: float = _of(5.0, "χ² a datum", "From which a fit is not worth small steps", "longer", _TIME)
     fit_hopeless_gain: float = _of(5e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
+    fit_run_away: float = _of(1e12, "χ² a datum", "From which a model has run away", "-", _NUMERICAL)
     fit_most_damping: float = _of(0.9, "1", "Damping ratio of the rail beyond which none is followed", "-", _NUMERICAL)
     fit_within: float = _of(8.0, "std", "How far a tuned value or calibration error is followed", "-",
         "its prior holds it long before")

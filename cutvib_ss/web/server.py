@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+import shutil
 import socket
 import sys
 import traceback
@@ -20,7 +21,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.web.page import Page
-from cutvib_ss.web.session import Refused, Session
+from cutvib_ss.web.session import Refused, Session, server_folder
 from cutvib_ss.web.uploads import MOST_BYTES, MOST_FILES
 from cutvib_ss.web.worker import MACHINE, REPORT, RESULT
 
@@ -39,11 +40,18 @@ _POLICY = (
 )
 
 
+_KEPT = 12 * 3600.0
+"""Time for which a visitor's campaign and diagnosis are kept after the last page was closed [s]."""
+_SWEPT = 600.0
+"""Time between looks for visitors who are gone [s]."""
+
+
 class Server:
     """Visitors' sessions, by an unguessable name that only their page knows."""
 
     def __init__(self, campaign: Path | None = None) -> None:
         self.campaign = campaign
+        self.folder = server_folder()
         self.sessions: dict[str, Session] = {}
         self._locks: dict[str, asyncio.Lock] = {}
 
@@ -51,7 +59,7 @@ class Server:
         """A visitor's session, a new one where there is none of that name."""
         if name is not None and name in self.sessions:
             return self.sessions[name]
-        made = Session(secrets.token_urlsafe(24))
+        made = Session(secrets.token_urlsafe(24), self.folder)
         self.sessions[made.name] = made
         self._locks[made.name] = asyncio.Lock()
         if self.campaign is not None:
@@ -63,6 +71,13 @@ class Server:
         for session in self.sessions.values():
             session.close()
         self.sessions.clear()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def sweep(self, seconds: float = _KEPT) -> None:
+        """Forget visitors who have been gone for so long, with their files."""
+        for name in [n for n, s in self.sessions.items() if s.is_abandoned(seconds)]:
+            self.sessions.pop(name).close()
+            self._locks.pop(name, None)
 
     async def index(self) -> None:
         """The page of one visitor; a reload finds its campaign and diagnosis again."""
@@ -70,6 +85,8 @@ class Server:
         kept = app.storage.tab
         session = self.session(kept.get("session"))
         kept["session"] = session.name
+        session.entered()
+        ui.context.client.on_delete(session.gone)
         dark, width = await ui.run_javascript(
             "[matchMedia('(prefers-color-scheme: dark)').matches, innerWidth]", timeout=10.0
         )
@@ -119,6 +136,7 @@ def serve(host: str, port: int, show: bool, campaign: Path | None = None) -> Non
     app.add_static_files("/assets", _STATIC)
     ui.add_head_html(_HEAD, shared=True)
     app.on_shutdown(server.close)
+    app.timer(_SWEPT, server.sweep)
     app.middleware("http")(_only_from_here)
     if host in _LOOPBACK:
         # Another site's script cannot reach the page under a name of its own that it points at this machine.

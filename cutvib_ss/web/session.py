@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import sys
 import tempfile
+import time
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,6 +23,8 @@ from cutvib_ss.web.job import Job
 from cutvib_ss.web.uploads import message_of, store
 from cutvib_ss.web.worker import MACHINE
 
+PREFIX = "cutvib-page-"
+"""How folders of uploads and results begin, in the system's folder for temporary files."""
 DEMO = Path(cutvib_ss.__file__).parent / "data" / "demo"
 
 
@@ -44,16 +49,33 @@ class Refused(Exception):
 
 @dataclass
 class Session:
-    """State of one visitor; its files lie in a folder that is removed with it."""
+    """State of one visitor; its files lie in a folder, below the server's, that is removed with it."""
 
     name: str
+    root: Path | None = None
+    open_pages: int = 0
+    left: float = field(default_factory=time.monotonic)
     opened: Opened | None = None
     job: Job | None = None
     corrected: Model | None = None
     _count: int = 0
 
     def __post_init__(self) -> None:
-        self.folder = Path(tempfile.mkdtemp(prefix="cutvib-page-"))
+        self.folder = Path(tempfile.mkdtemp(prefix="visitor-" if self.root else PREFIX, dir=self.root))
+
+    def entered(self) -> None:
+        """A page of this visitor is open."""
+        self.open_pages += 1
+
+    def gone(self) -> None:
+        """A page of this visitor was closed, or has lost its connection."""
+        self.open_pages = max(self.open_pages - 1, 0)
+        self.left = time.monotonic()
+
+    def is_abandoned(self, seconds: float) -> bool:
+        """Whether nobody has looked for so long, and nothing is running."""
+        running = self.job is not None and self.job.state == "running"
+        return self.open_pages == 0 and not running and time.monotonic() - self.left > seconds
 
     def open_demo(self) -> None:
         """Take the campaign that ships with the package."""
@@ -122,6 +144,27 @@ class Session:
         folder = self.folder / f"{what}-{self._count}"
         folder.mkdir()
         return folder
+
+
+def server_folder() -> Path:
+    """A folder for the visitors of this server, named after its process; those of servers that were killed are removed."""
+    for old in Path(tempfile.gettempdir()).glob(f"{PREFIX}[0-9]*-*"):
+        owner = old.name.removeprefix(PREFIX).partition("-")[0]
+        if owner.isdigit() and not _is_alive(int(owner)):
+            shutil.rmtree(old, ignore_errors=True)
+    return Path(tempfile.mkdtemp(prefix=f"{PREFIX}{os.getpid()}-"))
+
+
+def _is_alive(process: int) -> bool:
+    if sys.platform == "win32":
+        return True  # os.kill would end it
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def _opened(folder: Path, demo: bool = False) -> Opened:

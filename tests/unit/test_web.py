@@ -5,6 +5,9 @@ import json
 import os
 import shutil
 import socket
+import subprocess
+import sys
+import tempfile
 import time
 import zipfile
 from collections.abc import Iterator
@@ -25,7 +28,7 @@ from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.web import curves, figures
 from cutvib_ss.web.curves import Change, Controller
 from cutvib_ss.web.job import Job
-from cutvib_ss.web.session import DEMO, Refused, Session
+from cutvib_ss.web.session import DEMO, PREFIX, Refused, Session, server_folder
 from cutvib_ss.web.uploads import store
 
 BAND = (20.0, 400.0)
@@ -294,6 +297,54 @@ def test_a_controller_is_followed_over_the_rail_and_unstable_positions_are_marke
     assert marked["x"] == wild.freq[unstable].tolist()
     assert curves.controlled_along_the_rail(machine, "joint1", steady, 217.0) is None
     assert curves.controlled_along_the_rail(machine, "tool_x", Change(), 217.0) is None
+
+
+# --- visitors who are gone ---------------------------------------------------------------------------------------------
+
+
+def test_a_visitor_who_is_gone_is_forgotten_with_the_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    pytest.importorskip("nicegui", reason="the server needs NiceGUI (extra web)")
+    from cutvib_ss.web.server import Server
+
+    server = Server()
+    stays, leaves, works = (server.session(None) for _ in range(3))
+    for one in (stays, leaves, works):
+        one.entered()
+    works.open_demo()
+    job = works.diagnose()
+    leaves.gone()
+    works.gone()
+    server.sweep(3600.0)
+    assert len(server.sessions) == 3
+    server.sweep(-1.0)
+    assert set(server.sessions) == {stays.name, works.name}, "a page that is open, a diagnosis that runs"
+    assert not leaves.folder.exists()
+    job.cancel()
+    server.sweep(-1.0)
+    assert set(server.sessions) == {stays.name}
+    assert server.session(leaves.name).name != leaves.name
+    server.close()
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="asks for a process by a signal")
+def test_files_of_a_server_that_was_killed_are_removed_at_the_next_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    ended = subprocess.run(
+        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True, check=True
+    )
+    dead, alive = tmp_path / f"{PREFIX}{ended.stdout.strip()}-abc", tmp_path / f"{PREFIX}{os.getpid()}-def"
+    other = tmp_path / "cutvib-page-notes"
+    for folder in (dead, alive, other):
+        (folder / "visitor-x").mkdir(parents=True)
+    made = server_folder()
+    assert not dead.exists()
+    assert alive.exists()
+    assert other.exists()
+    assert made.name.startswith(f"{PREFIX}{os.getpid()}-")
 
 
 # --- the diagnosis in its process ------------------------------------------------------------------------------------
