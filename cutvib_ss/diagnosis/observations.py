@@ -21,6 +21,7 @@ from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import FORCE, Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
+from cutvib_ss.results.arrays import position_at
 from cutvib_ss.units import STANDARD_GRAVITY
 
 LACKING = {
@@ -129,7 +130,7 @@ def _entry(index: int, record: Record) -> Entry:
     sine = _sine(record)
     return Entry(
         record=index,
-        position=float(frf.positions[0]),
+        position=position_at(frf.positions[0]),
         level=_level(record, sine),
         data=np.array(frf.data[0, :, 0]),
         variance=np.array(frf.variance[0, :, 0]),
@@ -184,8 +185,8 @@ def _level(record: Record, sine: SineTest | None) -> float:
     return np.nan if sine is None else float(np.median(sine.force))
 
 
-def _lowest_frequency(machine: Model, positions: Sequence[float]) -> float:
-    places = sorted({p for p in positions if not np.isnan(p)})
+def _lowest_frequency(machine: Model, positions: Sequence[float | None]) -> float:
+    places = sorted({p for p in positions if p is not None})
     lowest = [float(modes(machine, p).natural_freq[0]) for p in places] or [float(modes(machine).natural_freq[0])]
     return max(min(lowest), 0.0)
 

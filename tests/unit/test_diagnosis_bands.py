@@ -43,7 +43,7 @@ def sessions(drift, bump=0.0, count=8):
         variance = (NOISE * np.abs(data)) ** 2
         data = data + np.sqrt(variance / 2) * (rng.standard_normal(S.size) + 1j * rng.standard_normal(S.size))
         out.append(
-            Entry(k, np.nan, np.nan, data[None], variance[None], FREQ, ("a",), ("acceleration",), np.inf, np.nan, 0.0,
+            Entry(k, None, np.nan, data[None], variance[None], FREQ, ("a",), ("acceleration",), np.inf, np.nan, 0.0,
                   False)
         )  # fmt: skip
     return out

@@ -53,7 +53,7 @@ def record(data, sine, seed=0, number=0):
     variance = (NOISE * np.abs(data)) ** 2
     noise = np.sqrt(variance / 2) * (rng.standard_normal(data.size) + 1j * rng.standard_normal(data.size))
     return Entry(
-        number, np.nan, float(np.median(sine.force)), (data + noise)[None], variance[None], FREQ, ("x",),
+        number, None, float(np.median(sine.force)), (data + noise)[None], variance[None], FREQ, ("x",),
         ("displacement",), np.inf, np.nan, 0.0, False, sine=sine, session="day",
     )  # fmt: skip
 
