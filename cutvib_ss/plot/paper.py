@@ -126,7 +126,8 @@ def figure_20(curves: PaperCurves) -> Figure:
         names.append(
             f"{'lateral' if place.endswith('R') else 'central'} ({place}), y/L = {PAPER_POSITIONS[place]:.3g} {said}"
         )
-    return absorber_effect(curves.absorber, names)
+    figure: Figure = absorber_effect(curves.absorber, names)
+    return figure
 
 
 FIGURES: dict[str, Callable[[PaperCurves], Figure]] = {

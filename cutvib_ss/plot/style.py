@@ -117,7 +117,7 @@ class Panels:
         """What a plot function returns: the axes that it was given, else the figure."""
         return self.figure if self.own else self.given
 
-    def legend(self, axes: Axes, loc: str = "outside right upper", **options: Any) -> None:
+    def legend(self, axes: Axes, loc: Any = "outside right upper", **options: Any) -> None:
         """A legend outside of the axes in a figure of one's own, inside of them in another's."""
         if not self.own:
             axes.legend(**{k: v for k, v in options.items() if k == "title"})
