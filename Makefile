@@ -6,6 +6,7 @@
 #   make test-all   the same with the slow tests, and more examples for each property
 #   make bench      the benchmarks, one process
 #   make docs       the documentation as HTML, in docs/_build/html
+#   make figures    draw the pictures of the documentation anew (examples, tutorials, effects): some minutes
 #   make blind      the sealed trial, 400 cases: two hours; goes on where it was; writes docs/blind_results_table.md (SEED=2: another one)
 #   make format     put the code in the house style
 #
@@ -23,7 +24,7 @@ test test-all: export OPENBLAS_NUM_THREADS := 1
 SPHINX := $(BIN)/sphinx-build -q -W --keep-going -j $(JOBS) -d docs/_build/doctrees
 PYTEST := $(BIN)/pytest -n $(JOBS) --benchmark-disable --doctest-modules cutvib_ss tests
 
-.PHONY: help setup demo test test-all bench docs blind format checks style types layers docs-check
+.PHONY: help setup demo test test-all bench docs figures blind format checks style types layers docs-check
 .DEFAULT_GOAL := help
 
 help:
@@ -57,6 +58,10 @@ docs: $(STAMP)
 	@rm -rf docs/api
 	$(SPHINX) -b html docs docs/_build/html
 	@echo "Open docs/_build/html/index.html"
+
+figures: $(STAMP)
+	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/make_signatures.py
 
 # Trials lie in build/trials; their names end in their seeds. Baselines learn from the trial fit-1001, where it is there.
 TRIALS := build/trials

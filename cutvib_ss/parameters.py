@@ -28,8 +28,10 @@ def check_number(name: str, value: Any, minimum: float | None = None, strict: bo
 
 
 def check_position(position: Any) -> float:
-    """A position y_b / L, strictly inside (0, 1); else a `ParameterError`."""
-    number = check_number("position", position)
+    """A position y_b / L strictly inside (0, 1), given as a number or by a name of the paper; else a `ParameterError`."""
+    if position is None:
+        raise ParameterError("a position is needed: y_b / L of the head on the rail, strictly between 0 and 1")
+    number = check_number("position", position_named(position) if isinstance(position, str) else position)
     if not 0.0 < number < 1.0:
         raise ParameterError(
             f"position = {position} must lie strictly between 0 and 1 (y_b / L of the head on the rail)"
@@ -286,16 +288,11 @@ FC, BC and CC are stated in Section 6. Those to the right are nearly over a pill
 """
 
 
-def position_of(text: str) -> float:
-    """A position from a number, or from a name of the paper (`PAPER_POSITIONS`), strictly inside (0, 1)."""
-    name = text.strip().upper()
-    if name in PAPER_POSITIONS:
-        return PAPER_POSITIONS[name]
+def position_named(text: str) -> float:
+    """A position from text: a name of the paper (`PAPER_POSITIONS`), or a number."""
     try:
-        return check_position(float(text))
-    except ValueError as error:
-        if isinstance(error, ParameterError):
-            raise
+        return PAPER_POSITIONS.get(text.strip().upper()) or float(text)
+    except ValueError:
         names = ", ".join(PAPER_POSITIONS)
         raise ParameterError(f"position {text!r} is neither a number y_b / L nor one of {names}") from None
 

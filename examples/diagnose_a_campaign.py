@@ -18,5 +18,7 @@ for cause in diagnosis.causes[:3]:
     for name, parameter in cause.parameters.items():
         print(f"          {name} = {parameter.value:.4g} ± {parameter.std:.2g} {parameter.unit}")
 
+cv.plot.save(cv.plot.error_map(diagnosis.comparisons), "error_of_the_tuned_model.png")
+cv.plot.save(cv.plot.comparison_grid(diagnosis.comparisons[:3]), "responses.png")
 write_report(diagnosis, "report.html")
 print("written: report.html")

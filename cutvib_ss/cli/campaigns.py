@@ -172,6 +172,21 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
         say(console, f"By channel, on held-out records [{gap.unit}]")
         heads = ["", "before", "tuned", "after", "second-best", "noise", "FRAC before", "after", "dB before", "after"]
         show(console, "", heads, by_channel, "lrrrrrrrrr")
+    heads, correlated = details.frac_rows(found.findings.frac)
+    if len(correlated) > 1:
+        say(console, "")
+        show(
+            console,
+            "FRAC by position, of the model as given and with the cause",
+            heads,
+            correlated,
+            "l" + "r" * len(heads),
+        )
+    modes = details.mode_rows(found.findings.modes)
+    if modes:
+        say(console, "")
+        heads = ["y/L", "nominal [Hz]", "corrected [Hz]", "damping [%]", "corrected [%]", "MAC"]
+        show(console, "Modes", heads, modes, "rrrrrr")
     say(console, "")
     rows = []
     for cause in found.causes[:_SHOWN]:

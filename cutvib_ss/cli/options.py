@@ -90,10 +90,10 @@ JsonOption = Annotated[
 
 def position_value(given: str | float) -> float:
     """A position as the command line takes it: a number, which a default is already, or FC, CC, BC, FR, CR, BR."""
-    from cutvib_ss.parameters import position_of
+    from cutvib_ss.parameters import check_position
 
     try:
-        return position_of(str(given))
+        return check_position(str(given))
     except ParameterError as error:
         raise typer.BadParameter(str(error)) from None
 
@@ -144,10 +144,9 @@ def load_model(path: Path | None) -> Machine | Structure:
 
 def load_machine(path: Path | None, command: str) -> Machine:
     """A cutting machine; another structure is refused, for it has no rail to move along."""
-    from cutvib_ss.model.machine import Machine
 
     model = load_model(path)
-    if not isinstance(model, Machine):
+    if model.rail is None:
         raise ParameterError(f'{path}: kind = "second_order" has no position; `{command}` needs a cutting machine')
     return model
 

@@ -178,7 +178,6 @@ def _respond(
     steady: bool,
     way: Travel | None,
 ) -> TimeResponse:
-    from cutvib_ss.model.machine import Machine
     from cutvib_ss.response.time_response import time_response
 
     wanted: Quantity | None = None if quantity is None else quantity.value
@@ -195,7 +194,7 @@ def _respond(
         )
     from cutvib_ss.response.moving import moving_response
 
-    assert isinstance(model, Machine)
+    assert model.rail is not None
     return moving_response(model, way, given.values, given.fs, outputs=output, quantity=wanted, viscous_at=217.0)
 
 
@@ -208,11 +207,10 @@ def _way(
     steady: bool,
 ) -> Travel:
     """How the head travels."""
-    from cutvib_ss.model.machine import Machine
     from cutvib_ss.response.travel import s_curve, trapezoid
 
     option = "--to" if file is None else "--travel"
-    if not isinstance(model, Machine):
+    if model.rail is None:
         raise ParameterError(f"{option}: this model has no position; leave the option out")
     if steady:
         raise ParameterError(f"{option} with --steady: a head that travels has no steady state; leave one of them out")

@@ -107,7 +107,7 @@ def check_controller(
         If controller and hardware do not fit, or a position is outside the rail.
     """
     kit = hardware or Hardware()
-    named = {"machine": machines} if isinstance(machines, Machine) else dict(machines)
+    named = dict(machines) if isinstance(machines, Mapping) else {"machine": machines}
     places = check_positions() if positions is None else np.atleast_1d(np.asarray(positions, dtype=float))
     check_number("working_frequency", working_frequency, 0.0, strict=True)
     fine = working_frequency + np.arange(-50, 51) / 5

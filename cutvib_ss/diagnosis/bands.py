@@ -11,16 +11,9 @@ from scipy import ndimage, stats
 from cutvib_ss.diagnosis.cross_validation import Judged
 from cutvib_ss.diagnosis.findings import Band
 from cutvib_ss.diagnosis.metrics import Sides
+from cutvib_ss.diagnosis.records import measured_at
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray, FloatArray
-
-SURE = 1e-3
-"""Chance of centres that spread as much without moving, below which they are said to move."""
-MOST = 0.8
-"""Part of the error above the noise that the main bands hold."""
-SMOOTH = 4.0
-"""Width over which the error is averaged, and below which a gap between bands is closed [Hz]."""
-NARROW = 3
-"""Lines that a band between bands has to hold to be shown."""
 
 
 def bands(
@@ -36,7 +29,7 @@ def bands(
     for i, (low, high) in enumerate(pairwise(edges)):
         stands_out = i % 2 == 1
         inside = [(j.entry.freq >= low) & (j.entry.freq <= high) for j in tuned]
-        if not any(m.any() for m in inside) or (not stands_out and max(m.sum() for m in inside) < NARROW):
+        if not any(m.any() for m in inside) or (not stands_out and max(m.sum() for m in inside) < SETTINGS.band_narrow):
             continue
         before, again, after, second = (
             float("nan") if side is None else _mean_error(side, inside) / per_unit
@@ -76,7 +69,7 @@ def _main(
         at = np.clip(np.rint((j.entry.freq - freq[0]) / step).astype(int), 0, freq.size - 1)
         np.add.at(height, at, excess.mean(axis=0))
         np.add.at(count, at, 1.0)
-    width = max(1, round(SMOOTH / step))
+    width = max(1, round(SETTINGS.band_smooth / step))
     height = ndimage.uniform_filter1d(height / np.maximum(count, 1.0), width, mode="constant")
     inside = np.zeros(freq.size, dtype=bool)
     for low, high in stand_out:
@@ -85,13 +78,13 @@ def _main(
     if not height.any():
         return []
     order = np.sort(height)[::-1]
-    least = order[np.searchsorted(np.cumsum(order), MOST * order.sum())]
+    least = order[np.searchsorted(np.cumsum(order), SETTINGS.band_main_share * order.sum())]
     ends = np.flatnonzero(np.diff(np.concatenate([[0], (height >= least).astype(int), [0]])))
     found: list[tuple[float, float]] = []
     for a, b in zip(ends[::2], ends[1::2] - 1, strict=True):
-        if found and freq[a] - found[-1][1] <= SMOOTH:
+        if found and freq[a] - found[-1][1] <= SETTINGS.band_smooth:
             found[-1] = (found[-1][0], float(freq[b]))
-        elif (b - a) * step >= SMOOTH / 2:
+        elif (b - a) * step >= SETTINGS.band_smooth / 2:
             found.append((float(freq[a]), float(freq[b])))
     return found
 
@@ -128,15 +121,15 @@ def _moves(centres: Sequence[tuple[float, float, float]]) -> bool:
         return False
     _, centre, spread = (np.array(side) for side in zip(*centres, strict=True))
     mean = np.average(centre, weights=spread**-2)
-    return bool(stats.chi2.sf(np.sum(((centre - mean) / spread) ** 2), len(centres) - 1) < SURE)
+    return bool(stats.chi2.sf(np.sum(((centre - mean) / spread) ** 2), len(centres) - 1) < SETTINGS.band_moves)
 
 
 def _coherence(records: Sequence[Judged], inside: Sequence[np.ndarray]) -> float:
     """What records of one position share of their errors' power above the noise."""
-    places: dict[float, list[tuple[ComplexArray, FloatArray]]] = {}
+    places: dict[tuple[float, str], list[tuple[ComplexArray, FloatArray]]] = {}
     for j, m in zip(records, inside, strict=True):
         error = (j.entry.data - j.predicted)[:, m]
-        places.setdefault(float(np.nan_to_num(j.entry.position, nan=-1.0)), []).append((error, j.entry.variance[:, m]))
+        places.setdefault(measured_at(j.entry), []).append((error, j.entry.variance[:, m]))
     shared, total = 0.0, 0.0
     for same in places.values():
         alike = [(e, v) for e, v in same if e.shape == same[0][0].shape]

@@ -22,22 +22,18 @@ from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.result import Verdict
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import unforced_problem
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
-from cutvib_ss.model.machine import Machine
+from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.harmonic_balance import sine_response
 from cutvib_ss.results import FloatArray
 
-DRAWS, FEW_DRAWS = 200, 24
-"""Draws from the covariance; of causes that depend on the level."""
-PLACES, FEW_PLACES = 6, 3
-"""Positions that are shown at most; of causes that depend on the level."""
 CONTROLLER = "resonant"
 """The prototype that is designed on the nominal model."""
-MODES = 8
-"""Modes of the rail on which it is checked, at least."""
 
 
 def consequences(
@@ -45,10 +41,10 @@ def consequences(
 ) -> Consequences | None:
     """What the chosen cause means for the machine."""
     channel = "tool_x" if "tool_x" in nominal.channels else observed.channels[0]
-    frequency = WORKING_FREQUENCY if isinstance(nominal, Machine) else _loudest(fit.model, channel, observed.band)
-    problem = Problem(nominal, records.merged, fit.hypothesis)
+    frequency = WORKING_FREQUENCY if nominal.has_position else _loudest(fit.model, channel, observed.band)
+    problem = unforced_problem(nominal, records, fit.hypothesis)
     by_level = bool(fit.model.nonlinear)
-    positions = _places(records, FEW_PLACES if by_level else PLACES)
+    positions = _places(records, SETTINGS.consequence_positions_laws if by_level else SETTINGS.consequence_positions)
     warnings = _warnings(fit, records, observed, verdict, frequency)
     force = 0.0
     try:
@@ -57,7 +53,7 @@ def consequences(
             warnings.append(
                 f"depends on the level: taken under a sine of {force:.3g} N, which moves the place as far as the middle record did"
             )
-        draws = _draws(problem, fit, FEW_DRAWS if by_level else DRAWS, seed)
+        draws = _draws(problem, fit, SETTINGS.consequence_draws_laws if by_level else SETTINGS.consequence_draws, seed)
         pairs = np.array([_pair(problem, x, positions, frequency, channel, force) for x in draws])
     except CutvibError as error:
         return Consequences(frequency, channel, observed.unit, (), warnings=(*warnings, str(error)))
@@ -173,7 +169,8 @@ def _measured(records: Records, positions: FloatArray, frequency: float, channel
     for position in positions:
         found = None
         for g in records.merged:
-            here = np.flatnonzero((g.positions == position) | (np.isnan(g.positions) & np.isnan(position)))
+            own = np.array([name == FORCE for name in g.inputs])
+            here = np.flatnonzero(own & ((g.positions == position) | (np.isnan(g.positions) & np.isnan(position))))
             step = float(np.median(np.diff(g.freq)))
             if here.size and channel in g.channels and g.freq[0] - step <= frequency <= g.freq[-1] + step:
                 line = int(np.argmin(np.abs(g.freq - frequency)))
@@ -184,14 +181,14 @@ def _measured(records: Records, positions: FloatArray, frequency: float, channel
 
 def _loops(nominal: Model, corrected: Model, positions: FloatArray) -> tuple[tuple[Loop, ...], Sequence[str]]:
     """The prototype on both machines; none for other structures."""
-    if not isinstance(nominal, Machine) or not isinstance(corrected, Machine):
+    if nominal.rail is None or corrected.rail is None:
         return (), ()
     kind = prototype(CONTROLLER)
     hardware = kind.hardware(kind.port, None)
     try:
         made = schedule(lambda y: kind.design(nominal, y, hardware), positions)
         machines = {"nominal": nominal, "corrected": replace(corrected, nonlinear=())}
-        check = check_controller(made, machines, positions, hardware, CONTROLLER, MODES)
+        check = check_controller(made, machines, positions, hardware, CONTROLLER, SETTINGS.consequence_modes)
     except CutvibError as error:
         return (), (f"no controller was checked: {error}",)
     told = ["the controller was checked without the nonlinear force"] if corrected.nonlinear else []

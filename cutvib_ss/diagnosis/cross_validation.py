@@ -18,30 +18,13 @@ from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.prediction import Predicted, Prediction
-from cutvib_ss.diagnosis.problem import WITHIN, Problem
+from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Entry, Group, Records, merged, session_of
-from cutvib_ss.diagnosis.simulation import (
-    FORCE_SCALE,
-    FORCE_SCALE_STEP,
-    Simulated,
-    SimulatedProblem,
-    problem_for,
-    simulated,
-)
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import Simulated, SimulatedProblem, problem_for, simulated
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import ComplexArray, FloatArray
-
-AGAIN, AGAIN_LAWS = 15, 3
-"""Steps of a fit on some records from the fit on all: that lies within its own uncertainty of it."""
-LOUDNESS_STEPS = 3
-"""Steps to the force scale of a held-out record whose force is guessed."""
-UNLIKE = 0.5
-"""By how much, in its unit, the force scale of single blows of such a record may differ from their mean …"""
-LENGTH = 0.1
-"""… and by which part of itself a blow's length from its guess."""
-BOOTSTRAPS = 2000
-"""Resamplings of the records behind an interval."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +46,6 @@ class Judged:
     predicted: ComplexArray  # What was predicted of it
     # Mean square of the error, and of the error of a right model by noise and drift; over channels and lines
     squares: float = 0.0
-    # Mean square of the error, and of the error of a right model by noise and drift; over channels and lines
     floor: float = 0.0
 
 
@@ -106,12 +88,22 @@ def judge(nominal: Model, folds: Sequence[Fold], start: Fit, workers: Workers) -
 def _one_fold(nominal: Model, start: Fit, fold: Fold) -> list[Judged]:
     records = Records(fold.fitted)
     again = fit(
-        nominal, records, start.hypothesis, start.x, AGAIN if start.hypothesis.linear else AGAIN_LAWS, near=start
+        nominal,
+        records,
+        start.hypothesis,
+        start.x,
+        SETTINGS.held_out_steps if start.hypothesis.linear else SETTINGS.held_out_law_steps,
+        near=start,
     )
     problem = problem_for(nominal, records, again.hypothesis)
     blow_at = problem.blow_at(again.x)
-    shown = [predicted(e, again.model, blow_at, problem, again.x) for e in fold.judged]
+    shown = [predicted(e, _model_for(e, problem, again.x), blow_at, problem, again.x) for e in fold.judged]
     return [judged(e, s, problem, again) for e, s in zip(fold.judged, shown, strict=True)]
+
+
+def _model_for(e: Entry, problem: Problem, x: FloatArray) -> Model:
+    (group,) = merged([e])
+    return problem.model_of(x, group)
 
 
 def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tuple[Judged, ...]:
@@ -141,7 +133,7 @@ def predicted(
     (group,) = merged([e])
     # What depends on the level, or leaks, is simulated with the record's own force.
     leaks = e.replay is not None and e.replay.block > 0
-    simulate = leaks or (bool(model.nonlinear) and (e.replay is not None or np.isfinite(e.sweep)))
+    simulate = leaks or (bool(model.nonlinear) and (e.replay is not None or e.sine is not None))
     error: ComplexArray = np.ones(e.data.shape, dtype=np.complex128)
     if problem is not None and x is not None:
         error = problem.calibration_of(e.channels, e.freq, x)
@@ -173,19 +165,26 @@ def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) 
 
     def shown(x: float, longer: float = 1.0) -> ComplexArray:
         behind = group if longer == 1.0 else replace(group, entries=((replace(entry, replay=replay.longer(longer)),),))
-        data: ComplexArray = simulated(model, behind, force_scale=np.exp([FORCE_SCALE * x])).data[0] * error
+        data: ComplexArray = (
+            simulated(model, behind, force_scale=np.exp([SETTINGS.simulation_force_scale * x])).data[0] * error
+        )
         return data
 
     here = shown(x)
-    seen = simulated(model, group, force_scale=np.exp([FORCE_SCALE * x]))
+    seen = simulated(model, group, force_scale=np.exp([SETTINGS.simulation_force_scale * x]))
     slope = np.zeros(here.shape, dtype=np.complex128)
-    for _ in range(LOUDNESS_STEPS):
-        slope = (shown(x + FORCE_SCALE_STEP) - here) / FORCE_SCALE_STEP
+    for _ in range(SETTINGS.held_out_force_steps):
+        slope = (shown(x + SETTINGS.simulation_force_scale_step) - here) / SETTINGS.simulation_force_scale_step
         left, along = (group.data[0] - here) * weight, slope * weight
         x += float((np.vdot(along, left).real - (x - mean)) / (1.0 + np.vdot(along, along).real))
-        x = float(np.clip(x, -WITHIN, WITHIN))
+        x = float(np.clip(x, -SETTINGS.fit_within, SETTINGS.fit_within))
         here = shown(x)
-    others = [shown(x + UNLIKE), shown(x - UNLIKE), shown(x, 1.0 + LENGTH), shown(x, 1.0 - LENGTH)]
+    others = [
+        shown(x + SETTINGS.held_out_blows_differ),
+        shown(x - SETTINGS.held_out_blows_differ),
+        shown(x, 1.0 + SETTINGS.held_out_length_differs),
+        shown(x, 1.0 - SETTINGS.held_out_length_differs),
+    ]
     along = slope * weight
     spread = []
     for other in others:
@@ -209,7 +208,9 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
         blow_at = problem.blow_at(fitted.x)
 
         def show(x: FloatArray) -> tuple[Predicted, ComplexArray]:
-            there = shown if np.array_equal(x, fitted.x) else predicted(e, problem.applied(x), blow_at, problem, x)
+            there = (
+                shown if np.array_equal(x, fitted.x) else predicted(e, _model_for(e, problem, x), blow_at, problem, x)
+            )
             return there.seen, (e.data - there.data) * np.sqrt(2.0 / total)
 
         chi2, drifts = fitted.spread.left(problem, fitted.x, session_of(e), show)
@@ -232,7 +233,7 @@ def shrinkage_interval(before: Sequence[Judged], after: Sequence[Judged], seed: 
     """95 % interval of 1 - after/before, by bootstrap over records."""
     b = np.array([j.error.mean() for j in before])
     a = np.array([j.error.mean() for j in after])
-    pick = np.random.default_rng(seed).integers(0, b.size, (BOOTSTRAPS, b.size))
+    pick = np.random.default_rng(seed).integers(0, b.size, (SETTINGS.held_out_bootstraps, b.size))
     values = 1.0 - a[pick].mean(axis=1) / b[pick].mean(axis=1)
     low, high = np.quantile(values, [0.025, 0.975])
     return float(low), float(high)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from cutvib_ss.diagnosis.bands import bands
 from cutvib_ss.diagnosis.consequences import consequences
+from cutvib_ss.diagnosis.correlation import correlations, mode_pairs
 from cutvib_ss.diagnosis.findings import Findings
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.metrics import Sides, metrics, scales_of
@@ -38,5 +41,15 @@ def found(
         bands=bands(stand_out, observed.band, sides, observed.per_unit),
         place_scores=located.scores,
         stiffness=located.stiffness,
+        frac=correlations(sides),
+        modes=mode_pairs(nominal, chosen.model, _some(records), observed.band),
         consequences=consequences(nominal, chosen, records, observed, verdict, seed),
     )
+
+
+def _some(records: Records) -> tuple[float | None, ...]:
+    """The first, middle and last measured position; None of a structure."""
+    places = sorted({e.position for e in records.entries if np.isfinite(e.position)})
+    if not places:
+        return (None,)
+    return tuple(dict.fromkeys((places[0], places[len(places) // 2], places[-1])))

@@ -12,7 +12,9 @@ from cutvib_ss.diagnosis import cross_validation, where
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.likelihood import Sizes
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
@@ -20,27 +22,23 @@ from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.place import Located, locate
-from cutvib_ss.diagnosis.posterior import Counts, kind_of, probabilities
+from cutvib_ss.diagnosis.posterior import Counts, probabilities
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.ranking import ENOUGH, Ranked
-from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
 from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.diagnosis.search import search
-from cutvib_ss.diagnosis.unknown_element import AMPLITUDES, ports_of
-from cutvib_ss.diagnosis.verdict import SURE, ambiguity_set, place_set, verdict
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import unforced_problem
+from cutvib_ss.diagnosis.unknown_element import ports_of
+from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
+from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
-from cutvib_ss.measurement.records import Campaign
+from cutvib_ss.measurement.records import FORCE, Campaign
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
-
-JUDGED = 3
-"""Causes that are judged on held-out records, at least while they carry any probability."""
-STANDS_OUT = 1.1
-"""χ² a datum of the re-tuned model from which its gap stands out of noise, tuning and repeatability."""
-BAND_WIDTH = 5.0
-"""Width over which the error is averaged to find the bands that stand out [Hz]."""
 
 MAINS_INTERFERENCE = "the re-tuned model's residual lies on multiples of {:g} Hz: mains interference in the measurement"
 
@@ -128,14 +126,12 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     ranked = search(nominal, records, observed, lambda r: judged(r).reduced, workers)
     none, causes = ranked[0], ranked[1:]
     problem = Problem(nominal, records.merged, Hypothesis())
-    known = {
-        (r.fit.hypothesis.effect, r.fit.hypothesis.place): 0 for r in ranked if kind_of(r.fit.hypothesis) == "known"
-    }
-    for r in ranked:
-        if kind_of(r.fit.hypothesis) == "known":
-            known[r.fit.hypothesis.effect, r.fit.hypothesis.place] += 1
+    known = considered(nominal, observed.band, observed.channels)
     ports = list(ports_of(nominal).values())
-    variants = {**known, **{("unknown", p): len(AMPLITUDES) * ports.count(p) for p in ports}}
+    # At each port an element of every amplitude, and where the level matters as many restoring forces.
+    kinds = len({type(e) for r in ranked for e in r.fit.hypothesis.effects if e.effect == "unknown"})
+    of_each = len(SETTINGS.unknown_amplitudes) * max(kinds, 1)
+    variants = {**known, **{("unknown", p): of_each * ports.count(p) for p in ports}}
     counts = Counts(len(known), len(set(ports)))
     odds = probabilities(ranked, counts, variants)
     shown = sorted(causes, key=lambda r: -odds[r.name])
@@ -143,12 +139,18 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)
     held = {"none": tuned}
-    no_gap = odds["none"] > SURE
-    for r in shown[:JUDGED]:
+    no_gap = odds["none"] > SETTINGS.verdict_sure
+    for r in shown[: 1 if no_gap else SETTINGS.verdict_judged]:
         if odds[r.name] > 1e-3 or (r is shown[0] and not no_gap):
             held[r.name] = judged(r)
+    nameless = kind_of(shown[0].fit.hypothesis) == "unknown"
     other = next(
-        (r for r in shown if not _same_cause(r, shown[0]) and (r.name in held or r.fit.hypothesis.linear)), None
+        (
+            r
+            for r in shown
+            if not _same_cause(r, shown[0]) and (nameless or r.name in held or r.fit.hypothesis.linear) and r.refined
+        ),
+        None,
     )
     if no_gap:
         other = next((r for r in shown if r.name in held), None)
@@ -157,17 +159,18 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         held[other.name] = judged(other)
     first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
     after = held[first.name]
-    levels = where.level_dependence(fitted)
-    by_level = bool(levels > where.LEVEL_EXCESS) or level_stands_out(records)
+    tuned_blow = problem.blow_at(none.fit.x)
+    levels = where.level_dependence(fitted, none.fit.model, tuned_blow)
+    by_level = bool(levels > SETTINGS.level_excess) or level_stands_out(records, none.fit.model, tuned_blow)
     located, interference = Located(), None
-    if by_level or none.reduced > ENOUGH:
+    if by_level or none.reduced > SETTINGS.search_enough:
         workers.say("locating the fault without a hypothesis")
-        located = locate(nominal, none.fit, fitted, problem.blow_at(none.fit.x), by_level)
+        located = locate(nominal, none.fit, fitted, tuned_blow, by_level)
         interference = mains(nominal, none.fit, records)
         located = located if interference is None else with_mains_interference(located, interference)
     rows = _causes(none, shown, odds, located.best, held, before, observed)
     interval = cross_validation.shrinkage_interval(before, after.records, seed)
-    stands_out = none.reduced > STANDS_OUT or first is not none
+    stands_out = none.reduced > SETTINGS.verdict_stands_out or first is not none
     result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end))
     chosen = none.fit if result == "no_gap" else after.ranked.fit
     figures = _figures(observed, before, tuned, held[none.name] if result == "no_gap" else after, seed)
@@ -179,7 +182,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         )
     workers.say("computing what the result means")
     places = _places(ranked, odds)
-    bands_hz = _bands(problem, none.fit)
+    bands_hz = _bands(problem, none.fit, chosen.spread.sizes)
     second = other if first is shown[0] or no_gap else shown[0]
     sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
     return Diagnosis(
@@ -317,42 +320,46 @@ def _places(ranked: Sequence[Ranked], odds: dict[str, float]) -> tuple[tuple[str
     return tuple(sorted(total.items(), key=lambda item: -item[1]))
 
 
-def _bands(problem: Problem, none: Fit) -> tuple[tuple[float, float], ...]:
-    _, residuals, _ = problem.residuals(none.x)
-    return where.bands(list(zip(problem.groups, residuals, strict=True)), BAND_WIDTH)
+def _bands(problem: Problem, none: Fit, sizes: Sizes) -> tuple[tuple[float, float], ...]:
+    predictions, residuals, _ = problem.residuals(none.x)
+    drifts = where.drift_squares(problem, none.x, predictions, sizes)
+    return where.bands(list(zip(problem.groups, residuals, strict=True)), SETTINGS.band_width, drifts)
 
 
 def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry]) -> tuple[Comparison, ...]:
     groups = merged(entries)
     out = []
     start = Problem(nominal, groups, Hypothesis())
-    end = Problem(nominal, groups, chosen.hypothesis)
+    end = unforced_problem(nominal, Records(tuple(entries)), chosen.hypothesis)
     sides = [
         (nominal, start.blow_at(none.x), None, None),
         (none.model, start.blow_at(none.x), start, none.x),
         (chosen.model, end.blow_at(chosen.x), end, chosen.x),
     ]
-    seen: set[float] = set()
+    seen: set[tuple[float, str]] = set()
     for e in entries:
-        place = float(np.nan_to_num(e.position, nan=-1.0))
-        if place in seen:
+        here = measured_at(e)
+        if here in seen:
             continue
-        seen.add(place)
-        same = [x for x in entries if float(np.nan_to_num(x.position, nan=-1.0)) == place and x.channels == e.channels]
+        seen.add(here)
+        same = [x for x in entries if measured_at(x) == here and x.channels == e.channels]
         (group, *_) = merged(same)
         unit = "N" if nominal.input_quantity == "force" else "m/s^2"
         measured = MeasuredFrequencyResponse(
-            group.data[:1, :, None], group.freq, np.array([e.position]), group.channels, ("force",), group.quantities,
+            group.data[:1, :, None], group.freq, np.array([e.position]), group.channels, (e.input,), group.quantities,
             input_unit=unit, variance=group.variance[:1, :, None], averages=len(same),
         )  # fmt: skip
         computed = []
         for model, blow_at, problem, x in sides:
+            if isinstance(problem, UnknownForceProblem) and x is not None:
+                model = problem.model_of(x, merged(same[:1])[0])
             value = cross_validation.predicted(same[0], model, blow_at, problem, x).data[None, :, None]
             computed.append(
                 FrequencyResponse(
-                    value, group.freq, measured.positions, group.channels, ("force",), group.quantities, input_unit=unit
+                    value, group.freq, measured.positions, group.channels, (e.input,), group.quantities, input_unit=unit
                 )
             )
-        label = "" if place < 0 else f"position {place:.3g}"
+        told = ["" if here[0] < 0 else f"position {here[0]:.3g}", "" if e.input == FORCE else f"force at {e.input}"]
+        label = ", ".join(part for part in told if part)
         out.append(Comparison(label, measured, *computed))
     return tuple(out)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.results import FloatArray
 
@@ -15,24 +16,15 @@ if TYPE_CHECKING:
     from cutvib_ss.diagnosis.problem import Problem
     from cutvib_ss.diagnosis.records import Group
 
-LENGTH = 0.6
-"""Correlation length of a discrepancy over the natural logarithm of frequency: it may change within most of an octave."""
-KEPT = 1e-3
-"""Relative variance below which a shape of the reduced-rank process is dropped."""
-AMPLITUDE_LENGTH = 1.0
-"""Correlation length of a restoring force's discrepancy over the natural logarithm of the amplitude of its motion."""
-SAMPLED, LEFT, MOST_PIVOTS = 25, 0.02, 40
-"""Points of a record, variance left and number of pivots for the process behind a cause's discrepancy."""
-
 
 def smooth_shapes(freq: FloatArray, band: tuple[float, float]) -> FloatArray:
     """Reduced-rank squared-exponential process over log frequency, shape (shape, frequency): coefficients are N(0, 1)."""
     low, high = (float(np.log(max(f, 1e-9))) for f in band)
-    at = np.linspace(low, high, 1 + int(np.ceil((high - low) / (0.6 * LENGTH))))
-    inside = np.exp(-0.5 * ((at[:, None] - at) / LENGTH) ** 2)
+    at = np.linspace(low, high, 1 + int(np.ceil((high - low) / (0.6 * SETTINGS.discrepancy_length))))
+    inside = np.exp(-0.5 * ((at[:, None] - at) / SETTINGS.discrepancy_length) ** 2)
     variance, vectors = np.linalg.eigh(inside)
-    keep = variance > KEPT * variance[-1]
-    across = np.exp(-0.5 * ((np.log(freq)[None] - at[:, None]) / LENGTH) ** 2)
+    keep = variance > SETTINGS.discrepancy_least_variance * variance[-1]
+    across = np.exp(-0.5 * ((np.log(freq)[None] - at[:, None]) / SETTINGS.discrepancy_length) ** 2)
     return np.asarray((vectors[:, keep] / np.sqrt(variance[keep])).T @ across)
 
 
@@ -72,14 +64,19 @@ def cause_weights(problem: Problem, x: FloatArray) -> FloatArray:
 
 def features(g: Group, row: int, problem: Problem) -> tuple[FloatArray, FloatArray]:
     """Over what a cause's discrepancy is smooth, in correlation lengths: log frequency, and log amplitude if it is nonlinear."""
-    u = np.log(g.freq) / LENGTH
+    u = np.log(g.freq) / SETTINGS.discrepancy_length
     if problem.hypothesis.linear:
         return u, np.zeros(u.size)
+    return u, level_of(g, row) / SETTINGS.discrepancy_amplitude_length
+
+
+def level_of(g: Group, row: int) -> FloatArray:
+    """Logarithm of the level of a record's motion by line: of a sine its amplitude there, else the peak force."""
     entry = g.entries[row][0]
-    if np.isfinite(entry.sweep):
-        amplitude = entry.sweep * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
-        return u, np.log(np.maximum(amplitude, 1e-300)) / AMPLITUDE_LENGTH
-    return u, np.full(u.size, float(np.log(np.nan_to_num(entry.level, nan=1.0))) / AMPLITUDE_LENGTH)
+    if entry.sine is not None:
+        amplitude = entry.sine.force * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
+        return np.asarray(np.log(np.maximum(amplitude, 1e-300)))
+    return np.full(g.freq.size, float(np.log(np.nan_to_num(entry.level, nan=1.0))))
 
 
 def shapes_over(pivots: Sequence[tuple[float, float]], u: FloatArray, w: FloatArray) -> FloatArray:
@@ -99,13 +96,13 @@ def pivots_of(problem: Problem) -> tuple[tuple[float, float], ...]:
     for g in problem.groups:
         for row in range(len(g.data)):
             u, w = features(g, row, problem)
-            keep = np.unique(np.linspace(0, u.size - 1, min(u.size, SAMPLED)).round().astype(int))
+            keep = np.unique(np.linspace(0, u.size - 1, min(u.size, SETTINGS.discrepancy_points)).round().astype(int))
             points.append(np.stack([u[keep], w[keep]], axis=-1))
     every = np.unique(np.concatenate(points).round(6), axis=0)
     left = np.ones(len(every))
     rows: list[FloatArray] = []
     chosen: list[tuple[float, float]] = []
-    while left.max() > LEFT and len(chosen) < MOST_PIVOTS:
+    while left.max() > SETTINGS.discrepancy_variance_left and len(chosen) < SETTINGS.discrepancy_most_pivots:
         k = int(np.argmax(left))
         column = np.exp(-0.5 * np.sum((every - every[k]) ** 2, axis=-1))
         column = (column - sum((r[k] * r for r in rows), np.zeros(len(every)))) / np.sqrt(left[k])

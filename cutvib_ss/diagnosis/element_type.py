@@ -15,22 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutvib_ss.diagnosis.findings import ElementType
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray, FloatArray
-
-EXPLAINS = 0.9
-"""Part of a function's weighted squares that a law has to explain to be named."""
-SIMPLER = 0.5
-"""A law of more parameters has to have a residual below this part of a simpler one's."""
-FLOOR = 0.02
-"""Relative error of a function that no fit to it is asked to beat."""
-RESONANCES = 60
-"""Natural frequencies that are tried for a sprung mass."""
-DAMPINGS = (0.005, 0.01, 0.02, 0.05, 0.1)
-"""Damping ratios that are tried with each."""
-POWERS = tuple(p for p in np.linspace(-3.0, 3.0, 61).round(1).tolist() if p != 0.0)
-"""Powers of the level that are tried."""
-CHANGES = 0.15
-"""Relative change of a function over the levels below which it does not depend on them."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +46,7 @@ def element_type_of(quantity: str, freq: FloatArray, value: ComplexArray, std: F
     if np.count_nonzero(usable) < 8:
         return None
     s: ComplexArray = np.asarray(2j * np.pi * freq[usable], dtype=np.complex128)
-    z, spread = value[usable], np.hypot(std[usable], FLOOR * np.abs(value[usable]))
+    z, spread = value[usable], np.hypot(std[usable], SETTINGS.type_floor * np.abs(value[usable]))
     if quantity == "gain":
         tried = [*_gains(s, z, spread)]
     elif quantity == "dynamic stiffness":
@@ -74,9 +60,11 @@ def element_type_of(quantity: str, freq: FloatArray, value: ComplexArray, std: F
     best: ElementType | None = None
     for element_type in sorted(tried, key=lambda f: len(f.parameters)):
         left = 1.0 - element_type.share
-        if best is None or left < (1.0 - best.share) * SIMPLER ** (len(element_type.parameters) - len(best.parameters)):
+        if best is None or left < (1.0 - best.share) * SETTINGS.type_simpler ** (
+            len(element_type.parameters) - len(best.parameters)
+        ):
             best = element_type
-    return best if best is not None and best.share >= EXPLAINS else None
+    return best if best is not None and best.share >= SETTINGS.type_explains else None
 
 
 def element_type_value(element_type: ElementType, quantity: str, freq: FloatArray) -> ComplexArray:
@@ -128,12 +116,12 @@ def _over_resonances(
 ) -> tuple[float, float, float, float]:
     """Frequency [Hz], damping ratio and coefficient of a resonance that explain most, and the part explained."""
     low, high = float(s[0].imag) / (2 * np.pi), float(s[-1].imag) / (2 * np.pi)
-    best = (low, DAMPINGS[0], 0.0, -np.inf)
-    b, grid = z / spread, np.geomspace(max(low, 1e-3), high, RESONANCES)
+    best = (low, SETTINGS.type_dampings[0], 0.0, -np.inf)
+    b, grid = z / spread, np.geomspace(max(low, 1e-3), high, SETTINGS.type_resonances)
     power = float(np.real(np.vdot(b, b)))
     for _ in range(3):
         for f in grid:
-            for zeta in DAMPINGS:
+            for zeta in SETTINGS.type_dampings:
                 column = shape(s, 2 * np.pi * f, zeta) / spread
                 along = float(np.real(np.vdot(column, b)))
                 share = along**2 / max(float(np.real(np.vdot(column, column))) * power, 1e-300)
@@ -188,7 +176,7 @@ def with_level(freq: FloatArray, levels: FloatArray, value: ComplexArray, std: F
     part, name = stiffness, "stiffness"
     if np.ptp(damping) * working > np.ptp(stiffness):
         part, name = damping, "damping"
-    if np.ptp(part) < CHANGES * np.abs(part).max():
+    if np.ptp(part) < SETTINGS.type_changes * np.abs(part).max():
         return ""
     if levels.size == 2 and part[0] * part[1] < 0:
         return f"{name} that {'grows' if part[1] > part[0] else 'falls'} with the level"
@@ -210,7 +198,7 @@ def _power(levels: FloatArray, part: FloatArray) -> tuple[float, float]:
     """Power p and coefficient b of a + b level^p; what tuning took over is in a, which two levels cannot tell."""
     ratio = levels / levels[-1]
     best = (0.0, 0.0, np.inf)
-    for power in POWERS:
+    for power in SETTINGS.type_powers:
         columns = [ratio**power, np.ones(levels.size)] if levels.size > 2 else [ratio**power]
         # Relative errors: the quiet levels count as much as the loud ones.
         size = np.hypot(part, 0.02 * np.abs(part).max())

@@ -36,6 +36,31 @@ class Metric:
     second: Distances | None  # The same with the second-best cause
     noise_modulus: float  # Of noise alone: its mean modulus, and the distance that it exceeds in one of twenty records
     noise_nu_gap: float
+    input: str | None = None  # Where the record's force acted; None at the model's input
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """FRAC of one channel at one position: 1 where measured and computed response are proportional."""
+
+    position: float | None  # y_b / L
+    input: str | None  # Where the force acted; None at the model's input
+    channel: str
+    before: float  # Model as given, re-tuned, and with the cause
+    tuned: float
+    after: float
+
+
+@dataclass(frozen=True)
+class ModePair:
+    """A mode of the corrected model, and the mode of the nominal one that it continues; None where there is none."""
+
+    position: float | None  # y_b / L
+    nominal_hz: float | None  # Undamped natural frequencies [Hz]
+    corrected_hz: float
+    nominal_damping: float | None  # Damping ratios
+    corrected_damping: float
+    mac: float | None  # Modal assurance criterion of their shapes at the model's points
 
 
 @dataclass(frozen=True)
@@ -48,9 +73,7 @@ class ChannelGap:
     scale: float | None
     # Largest distance of the measurement from each model over positions, at each the record of least noise
     before: float
-    # Largest distance of the measurement from each model over positions, at each the record of least noise
     tuned: float
-    # Largest distance of the measurement from each model over positions, at each the record of least noise
     after: float
     noise: float  # What noise alone would show
     models: float  # The largest between the nominal and the corrected model at these positions: without noise
@@ -158,6 +181,8 @@ class Findings:
     place_scores: tuple[PlaceScore, ...] = ()
     stiffness: tuple[DynamicStiffness, ...] = ()  # The unknown dynamic stiffnesses at the likeliest places
     consequences: Consequences | None = field(default=None)  # What it means
+    frac: tuple[Correlation, ...] = ()  # FRAC by channel and position
+    modes: tuple[ModePair, ...] = ()  # Modes of the nominal and the corrected model
 
     def where(self) -> dict[str, Any]:
         """What belongs under ``where`` in the JSON."""
@@ -167,6 +192,8 @@ class Findings:
             "bands": [asdict(b) for b in self.bands],
             "place_scores": [asdict(p) for p in self.place_scores],
             "dynamic_stiffness": [z.to_dict() for z in self.stiffness],
+            "frac": [asdict(c) for c in self.frac],
+            "modes": [asdict(m) for m in self.modes],
         }
 
     def means(self) -> dict[str, Any] | None:

@@ -15,27 +15,17 @@ from scipy import linalg
 
 from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import FARTHEST, Directions, Known, Quadratic, Sizes
+from cutvib_ss.diagnosis.likelihood import Directions, Known, Quadratic, Sizes, solved
 from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, session_of
-from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError, DiagnosisError
 from cutvib_ss.results import ComplexArray, FloatArray
-
-FEW_LINES, WIDENED, ROUGH = 120, 0.1, 1e-2
-"""Lines and relative error of the data on which drifting sessions are started, and the relative gain at which its steps end."""
-HOPELESS, HOPELESS_GAIN = 5.0, 1e-3
-"""Reduced χ² from which a fit is not worth more than steps of this relative gain."""
-FEW_STEPS = 10
-"""A fit of no more steps is a scout: it climbs once."""
-GAIN = 0.1
-"""Gain of the objective at which steps end: a twentieth of what tells two causes apart by a factor of e."""
-PASSES = 4
-"""Times that any other fit climbs at most."""
 
 
 @dataclass(frozen=True)
@@ -84,16 +74,19 @@ def fit(
     """
     problem = problem_for(nominal, records, hypothesis, by_session=not records.widened)
     # Beside a widened noise drift and discrepancy are nothing.
-    search = _Search(problem, problem.start(warm), not records.widened, _beside(problem, records), near)
+    together = problem_for(nominal, records, hypothesis)
+    beside = _beside(problem, records)
+    search = _Search(problem, problem.start(warm), not records.widened, beside, near, together)
     if hypothesis.linear and not records.rough and near is None:
         search.start_from(_from_afar(nominal, records, hypothesis, search))
-    if not hypothesis.linear and search.spread and max_iterations > FEW_STEPS:
+    if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
         # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
         plain = _Search(problem, search.at.x, False, search.beside)
         plain.climb(max_iterations, tolerance)
         search.start_from(plain)
-    redrawn = not isinstance(problem, SimulatedProblem)
-    passes = PASSES if redrawn and max_iterations > FEW_STEPS else 1
+    # From beside the optimum once is enough.
+    redrawn = not problem.apart and near is None
+    passes = SETTINGS.fit_passes if redrawn and max_iterations > SETTINGS.fit_scout_steps else 1
     for _ in range(passes):
         before = search.at.objective
         search.climb(max_iterations, tolerance)
@@ -118,7 +111,7 @@ class _Beside(NamedTuple):
 
 def _beside(problem: Problem, records: Records) -> _Beside:
     known = all(e.scattered for e in records.entries)
-    if isinstance(problem, SimulatedProblem):
+    if problem.apart:
         return _Beside(0.0, 0, known)
     total = sum(2 * int(np.count_nonzero(np.isfinite(e.variance))) for e in records.entries)
     return _Beside(records.scatter, total - problem.count, known)
@@ -130,10 +123,11 @@ def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: 
 
     A session that drifts by more than a resonance is wide is caught in a side minimum when the noise is small.
     """
-    few = records.coarse(FEW_LINES, WIDENED)
+    few = records.coarse(SETTINGS.fit_start_lines, SETTINGS.fit_start_error)
     problem = problem_for(nominal, few, hypothesis, by_session=True)
-    search = _Search(problem, start.at.x, True, _beside(problem, few))
-    search.climb(FEW_STEPS, ROUGH)
+    together = problem_for(nominal, few, hypothesis)
+    search = _Search(problem, start.at.x, True, _beside(problem, few), together=together)
+    search.climb(SETTINGS.fit_scout_steps, SETTINGS.fit_start_gain)
     return search
 
 
@@ -141,6 +135,7 @@ def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: 
 class _At:
     """The objective at some unknowns and drifts of sessions, and what a step from there needs."""
 
+    problem: Problem
     x: FloatArray
     drift: FloatArray
     each: list[FloatArray]
@@ -156,8 +151,18 @@ class _At:
 class _Search:
     """Levenberg-Marquardt within bounds, from one point; drift and discrepancy are integrated out."""
 
-    def __init__(self, problem: Problem, x: FloatArray, spread: bool, beside: _Beside, near: Fit | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        x: FloatArray,
+        spread: bool,
+        beside: _Beside,
+        near: Fit | None = None,
+        together: Problem | None = None,
+    ) -> None:
         self.problem, self.spread, self.beside = problem, spread, beside
+        # Without drift the sessions need not be told apart, and many positions are predicted at once.
+        self.together = together if together is not None and together.sessions == problem.sessions else problem
         self.sizes = Sizes() if near is None else near.spread.sizes
         self.known = Known(problem.nominal.tolerance.drift, beside.known)
         self.count = problem.count + beside.data
@@ -170,7 +175,11 @@ class _Search:
         drift = np.zeros((len(problem.sessions), self.drifting.size))
         if near is not None and spread:
             drift = near.spread.drifts(problem.sessions, self.drifting.size)
-        self.at = self.evaluated(x, drift)
+        try:
+            self.at = self.evaluated(x, drift)
+        except CutvibError:
+            # Drifts of another fit, to first order, may be more than the model takes.
+            self.at = self.evaluated(x, np.zeros_like(drift))
 
     def start_from(self, other: _Search) -> None:
         """Go on from where another search of the same sessions stands."""
@@ -182,28 +191,37 @@ class _Search:
     def redraw(self) -> None:
         """Evaluate where it stands, with new circles around the slow poles."""
         self.problem.forget_circles()
+        self.together.forget_circles()
         self.at = self.evaluated(self.at.x, self.at.drift)
 
     def evaluated(self, x: FloatArray, drift: FloatArray) -> _At:
         """The objective at some unknowns; without drift and discrepancy it needs no derivatives."""
-        each = [x] * len(self.session)
+        problem, each = self.together, [x] * len(self.together.groups)
         if np.any(drift):
+            problem = self.problem
             each = []
             for session in self.session:
                 own = x.copy()
                 own[self.drifting] += self.weight * drift[session]
                 each.append(own)
-        predictions, residuals, squares = self.problem.residuals(each)
+        predictions, residuals, squares = problem.residuals(each)
         squares += self.beside.squares
-        at = _At(x, drift, each, predictions, residuals, squares, squares, squares + float(self.precision @ x**2))
-        if self.spread and np.isfinite(squares):
+        at = _At(
+            problem, x, drift, each, predictions, residuals, squares, squares, squares + float(self.precision @ x**2)
+        )
+        if squares > SETTINGS.fit_run_away * self.count:
+            # What drift and discrepancy leave of such squares is rounding error.
+            at.objective = np.inf
+        elif self.spread and np.isfinite(squares):
             self._linearise(at)
         return at
 
     def _linearise(self, at: _At) -> None:
-        """The quadratic there; none where a restoring force has run away."""
+        """The quadratic there; none where the model has run away."""
+        if at.squares > SETTINGS.fit_run_away * self.count:
+            return
         x = at.x
-        directions = Directions(self.problem, at.each, at.predictions, self.spread)
+        directions = Directions(at.problem, at.each, at.predictions, self.spread)
         matrix, gradient = directions.normal(at.residuals)
         if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
             return
@@ -243,17 +261,20 @@ class _Search:
     def climb(self, max_iterations: int, tolerance: float) -> None:
         """Steps until they gain little."""
         damping = 1e-3
-        for _ in range(max_iterations):
-            self.resize()
+        for k in range(max_iterations):
+            if self.at.quadratic is None:
+                self._linearise(self.at)
+            if k < 2 or k % 3 == 0:
+                self.resize()
             if self.at.quadratic is None:
                 break
             before = self.at.objective
             damping = self._step(damping, self.at.quadratic)
             gain = before - self.at.objective
             # A residual of many times the noise needs no exact optimum.
-            far = self.at.chi2 > HOPELESS * self.count
-            least = max(tolerance, HOPELESS_GAIN) if far else tolerance
-            if gain < GAIN + least * max(self.at.objective - 0.9 * self.count, 0.0):
+            far = self.at.chi2 > SETTINGS.fit_hopeless * self.count
+            least = max(tolerance, SETTINGS.fit_hopeless_gain) if far else tolerance
+            if gain < SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0):
                 break
 
     def _step(self, damping: float, quadratic: Quadratic) -> float:
@@ -281,8 +302,11 @@ class _Search:
         lay = self.at.quadratic.layout if self.at.quadratic is not None else None
         if lay is None or not lay.sessions:
             return self.at.drift
+        if self.sizes.drift <= SETTINGS.predictive_small_drift:
+            # It moves a response in proportion, as its directions say.
+            return np.zeros_like(self.at.drift)
         own = step[: lay.per_session * len(lay.sessions)].reshape(len(lay.sessions), -1)[:, : self.drifting.size]
-        most = FARTHEST * self.sizes.drift
+        most = SETTINGS.likelihood_farthest_drift * self.sizes.drift
         return np.clip(self.at.drift + self.sizes.drift * own, -most, most)
 
 
@@ -313,14 +337,14 @@ def _finished(problem: Problem, search: _Search, quadratic: Quadratic) -> Fit:
     if own.shape[0] > problem.size:
         inner = slice(problem.size, None)
         offsets[inner] = quadratic.offsets[inner] / quadratic.layout.scale(search.sizes)[inner]
-        offsets[inner] += linalg.solve(own[inner, inner], pull[inner], assume_a="pos")
+        offsets[inner] += solved(own[inner, inner], pull[inner])
     correlation = 1.0
     if search.spread:
         step = np.zeros(own.shape[0])
         step[problem.size :] = offsets[problem.size :]
         scale = quadratic.layout.scale(search.sizes)
         step[problem.size :] -= quadratic.offsets[problem.size :] / scale[problem.size :]
-        directions = Directions(problem, search.at.each, search.at.predictions, like=quadratic.layout)
+        directions = Directions(search.at.problem, search.at.each, search.at.predictions, like=quadratic.layout)
         correlation = directions.correlation(search.at.residuals, step * scale)
     stds = {}
     for i, (k, name, r) in enumerate(problem.parameters):

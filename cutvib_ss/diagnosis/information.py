@@ -12,23 +12,15 @@ import numpy as np
 from scipy import linalg, optimize
 
 from cutvib_ss.diagnosis.prediction import Prediction
-from cutvib_ss.diagnosis.problem import WITHIN
 from cutvib_ss.diagnosis.records import Group, merged
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.severity import Run
 from cutvib_ss.diagnosis.simulation import simulated
-from cutvib_ss.diagnosis.unknowns import CALIBRATION_SHAPES, calibration_shapes, tuning_paths
+from cutvib_ss.diagnosis.unknowns import calibration_shapes, tuning_paths
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import ComplexArray, FloatArray
-
-SMALL, SMALL_LAW = 2e-4, 0.01
-"""Change of a channel's response, as a part of its peak, that is in proportion to the severity; of one that is simulated, whose
-steps leave something …"""
-STEPS = 4
-"""… and to which so many steps lead."""
-SMOOTH = 20.0
-"""Width over which the relative error of a response is one and the same [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +55,7 @@ class Space:
         self.plain = shown.data
         self.peak = np.abs(self.plain).max(axis=(0, 2))
         # An error that is smooth over frequency is no smaller for being seen on many lines.
-        alike = max(1.0, SMOOTH / float(group.freq[1] - group.freq[0]))
+        alike = max(1.0, SETTINGS.seen_smooth / float(group.freq[1] - group.freq[0]))
         self.weight = np.sqrt(2.0 / (group.variance + alike * (error * np.abs(self.plain[self.row])) ** 2))
         columns = [
             tolerance * value_at(model, path) * shown.derivative(((path, 1.0),))
@@ -73,7 +65,9 @@ class Space:
         band = (float(group.freq[0]), float(group.freq[-1]))
         for c in range(len(group.channels)):
             for part in (1.0, 1j):
-                for shape in calibration_shapes(group.freq, band, CALIBRATION_SHAPES if calibration > 0 else 0):
+                for shape in calibration_shapes(
+                    group.freq, band, SETTINGS.calibration_shapes if calibration > 0 else 0
+                ):
                     column = np.zeros_like(self.plain)
                     column[:, c] = part * calibration * shape * self.plain[:, c]
                     columns.append(column)
@@ -122,7 +116,7 @@ class Space:
         if run.whole:
             return Seen(run, 1.0, gain, atom) if gain / 2 >= threshold else None
         factor = float(np.sqrt(2 * threshold / gain))
-        low = WITHIN / max(float(np.abs(hidden).max()), 1e-12)
+        low = SETTINGS.fit_within / max(float(np.abs(hidden).max()), 1e-12)
         if low < factor:
             # Tuning comes to its bounds first, and what is beyond shows.
             factor = self._bounded(with_nuisance, plain, threshold, low, factor)
@@ -137,7 +131,7 @@ class Space:
 
         def excess(log_factor: float) -> float:
             factor = float(np.exp(log_factor))
-            found = optimize.lsq_linear(root.T, factor * target, (-WITHIN, WITHIN), tol=1e-8)
+            found = optimize.lsq_linear(root.T, factor * target, (-SETTINGS.fit_within, SETTINGS.fit_within), tol=1e-8)
             return factor**2 * (plain - float(target @ target)) + 2 * float(found.cost) - 2 * threshold
 
         if excess(np.log(low)) >= 0.0:
@@ -146,8 +140,8 @@ class Space:
 
     def _small(self, run: Run) -> tuple[float, ComplexArray]:
         severity, change = 1.0, self.change(run, 1.0)
-        small = SMALL if run.effect.linear else SMALL_LAW
-        for _ in range(0 if run.whole else STEPS):
+        small = SETTINGS.seen_small if run.effect.linear else SETTINGS.seen_small_law
+        for _ in range(0 if run.whole else SETTINGS.seen_steps):
             ratio = float((np.abs(change).max(axis=(0, 2)) / self.peak).max())
             if ratio <= small:
                 break

@@ -22,31 +22,12 @@ from scipy import linalg
 
 from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
 from cutvib_ss.diagnosis.records import session_of
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
     from cutvib_ss.diagnosis.prediction import Predicted
     from cutvib_ss.diagnosis.problem import Problem
-
-GRID: dict[str, tuple[tuple[float, float], ...]] = {
-    "drift": ((3e-5, 0.10), (1e-4, 0.10), (3e-4, 0.15), (1e-3, 0.25), (3e-3, 0.25), (1e-2, 0.12), (3e-2, 0.03)),
-    "nominal": ((3e-5, 0.15), (1e-4, 0.15), (3e-4, 0.20), (1e-3, 0.25), (3e-3, 0.15), (1e-2, 0.08), (3e-2, 0.02)),
-    "cause": ((1e-3, 0.10), (3e-3, 0.15), (1e-2, 0.25), (3e-2, 0.30), (1e-1, 0.15), (3e-1, 0.05)),
-    "noise": ((1.0, 0.70), (1.3, 0.20), (2.0, 0.08), (4.0, 0.015), (10.0, 0.004), (100.0, 0.001)),
-}
-"""
-Sizes with their prior probabilities, relative standard deviations. Drift: machines repeat to 0.1-2 %, rarely worse. Nominal: finite
-elements and modal models of machined parts err by some tenths of a percent in dynamic stiffness once tuned. Cause: the constitutive
-models of joints, contacts and losses hold to some percent, seldom to a tenth of that.
-"""
-NOISE_UNKNOWN = tuple((float(v), 1.0 / 13.0) for v in np.geomspace(1.0, 1e6, 13))
-"""Factors on the variance of responses that came without any scatter of repetitions: their noise is a guess."""
-MOST_LAGS, CORRELATED = 60, 0.1
-"""Lags over which residuals are correlated at most, and the correlation that stands out."""
-MARGIN = 1e-9
-"""Precision that keeps a normal matrix regular."""
-FARTHEST = 6.0
-"""Standard deviations that a session may drift."""
 
 
 @dataclass(frozen=True)
@@ -208,14 +189,14 @@ class Directions:
         sums: dict[int, float] = {}
         for i, rows, c, index, part in self.chunks():
             r = residuals[i][rows, c] - np.tensordot(coefficients[index], part, 1)
-            for lag in range(min(MOST_LAGS, r.shape[-1] // 3)):
+            for lag in range(min(SETTINGS.likelihood_most_lags, r.shape[-1] // 3)):
                 power = float(np.sum((r[:, lag:] * r[:, : r.shape[-1] - lag].conj()).real))
                 sums[lag] = sums.get(lag, 0.0) + power * r.shape[-1] / (r.shape[-1] - lag)
         count = sum(g.data.size for g in self.groups)
         total = 1.0
         for lag in range(1, len(sums)):
             rho = sums[lag] / max(sums[0], 1e-300)
-            if rho < max(CORRELATED, 2.0 / np.sqrt(count)):
+            if rho < max(SETTINGS.likelihood_correlated, 2.0 / np.sqrt(count)):
                 break
             total += 2.0 * rho
         return total
@@ -261,7 +242,7 @@ class Quadratic:
         matrix = self.matrix * (scale * scale[:, None] / sizes.noise)
         gradient = self.gradient * (scale / sizes.noise)
         prior = np.ones(self.layout.size)
-        prior[:n] = self.precision + MARGIN
+        prior[:n] = self.precision + SETTINGS.likelihood_precision_floor
         matrix[np.diag_indices_from(matrix)] += prior
         gradient[:n] -= self.precision * self.x
         gradient[n:] -= self.offsets[n:] / scale[n:]
@@ -281,15 +262,15 @@ class Quadratic:
         matrix[index, index] += 12.0
         free = np.concatenate([self.free, np.ones(self.layout.size - n, dtype=bool)])
         # An unknown at its bound keeps its share of the determinant, but does not move.
-        size = np.sqrt(np.diag(matrix))
-        factor = linalg.cholesky(matrix / np.outer(size, size), lower=True, check_finite=False)
+        factor, size = _factor(matrix)
         log_det = 2.0 * float(np.sum(np.log(np.diag(factor))) + np.sum(np.log(size)))
         if free.all():
             pulled = linalg.solve_triangular(factor, gradient / size, lower=True, check_finite=False)
             gain = float(pulled @ pulled)
         else:
-            inner = matrix[np.ix_(free, free)]
-            gain = float(gradient[free] @ linalg.solve(inner, gradient[free], assume_a="pos", check_finite=False))
+            inner, own = _factor(matrix[np.ix_(free, free)])
+            pulled = linalg.solve_triangular(inner, gradient[free] / own, lower=True, check_finite=False)
+            gain = float(pulled @ pulled)
         noise = self.count * float(np.log(sizes.noise))
         return -0.5 * (self.at(sizes) - gain + log_det + noise) + 0.5 * e * float(np.log(2 * np.pi))
 
@@ -330,6 +311,24 @@ class Quadratic:
         return total
 
 
+def _factor(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Cholesky factor of a matrix scaled to a unit diagonal, and the scale."""
+    size = np.sqrt(np.diag(matrix))
+    scaled = matrix / np.outer(size, size)
+    try:
+        return linalg.cholesky(scaled, lower=True, check_finite=False), size
+    except linalg.LinAlgError:
+        # Directions that are nearly the same leave rounding errors for eigenvalues.
+        scaled[np.diag_indices_from(scaled)] += SETTINGS.likelihood_precision_floor
+        return linalg.cholesky(scaled, lower=True, check_finite=False), size
+
+
+def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solution of a normal equation."""
+    factor, size = _factor(matrix)
+    return np.asarray(linalg.cho_solve((factor, True), right / size, check_finite=False) / size)
+
+
 @dataclass(frozen=True)
 class Known:
     """What is stated of the sizes: the drift, and whether the noise was seen to scatter."""
@@ -342,9 +341,9 @@ def grids(layout: Layout, known: Known) -> dict[str, tuple[tuple[float, float], 
     """Sizes that are searched, with their prior; one value where there are no such directions, or the drift is stated."""
     out = {}
     for f in fields(Sizes):
-        grid = GRID[f.name]
+        grid = SETTINGS.sizes[f.name]
         if f.name == "noise":
-            grid = grid if known.noise else NOISE_UNKNOWN
+            grid = grid if known.noise else SETTINGS.likelihood_noise_unknown
         elif f.name == "drift" and not layout.sessions:
             grid = ((Sizes().drift, 1.0),)
         elif f.name == "drift" and known.drift is not None:

@@ -28,26 +28,13 @@ from cutvib_ss.diagnosis.hypotheses import candidates
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.posterior import Counts, kind_of
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.result import PRIORS, Limit
+from cutvib_ss.diagnosis.result import Limit
 from cutvib_ss.diagnosis.scan import Scan
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.severity import Run, runs
 from cutvib_ss.diagnosis.unknowns import to_unknown
-from cutvib_ss.diagnosis.verdict import SURE
 from cutvib_ss.effects.base import Model, Range
 from cutvib_ss.errors import CutvibError
-
-LINES = 120
-"""Lines a record on which limits are computed, about."""
-SHAPES = 3
-"""Shapes of a cause (frequencies of a resonance, proportions of two ends) that are tried: the first, the middle, the last."""
-TAIL = 0.05
-"""Probability beyond the bound."""
-FARTHEST = -6.0
-"""Standard deviations below zero beyond which an estimate says that the noise is wrong, not that the bound is tighter."""
-SMALL = 1e-4
-"""Squares of the change at which the derivative is taken: of 0.01 standard deviations, far above rounding."""
-ITERATIONS = 20
-"""Of the size that is visible: it changes with a logarithm of itself."""
 
 
 def limits(
@@ -57,7 +44,7 @@ def limits(
     own = accepted.hypothesis.effects
     if kind_of(accepted.hypothesis) not in ("none", "known") or not accepted.hypothesis.linear:
         return ()
-    few = records.coarse(LINES, 0.0)
+    few = records.coarse(SETTINGS.limits_lines, 0.0)
     try:
         scan = Scan(nominal, few, accepted.hypothesis, accepted.x, {}, apart=False)
     except (CutvibError, np.linalg.LinAlgError):
@@ -83,14 +70,18 @@ def limits(
 
 
 def _spread(shapes: Sequence[Run]) -> list[Run]:
-    at = np.unique(np.linspace(0, len(shapes) - 1, SHAPES).round().astype(int))
+    at = np.unique(np.linspace(0, len(shapes) - 1, SETTINGS.limits_shapes).round().astype(int))
     return [shapes[i] for i in at]
 
 
 def _behind(beside_one: bool, counts: Counts) -> float:
     """Logarithm of the prior of the accepted answer over that of the answer with one cause more."""
-    known = PRIORS["known"] / max(counts.known, 1)
-    return math.log(known / (PRIORS["sums"] / counts.sums)) if beside_one else math.log(PRIORS["none"] / known)
+    known = SETTINGS.priors["known"] / max(counts.known, 1)
+    return (
+        math.log(known / (SETTINGS.priors["sums"] / counts.sums))
+        if beside_one
+        else math.log(SETTINGS.priors["none"] / known)
+    )
 
 
 def _weakest(found: Sequence[Limit | None], end: str) -> Limit | None:
@@ -110,7 +101,7 @@ def _limit(nominal: Model, scan: Scan, run: Run, noise: tuple[float, float], beh
         measured = _measured(scan, run, severity)
         if measured is None:
             return None
-        severity *= math.sqrt(SMALL / measured[3])
+        severity *= math.sqrt(SETTINGS.limits_small / measured[3])
     measured = _measured(scan, run, severity)
     if measured is None:
         return None
@@ -145,16 +136,16 @@ def _measured(scan: Scan, run: Run, severity: float) -> tuple[float, float, floa
 def _bound(estimate: float, std: float, signed: bool) -> float:
     """Size beyond which 5 % of the posterior lie."""
     if signed:
-        return float(abs(estimate) - std * special.ndtri(TAIL / 2.0))
-    at = max(estimate / std, FARTHEST)
-    return float(std * (at - special.ndtri(TAIL * special.ndtr(at))))
+        return float(abs(estimate) - std * special.ndtri(SETTINGS.limits_tail / 2.0))
+    at = max(estimate / std, SETTINGS.limits_farthest)
+    return float(std * (at - special.ndtri(SETTINGS.limits_tail * special.ndtr(at))))
 
 
 def _visible(std: float, behind: float, bounds: Range, infinite: bool) -> float:
     """Size that half of repetitions name."""
-    needed = math.log(SURE / (1.0 - SURE)) + behind
+    needed = math.log(SETTINGS.verdict_sure / (1.0 - SETTINGS.verdict_sure)) + behind
     size = std
-    for _ in range(ITERATIONS):
+    for _ in range(SETTINGS.limits_iterations):
         occam = -math.log(math.sqrt(2.0 * math.pi) * std * _density(size, bounds, infinite))
         size = std * math.sqrt(2.0 * max(needed + max(occam, 0.0), 0.5))
     return size

@@ -4,45 +4,55 @@ from __future__ import annotations
 
 import numpy as np
 
+from cutvib_ss.diagnosis.comparison import across_grids
 from cutvib_ss.diagnosis.records import Entry, Records, merged
-from cutvib_ss.diagnosis.simulation import HYSTERESIS_AT
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model, Motion
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step
 from cutvib_ss.results import FloatArray
 
-BAND = 24
-"""Lines over which the scatter between levels is averaged."""
-STANDS_OUT = 5.0
-"""Standard deviations by which that has to exceed one, somewhere …"""
-NOISE_KNOWN = 0.15
-"""… to which this is added, for the noise itself is an estimate."""
-APART = 1.5
-"""Ratio of levels from which what depends on the level would show between them."""
 
-
-def levels_compared(records: Records) -> bool:
+def levels_compared(records: Records, model: Model | None = None, blow_at: float = 0.0) -> bool:
     """Whether some position was measured at levels far enough apart for a difference to show."""
-    each = ([e.level for e in same] for g in records.merged for same in g.entries)
-    return any(max(levels) > APART * min(levels) for levels in each)
+    each = [[e.level for e in same] for g in records.merged for same in g.entries]
+    each += [list(levels) for levels, _ in across_grids(records.merged, model, blow_at)]
+    return any(max(levels) > SETTINGS.level_apart * min(levels) for levels in each)
 
 
-def level_stands_out(records: Records) -> bool:
-    """Whether some band of the responses changes with the level."""
+def level_stands_out(records: Records, model: Model | None = None, blow_at: float = 0.0) -> bool:
+    """
+    Whether some band of the responses changes with the level.
+
+    Records on unlike blocks are compared by a model; where no levels can be compared, single blows are by their force.
+    """
     for g in records.merged:
         power, count = np.zeros(g.freq.size), 0
         for row, same in zip(g.data, g.entries, strict=True):
             if len(same) > 1:
                 power += sum(np.sum(np.abs(e.data - row) ** 2 / e.variance, axis=0) for e in same)
                 count += (len(same) - 1) * len(g.channels)
-        if count == 0:
-            continue
-        width = min(BAND, g.freq.size)
-        smooth = np.convolve(power / count, np.ones(width) / width, mode="valid")
-        if float(smooth.max()) > 1.0 + NOISE_KNOWN + STANDS_OUT / np.sqrt(count * width):
+        if count and _rises(power, count):
             return True
-    return False
+    pairs = across_grids(records.merged, model, blow_at)
+    if any(_rises(pair.power.sum(axis=0), len(pair.channels)) for _, pair in pairs):
+        return True
+    return not levels_compared(records, model, blow_at) and blows_order(records)
+
+
+def blows_order(records: Records) -> bool:
+    """Whether single blows order with their force, in some record and channel, beyond what chance does anywhere."""
+    chances = np.array([p for e in records.entries for p in e.ordering])
+    told = chances[np.isfinite(chances)]
+    return bool(told.size and told.min() * told.size < SETTINGS.level_ordered)
+
+
+def _rises(power: FloatArray, count: int) -> bool:
+    """Whether some band of a sum of `count` squares over their variances rises above one."""
+    width = min(SETTINGS.level_lines, power.size)
+    smooth = np.convolve(power / count, np.ones(width) / width, mode="valid")
+    return bool(smooth.max() > 1.0 + SETTINGS.level_noise_error + SETTINGS.level_stands_out / np.sqrt(count * width))
 
 
 def motions(model: Model, records: Records) -> dict[str, Motion]:
@@ -52,18 +62,19 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
     forces: list[np.ndarray] = []
     rates: list[np.ndarray] = []
     for g in merged(records.simulable, apart=True):
-        for position, (entry, *_) in zip(g.positions, g.entries, strict=True):
+        for position, struck, (entry, *_) in zip(g.positions, g.inputs, g.entries, strict=True):
             at = None if np.isnan(position) else float(position)
-            forces.append(_holding(model, at, g.freq, places) * _peak(entry))
-            if entry.replay is None:
+            forces.append(_holding(model, at, g.freq, places, struck) * _peak(entry))
+            if entry.sine is not None:
                 sweep = frequency_response(
-                    model, None if at is None else [at], g.freq, form="receptance", inputs=["force"], outputs=places
+                    model, None if at is None else [at], g.freq, form="receptance", inputs=[struck], outputs=places
                 )
-                size = entry.sweep * np.abs(sweep.data[0, :, 0])
+                size = entry.sine.force * np.abs(sweep.data[0, :, 0])
                 peaks.append(size.max(axis=1))
                 rates.append((size * 2 * np.pi * g.freq).max(axis=1))
                 continue
-            form = modal_form(model, at, places, HYSTERESIS_AT)
+            assert entry.replay is not None
+            form = modal_form(model, at, places, SETTINGS.simulation_hysteresis_at, input=struck)
             moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
             peaks.append(np.abs(moved).max(axis=(0, 2)))
             rates.append(np.abs(np.diff(moved, axis=-1)).max(axis=(0, 2)) * entry.replay.fs)
@@ -79,14 +90,17 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
     }
 
 
-def _holding(model: Model, position: float | None, freq: FloatArray, places: tuple[str, ...]) -> FloatArray:
+def _holding(model: Model, position: float | None, freq: FloatArray, places: tuple[str, ...], input: str) -> FloatArray:
     """Force that would hold each place still over the exciting force, of which the median over the lines: by H_pf/H_pp."""
     at = None if position is None else [position]
-    both = frequency_response(model, at, freq, form="receptance", inputs=["force", *places], outputs=places)
+    both = frequency_response(model, at, freq, form="receptance", inputs=[input, *places], outputs=places)
     by_force, own = np.abs(both.data[0, :, 0]), np.abs(both.data[0, :, 1:])
     return np.asarray(np.median(by_force / np.diagonal(own, axis1=0, axis2=1).T, axis=1))
 
 
 def _peak(entry: Entry) -> float:
     """Peak of a record's force."""
-    return float(entry.sweep) if entry.replay is None else float(np.abs(np.stack(entry.replay.forces)).max())
+    if entry.sine is not None:
+        return float(entry.sine.force.max())
+    assert entry.replay is not None
+    return float(np.abs(np.stack(entry.replay.forces)).max())

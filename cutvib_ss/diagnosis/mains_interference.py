@@ -12,25 +12,9 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.place import Located
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, thinned
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FloatArray
-
-MAINS = (50.0, 60.0)
-"""Frequencies of the world's mains [Hz]."""
-LINES, BESIDE = 1.5, 3.0
-"""To either side the interference takes so many lines, or so much [Hz], whichever is more: windows give it skirts."""
-FEW = 0.3
-"""Part of all lines beyond which its lines could not be told from any others."""
-MOST = 0.5
-"""Part of all excess that has to lie there for a closer look …"""
-CLEAN = 0.1
-"""… and excess of χ² a datum that a model re-tuned without those lines may leave …"""
-SKIRTS = 0.06
-"""… and part of what there was, for skirts reach far."""
-HARMONICS, PEAK = 3, 5.0
-"""Multiples at which the error's square has to exceed the noise's so many times: a resonance may lie on one by chance."""
-SURE = 0.95
-"""Probability of the measurement's being the place, then."""
 
 
 def mains(nominal: Model, none: Fit, records: Records) -> float | None:
@@ -40,30 +24,30 @@ def mains(nominal: Model, none: Fit, records: Records) -> float | None:
     # Both parts of a residual are over their own noise: |r|²/2 is one on average where noise is all.
     power = [np.mean(np.abs(r) ** 2 / 2, axis=(0, 1)) - 1.0 for r in residuals]
     freq, excess = np.concatenate([g.freq for g in problem.groups]), np.concatenate(power)
-    for frequency in MAINS:
+    for frequency in SETTINGS.mains_frequencies:
         on = np.concatenate([_on(g.freq, frequency) for g in problem.groups])
         inside, beside = float(excess[on].sum()), float(excess[~on].sum())
-        multiples = np.unique(np.round(freq[on & (excess > PEAK)] / frequency))
-        few = 0 < np.mean(on) < FEW and multiples.size >= HARMONICS
-        if not few or inside < MOST * (inside + max(beside, 0.0)):
+        multiples = np.unique(np.round(freq[on & (excess > SETTINGS.mains_peak)] / frequency))
+        few = 0 < np.mean(on) < SETTINGS.mains_most_lines and multiples.size >= SETTINGS.mains_harmonics
+        if not few or inside < SETTINGS.mains_share * (inside + max(beside, 0.0)):
             continue
         rest = Records(tuple(thinned(e, ~_on(e.freq, frequency)) for e in records.entries))
         again = fit(nominal, rest, Hypothesis(), none.x)
-        if again.reduced - 1.0 < max(CLEAN, SKIRTS * (none.reduced - 1.0)):
+        if again.reduced - 1.0 < max(SETTINGS.mains_clean, SETTINGS.mains_skirts * (none.reduced - 1.0)):
             return frequency
     return None
 
 
 def with_mains_interference(located: Located, frequency: float) -> Located:
     """Places, where the measurement carries mains interference."""
-    own = PlaceScore("measurement", f"mains {frequency:g} Hz", 1.0, SURE)
+    own = PlaceScore("measurement", f"mains {frequency:g} Hz", 1.0, SETTINGS.mains_probability)
     others = [s for s in located.scores if s.place != "measurement"]
     share = sum(s.probability for s in others) or 1.0
-    rest = tuple(replace(s, probability=(1.0 - SURE) * s.probability / share) for s in others)
+    rest = tuple(replace(s, probability=(1.0 - SETTINGS.mains_probability) * s.probability / share) for s in others)
     return replace(located, scores=(own, *rest))
 
 
 def _on(freq: FloatArray, mains: float) -> np.ndarray:
     step = float(np.median(np.diff(freq))) if freq.size > 1 else 0.0
     nearest = np.maximum(np.round(freq / mains), 1.0) * mains
-    return np.asarray(np.abs(freq - nearest) <= max(LINES * step, BESIDE))
+    return np.asarray(np.abs(freq - nearest) <= max(SETTINGS.mains_lines * step, SETTINGS.mains_beside))

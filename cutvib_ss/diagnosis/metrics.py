@@ -12,8 +12,8 @@ most, so that the scaling decides what is asked: each channel is divided by the 
 over records and band, which asks for loops whose gain is around one at a typical line. It is the ν-gap if the winding
 condition holds (`cutvib_ss.diagnosis.nu_gap`).
 
-Sources: G. Vinnicombe, Frequency domain uncertainty and the graph topology, IEEE Trans. Automatic Control 38 (1993);
-R. J. Allemang, The modal assurance criterion: twenty years of use and abuse, Sound and Vibration 37 (2003), for FRAC.
+Source: G. Vinnicombe, Frequency domain uncertainty and the graph topology, IEEE Trans. Automatic Control 38 (1993). FRAC is in
+`cutvib_ss.diagnosis.correlation`.
 """
 
 from __future__ import annotations
@@ -24,17 +24,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, special
 
+from cutvib_ss.diagnosis.correlation import frac
 from cutvib_ss.diagnosis.cross_validation import Judged
 from cutvib_ss.diagnosis.findings import Distances, Metric, finite_or_none
 from cutvib_ss.diagnosis.records import Entry
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.results import ComplexArray, FloatArray
 
 ALL = "all"
 """Name of the channels taken together."""
-TOGETHER = 5
-"""Neighbouring lines over which a measured distance is averaged, for noise alone lies anywhere on the sphere."""
-ONE_IN = 20.0
-"""Noise exceeds its stated distance in one record out of so many."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +49,6 @@ class Sides:
 def mean_modulus(measured: ComplexArray, computed: ComplexArray) -> float:
     """Mean of |ΔH|, the metric of the paper's Table 4."""
     return float(np.mean(np.abs(measured - computed)))
-
-
-def frac(measured: ComplexArray, computed: ComplexArray) -> float:
-    """Frequency response assurance criterion |Σ H₁ᴴH₂|² / (Σ|H₁|² Σ|H₂|²)."""
-    power = np.sum(np.abs(measured) ** 2) * np.sum(np.abs(computed) ** 2)
-    return float(np.abs(np.sum(measured.conj() * computed)) ** 2 / power) if power > 0 else 0.0
 
 
 def log_error(measured: ComplexArray, computed: ComplexArray) -> float:
@@ -92,8 +85,8 @@ def noise_distance(response: ComplexArray, variance: FloatArray) -> float:
     mean = _neighbours(power)
     if not (mean > 0).any():
         return 0.0
-    lines = min(TOGETHER, power.size) * mean**2 / np.maximum(_neighbours(power**2), 1e-300)
-    wanted = float(np.log(1.0 - 1.0 / ONE_IN))
+    lines = min(SETTINGS.metric_lines, power.size) * mean**2 / np.maximum(_neighbours(power**2), 1e-300)
+    wanted = float(np.log(1.0 - 1.0 / SETTINGS.metric_one_in))
 
     def excess(log_t: float) -> float:
         # A mean of squares of complex noise is a gamma variable; of neighbouring ones every other is about independent.
@@ -112,7 +105,7 @@ def _noise_power(response: ComplexArray, variance: FloatArray) -> FloatArray:
 
 def _neighbours(values: FloatArray) -> FloatArray:
     """Means over a few neighbouring lines."""
-    lines = min(TOGETHER, values.size)
+    lines = min(SETTINGS.metric_lines, values.size)
     means: FloatArray = np.convolve(values, np.ones(lines) / lines, mode="valid")
     return means
 
@@ -147,6 +140,7 @@ def metrics(sides: Sides, per_unit: float, scales: Mapping[str, float]) -> tuple
                     position=finite_or_none(j.entry.position),
                     level=finite_or_none(j.entry.level),
                     channel=channel,
+                    input=None if j.entry.input == FORCE else j.entry.input,
                     before=given,
                     tuned=again,
                     after=corrected,

@@ -24,6 +24,8 @@ import numpy as np
 
 from cutvib_ss.diagnosis.records import Group
 from cutvib_ss.effects.base import Model
+from cutvib_ss.measurement.records import FORCE
+from cutvib_ss.model.rail import rail_point
 from cutvib_ss.response.batched import inverse
 from cutvib_ss.response.receptance import CondensedModel
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -115,33 +117,36 @@ class RailModes:
     response: ComplexArray  # Responses without it
     # Force that passes to the rail from each channel, times that from the input, through the measurement chain
     through: ComplexArray
+    passed: ComplexArray  # Force that passes to the rail from each channel, through the measurement chain
     opposing: ComplexArray  # Stiffness that the head opposes to a motion of the rail under it
-    squares: FloatArray  # Squares of the mode shapes
+    squares: FloatArray  # Squares of the mode shapes under the head
+    crosses: FloatArray  # Their products with those where a force on the rail acts; zero for a force on the head
     flexibility: ComplexArray  # Of each mode
     change: ComplexArray  # How its dynamic stiffness moves with the function
     functions: int = 1  # One
 
-    def _moved(self, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Change of the rail's receptance, its slope, and what the head leaves of either."""
+    def _moved(self, shapes: FloatArray, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Change of the rail's receptance, of given products of mode shapes, and its slope."""
         f = self.flexibility
         below = 1.0 / (1.0 + f * self.change * functions[0][:, None])
-        change = np.einsum("pm,pmf->pf", self.squares, f * (below - 1.0))
-        slope = -np.einsum("pm,pmf->pf", self.squares, self.change * (f * below) ** 2)
-        return change, slope, 1.0 / (1.0 + self.opposing * change)
+        change = np.einsum("pm,pmf->pf", shapes, f * (below - 1.0))
+        slope = -np.einsum("pm,pmf->pf", shapes, self.change * (f * below) ** 2)
+        return change, slope
 
     def shown(self, functions: ComplexArray) -> ComplexArray:
         """Responses with a given function."""
-        with np.errstate(all="ignore"):
-            change, _, left = self._moved(functions)
-            out: ComplexArray = self.response + self.through * (change * left)[:, None]
-        return out
+        return self.sloped(functions)[0]
 
     def sloped(self, functions: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """The same with their derivatives to the function."""
         with np.errstate(all="ignore"):
-            change, slope, left = self._moved(functions)
+            change, slope = self._moved(self.squares, functions)
+            crossed, crossing = self._moved(np.broadcast_to(self.crosses, self.squares.shape), functions)
+            left = 1.0 / (1.0 + self.opposing * change)
             out: ComplexArray = self.response + self.through * (change * left)[:, None]
+            out += self.passed * (crossed * left)[:, None]
             slopes: ComplexArray = (self.through * (slope * left**2)[:, None])[None]
+            slopes += self.passed * ((crossing - crossed * self.opposing * slope * left) * left)[:, None]
         return out, slopes
 
     def inverted(self, data: ComplexArray) -> ComplexArray | None:
@@ -161,7 +166,7 @@ class Lines:
         # What the channels read, then what leaks into them.
         self.reads = self._lines.signals
         self._between: dict[tuple[str, str], ComplexArray] = {}
-        self.response: ComplexArray = self.shown("force") - tail
+        self.response: ComplexArray = self.through([self.driven(r) for r in self.reads]) - tail
         self.built: dict[tuple[str, str, float], Modification] = {}
 
     def shown(self, port: str) -> ComplexArray:
@@ -173,10 +178,23 @@ class Lines:
         shown: ComplexArray = self._lines.shown(np.stack(motions, axis=1)) * self.window
         return shown
 
+    @property
+    def struck(self) -> FloatArray | None:
+        """y / L of the point of the rail on which each row's force acts, NaN where it acts elsewhere; None where all do."""
+        points = [rail_point(name) if self.model.has_position else None for name in self.group.inputs]
+        return None if all(y is None for y in points) else np.array([np.nan if y is None else y for y in points])
+
+    def driven(self, port: str) -> ComplexArray:
+        """What the records' force does at a port, one row a record."""
+        inputs = self.group.inputs
+        if len(set(inputs)) == 1:
+            return self.between(port, inputs[0])
+        return np.array([self.between(port, name)[row] for row, name in enumerate(inputs)])
+
     def between(self, output: str, input: str) -> ComplexArray:
         """Receptance between two ports, one row a record."""
         # "force" is no port: of a structure on a shaker it is an inertia. All else is reciprocal.
-        pair = (output, input) if input == "force" else (min(output, input), max(output, input))
+        pair = (output, input) if input == FORCE else (min(output, input), max(output, input))
         if pair not in self._between:
             value = self.condensed.receptance(*pair)
             self._between[pair] = np.broadcast_to(value, (self.group.positions.size, self.s.size))

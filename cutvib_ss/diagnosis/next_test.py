@@ -9,19 +9,11 @@ import numpy as np
 
 from cutvib_ss.diagnosis.records import Entry, merged
 from cutvib_ss.diagnosis.result import NextTest
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import simulated
 from cutvib_ss.effects.base import Model
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray, FloatArray
-
-PLACES, FEW_PLACES = 24, 8
-"""Positions that are tried; where causes depend on the level, and have to be simulated."""
-ENDS = (0.04, 0.96)
-"""First and last of them, y_b / L."""
-SPREAD = (1 / 3, 1.0, 3.0)
-"""Levels that are tried as multiples of the one measured, where there was but one."""
-LINES = 150
-"""Lines on which causes are simulated."""
 
 
 def next_test(
@@ -40,8 +32,8 @@ def next_test(
     by_level = any(m.nonlinear for m in models) and loudest.replay is not None and np.isfinite(loudest.level)
     loudest = _few_lines(loudest) if by_level else loudest
     levels = _levels(entries) if by_level else np.array([loudest.level])
-    count = FEW_PLACES if by_level else PLACES
-    positions = np.linspace(*ENDS, count) if models[0].has_position else np.array([np.nan])
+    count = SETTINGS.next_positions_laws if by_level else SETTINGS.next_positions
+    positions = np.linspace(*SETTINGS.next_ends, count) if models[0].has_position else np.array([np.nan])
     # (position, level, channel, frequency) of each model; the noise is told by level.
     shown = [_shown(m, positions, levels, loudest) for m in models]
     louder = 1.0 if not by_level else (levels / loudest.level)[:, None, None] ** 2
@@ -64,33 +56,35 @@ def next_test(
 
 
 def _few_lines(e: Entry) -> Entry:
-    keep = slice(None, None, max(1, e.freq.size // LINES))
+    keep = slice(None, None, max(1, e.freq.size // SETTINGS.next_lines))
     replay = None if e.replay is None else e.replay.at(keep)
     return replace(e, data=e.data[:, keep], variance=e.variance[:, keep], freq=e.freq[keep], replay=replay)
 
 
 def _levels(entries: Sequence[Entry]) -> FloatArray:
     levels = np.unique([e.level for e in entries if np.isfinite(e.level)])
-    return levels if levels.size > 1 else levels[0] * np.array(SPREAD)
+    return levels if levels.size > 1 else levels[0] * np.array(SETTINGS.next_levels)
 
 
 def _shown(model: Model, positions: FloatArray, levels: FloatArray, like: Entry) -> ComplexArray:
     """Responses that records like one would show, shape (position, level, channel, frequency)."""
     if not model.nonlinear or like.replay is None:
         places = None if np.isnan(positions).all() else positions
-        linear = frequency_response(model, places, like.freq, outputs=like.channels).data[:, :, 0]
+        linear = frequency_response(model, places, like.freq, inputs=[like.input], outputs=like.channels).data[:, :, 0]
         out: ComplexArray = np.broadcast_to(linear[:, None], (linear.shape[0], levels.size, *linear.shape[1:]))
         return out
     first = like.replay.only(1)
+    # Records that state no level are planned as loud as they were.
+    louder = np.where(np.isfinite(levels), levels / like.level, 1.0)
     planned = [
         replace(
             like,
             record=k,
             position=float(y),
             level=float(level),
-            replay=replace(first, forces=tuple(f * (level / like.level) for f in first.forces), measured=()),
+            replay=replace(first, forces=tuple(f * factor for f in first.forces), measured=()),
         )
-        for k, (y, level) in enumerate((y, level) for y in positions for level in levels)
+        for k, (y, level, factor) in enumerate((y, *row) for y in positions for row in zip(levels, louder, strict=True))
     ]
     (group,) = merged(planned, apart=True)
     data: ComplexArray = simulated(model, group).data.reshape(positions.size, levels.size, *like.data.shape)

@@ -16,19 +16,11 @@ import numpy as np
 
 from cutvib_ss.diagnosis.findings import ChannelGap, Metric, NuGap
 from cutvib_ss.diagnosis.metrics import ALL, chordal_distance
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.modes import modes
 from cutvib_ss.results import ComplexArray, FloatArray, Modes
-
-TURN = 1.0
-"""Largest step of the phase that is trusted [rad]."""
-ROUNDS = 14
-"""Halvings of the grid where the phase turns faster."""
-SETTLED = 0.1
-"""Half turns that the two ends may lack of a whole number."""
-BEYOND = 30.0
-"""Times the band's upper end to which the axis is followed."""
 
 
 def nu_gap(
@@ -36,7 +28,7 @@ def nu_gap(
 ) -> NuGap:
     """The largest ν-gaps of a campaign, and the winding condition."""
     positions = dict.fromkeys(m.position for m in rows)
-    pairs = {position: _Pair(nominal, corrected, position, scales) for position in positions}
+    pairs = {position: Pair(nominal, corrected, position, scales) for position in positions}
     out = []
     for channel in dict.fromkeys(m.channel for m in rows):
         quiet = [
@@ -61,7 +53,7 @@ def nu_gap(
     return NuGap(tuple(out), *_winding(pairs, band, bool(corrected.nonlinear)))
 
 
-def _winding(pairs: Mapping[float | None, _Pair], band: tuple[float, float], nonlinear: bool) -> tuple[str, str]:
+def _winding(pairs: Mapping[float | None, Pair], band: tuple[float, float], nonlinear: bool) -> tuple[str, str]:
     for position, pair in pairs.items():
         turns, reason = pair.winding(band)
         if turns is None:
@@ -74,7 +66,7 @@ def _winding(pairs: Mapping[float | None, _Pair], band: tuple[float, float], non
 
 
 @dataclass(frozen=True)
-class _Pair:
+class Pair:
     """Two models at one position, their responses scaled."""
 
     first: Model
@@ -84,6 +76,7 @@ class _Pair:
 
     @cached_property
     def modes(self) -> tuple[Modes, Modes]:
+        """Modes of both."""
         return modes(self.first, self.position), modes(self.second, self.position)
 
     def grid(self, low: float, high: float) -> FloatArray:
@@ -115,10 +108,10 @@ class _Pair:
                     None,
                     "a pole on or beyond the imaginary axis: its encirclements cannot be counted off a response",
                 )
-        freq = self.grid(1e-3 * band[0], BEYOND * band[1])
+        freq = self.grid(1e-3 * band[0], SETTINGS.nu_gap_beyond * band[1])
         values = self._product(freq)
-        for _ in range(ROUNDS):
-            fast = np.flatnonzero(np.abs(np.angle(values[1:] / values[:-1])) > TURN)
+        for _ in range(SETTINGS.nu_gap_rounds):
+            fast = np.flatnonzero(np.abs(np.angle(values[1:] / values[:-1])) > SETTINGS.nu_gap_turn)
             if not fast.size:
                 break
             between = (freq[fast] + freq[fast + 1]) / 2
@@ -129,7 +122,7 @@ class _Pair:
             return None, "1 + P₂ᴴP₁ passes too close to the origin for its turns to be counted"
         # The axis from -∞ to ∞ mirrors this half; both ends are real where the responses settle.
         turns = float(np.sum(np.angle(values[1:] / values[:-1])) / np.pi)
-        if abs(turns - round(turns)) > SETTLED:
+        if abs(turns - round(turns)) > SETTINGS.nu_gap_settled:
             return None, "a delay keeps the responses from settling at high frequency"
         return round(turns), ""
 
@@ -137,10 +130,3 @@ class _Pair:
         p1, p2 = self.responses(freq, list(self.scales))
         value: ComplexArray = 1.0 + np.sum(p2.conj() * p1, axis=0)
         return value
-
-
-def winding_number(
-    first: Model, second: Model, position: float | None, scales: Mapping[str, float], band: tuple[float, float]
-) -> tuple[int | None, str]:
-    """Turns of 1 + P₂ᴴP₁ around the origin along the imaginary axis, of two stable models."""
-    return _Pair(first, second, position, scales).winding(band)

@@ -12,25 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from cutvib_ss.diagnosis.records import Entry, thinned
+from cutvib_ss.diagnosis.records import Entry, SineTest, thinned
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
+from cutvib_ss.measurement.blow_noise import blow_scatter
 from cutvib_ss.measurement.estimation import estimate
-from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.measurement.records import FORCE, Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
 from cutvib_ss.units import STANDARD_GRAVITY
 
-NOISY = 5.0
-"""The band ends where the noise rises above this many times its level in the quiet part of the spectrum."""
-BELOW_FIRST_MODE = 0.6
-"""The band begins at this fraction of the nominal model's lowest natural frequency, below which accelerance drowns in drift."""
-
-LINES, HEARD = 7, 4.0
-"""Lines over whose median the response's power has to exceed the noise by so much: below, noise that goes round a control loop or
-sits on the force biases an estimate by as much as the response is."""
-FEWEST = 8
-"""Lines that a record needs: a resonance has four unknowns, complex lines tell two each, and as many again judge the fit."""
 ADVICE = {
     "impact": "measure longer, with a harder tip, or with more blows",
     "timeseries": "record longer, or with a stronger excitation",
@@ -38,9 +30,6 @@ ADVICE = {
     "multisine": "excite more lines, or repeat more periods",
     "sine": "sweep more lines around the resonance, with a longer dwell",
 }
-
-BLOW_AT = 0.05
-"""Instant of a blow that no record states [s], where one has to be assumed."""
 
 
 @dataclass(frozen=True)
@@ -71,12 +60,12 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
         record = campaign.records[e.record]
         low, high = record.band_hz or (band[0], min(band[1], reach) if hit else band[1])
         keep = (e.freq >= low) & (e.freq <= high) & (e.freq > 0.0)
-        if np.count_nonzero(keep) < FEWEST:
+        if np.count_nonzero(keep) < SETTINGS.record_fewest_lines:
             raise DiagnosisError(
                 f"record {record.name}: only {np.count_nonzero(keep)} lines lie in its band of {low:.4g} to {high:.4g} Hz; "
                 + ("widen band_hz" if record.band_hz else ADVICE[_kind(record)])
             )
-        e = thinned(e, keep)
+        e = _by_blows(thinned(e, keep), record)
         cut.append(replace(e, replay=None if e.replay is None else e.replay.slower()))
     names = tuple(n for n in machine.channels if any(n in e.channels for e in cut))
     acceleration = all(q == "acceleration" for e in cut for q in e.quantities)
@@ -111,12 +100,13 @@ def _entry(index: int, record: Record) -> Entry:
     if record.kind != "frf":
         replay = replay_of(record)
     elif record.excitation == "impact" and record.peak_force is not None:
-        at = BLOW_AT if np.isnan(blow_at) else blow_at
+        at = SETTINGS.record_blow_at if np.isnan(blow_at) else blow_at
         replay = assumed_blow(frf.freq, block, at, record.peak_force, np.array(frf.variance[0, 0, 0]))
+    sine = _sine(record)
     return Entry(
         record=index,
         position=float(frf.positions[0]),
-        level=np.nan if record.peak_force is None else record.peak_force,
+        level=_level(record, sine),
         data=np.array(frf.data[0, :, 0]),
         variance=np.array(frf.variance[0, :, 0]),
         freq=np.array(frf.freq),
@@ -127,10 +117,52 @@ def _entry(index: int, record: Record) -> Entry:
         decay_rate=record.exponential_decay,
         check=record.use == "check",
         replay=replay,
-        sweep=record.peak_force if record.excitation == "sine" and record.peak_force is not None else np.nan,
+        sine=sine,
         session=record.session,
+        input=record.input or FORCE,
         scattered=bool(np.any(np.isfinite(frf.coherence))) if record.kind == "frf" else frf.averages > 1,
     )
+
+
+def _sine(record: Record) -> SineTest | None:
+    """How a sine record was driven; None where neither force nor response amplitude is known."""
+    if record.kind != "frf" or record.excitation != "sine":
+        return None
+    assert record.frf is not None
+    force = record.force_amplitude
+    if force is None and record.peak_force is not None and record.controlled != "response":
+        force = np.full(record.frf.freq.size, record.peak_force)
+    if record.controlled != "response":
+        return None if force is None else SineTest(force, record.sweep)
+    gain = np.maximum(np.abs(record.frf.data[0, 0, 0]), 1e-300)
+    if record.peak_response is not None:
+        held = np.full(gain.size, record.peak_response)
+        return SineTest(held / gain if force is None else force, record.sweep, held)
+    return None if force is None else SineTest(force, record.sweep, force * gain)
+
+
+def _by_blows(e: Entry, record: Record) -> Entry:
+    """
+    A record of blows with how surely they order with their force.
+
+    What orders is nonlinearity, which a law or the levels have to explain: where it is beyond doubt it is no noise. The rest, which
+    the hand leaves, stays in the variance.
+    """
+    if record.kind != "impact" or len(record.histories) < SETTINGS.level_blows:
+        return e
+    found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])))
+    variance = np.array(e.variance)
+    for k, chance in enumerate(found.significance):
+        if chance < SETTINGS.level_ordered and found.rest.shape == variance.shape:
+            variance[k] = np.minimum(variance[k], found.rest[k] / len(record.histories))
+    return replace(e, variance=variance, ordering=tuple(float(p) for p in found.significance))
+
+
+def _level(record: Record, sine: SineTest | None) -> float:
+    """Peak force of a record [N]: stated, or the median of a sine's lines; NaN where neither is."""
+    if record.peak_force is not None:
+        return record.peak_force
+    return np.nan if sine is None else float(np.median(sine.force))
 
 
 def _lowest_frequency(machine: Model, positions: Sequence[float]) -> float:
@@ -148,14 +180,16 @@ def _band(e: Entry, record: Record, first: float) -> tuple[float, float]:
     kind = _kind(record)
     # Power over noise of the channel that hears best, of some lines together: one line may pass by chance.
     ratio = np.max(np.abs(e.data) ** 2 / e.variance, axis=0)
-    heard = (ndimage.median_filter(ratio, LINES, mode="nearest") > HEARD) & (e.freq > 0.0)
+    heard = (ndimage.median_filter(ratio, SETTINGS.record_median_lines, mode="nearest") > SETTINGS.record_heard) & (
+        e.freq > 0.0
+    )
     told = e.freq[heard] if heard.any() else e.freq[e.freq > 0.0]
     if kind in ("sine", "multisine") or not heard.any():
         # Only excited lines are there.
         return float(told[0]), float(told[-1])
     # Below the first mode accelerance drowns in the drift of sensors and amplifiers, which no scatter shows.
     below = all(q == "acceleration" for q in e.quantities) and first > 0.0
-    low = BELOW_FIRST_MODE * first if below else float(told[0])
+    low = SETTINGS.record_below_first_mode * first if below else float(told[0])
     high = min(_highest_quiet(e, low), float(told[-1]))
     if record.kind != "frf":
         # Near the Nyquist frequency the digitiser's filter falls off.
@@ -169,6 +203,6 @@ def _highest_quiet(e: Entry, low: float) -> float:
     width = max(3, e.freq.size // 200)
     smooth = np.convolve(np.pad(noise, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), mode="valid")
     above = e.freq >= low
-    quiet = above & (smooth <= NOISY * np.quantile(smooth[above], 0.2)) if above.any() else above
+    quiet = above & (smooth <= SETTINGS.record_noisy * np.quantile(smooth[above], 0.2)) if above.any() else above
     # The last quiet line: a bump below it is the structure's doing (a response that rattles scatters), not the hammer's.
     return float(e.freq[np.flatnonzero(quiet)[-1]]) if quiet.any() else float(e.freq[-1])

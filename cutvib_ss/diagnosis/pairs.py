@@ -9,39 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.ranking import (
-    COARSE_ERROR,
-    COARSE_LINES,
-    ENOUGH,
-    LATER_STEPS,
-    LAW_STEPS,
-    MOST_LAW_STEPS,
-    MOST_STEPS,
-    Ranked,
-    first_steps,
-    on_all_lines,
-    ranked_by_gain,
-    some,
-)
+from cutvib_ss.diagnosis.ranking import Ranked, first_steps, on_all_lines, ranked_by_gain, refit, some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
-from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
-
-ASTRAY = 10.0
-"""Reduced χ² on few lines as measured from which no pair with a law is looked for further."""
-PAIRS_CLOSE = 15.0
-"""As CLOSE, for pairs."""
-PAIRED = 2
-"""Single causes to which a second one is added."""
-SECONDS, LAW_SECONDS = 9, 3
-"""Second causes that are fitted on each of them, unless one on the first leaves no more than noise: those that promise most. So
-many where one of the two is simulated."""
 
 
 class _Base(NamedTuple):
@@ -72,8 +49,6 @@ class _Family:
     # The same few lines with a widened noise, which pulls from afar, and as measured, where they tell what is alike
     # under it
     wide: Records
-    # The same few lines with a widened noise, which pulls from afar, and as measured, where they tell what is alike
-    # under it
     sharp: Records
     linear: bool  # Which family it is
     motion: Mapping[str, float]  # Largest motion at each place, from which laws get their size
@@ -85,7 +60,7 @@ class _Family:
         """Pairs on top of each base, and of the best second cause that was found; best first, fitted to few lines as measured."""
         tried: list[tuple[Candidate, Fit]] = []
         for round_ in range(len(bases) + 1):
-            if round_ == len(bases) and not self.linear and tried[0][1].reduced > ASTRAY:
+            if round_ == len(bases) and not self.linear and tried[0][1].reduced > SETTINGS.pairs_astray:
                 break
             base = bases[round_] if round_ < len(bases) else _second_of(*tried[0])
             tried += self._with_second(base, seconds)
@@ -107,7 +82,11 @@ class _Family:
             added[f"{base.name} + {name}"] = second.starts(by_simulation=not self.linear)
         if not added:
             return []
-        most, steps = (SECONDS, LATER_STEPS) if self.linear else (LAW_SECONDS, LAW_STEPS)
+        most, steps = (
+            (SETTINGS.pairs_seconds, SETTINGS.search_later_steps)
+            if self.linear
+            else (SETTINGS.pairs_law_seconds, SETTINGS.search_law_steps)
+        )
         rough: dict[str, Fit] = {}
         for scanned, x, fitted_on in self._views(base):
             scan = Scan(self.nominal, scanned, base.hypothesis, x, self.motion, apart=not self.linear)
@@ -135,7 +114,7 @@ class _Family:
         if not base.hypothesis.linear:
             return [(some(self.wide), base.x, self.wide)]
         scan = Scan(self.nominal, some(self.wide), base.hypothesis, base.x, self.motion, apart=True)
-        if scan.leaves < ENOUGH * scan.left.size:
+        if scan.leaves < SETTINGS.search_enough * scan.left.size:
             return [(some(self.sharp), base.x, self.sharp)]
         # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
         return [(some(self.wide), None, self.wide)]
@@ -158,18 +137,23 @@ def fit_pairs(
     for r in sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence):
         key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
         best.setdefault(key, _Base(r.name, r.fit.hypothesis, r.fit.x))
-    bases = list(best.values())[:PAIRED]
+    bases = list(best.values())[: SETTINGS.pairs_first]
     seen: set[frozenset[str]] = set()
     out: list[Ranked] = []
     for linear, of_lines in ((True, records.coarse), (False, records.for_laws)):
-        wide, sharp = of_lines(COARSE_LINES, COARSE_ERROR), of_lines(COARSE_LINES, 0.0)
+        wide, sharp = (
+            of_lines(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error),
+            of_lines(SETTINGS.search_coarse_lines, 0.0),
+        )
         if wide is None or sharp is None:
             break
         tried = _Family(nominal, wide, sharp, linear, motion, workers, seen).around(bases, seconds)
         # No single cause is a rival here: none is enough.
         nobody = (np.inf, -np.inf)
         out += [
-            r for r in on_all_lines(nominal, records, tried[:2], 1, nobody, workers, close=PAIRS_CLOSE) if r.refined
+            r
+            for r in on_all_lines(nominal, records, tried[:2], 1, nobody, workers, close=SETTINGS.pairs_close)
+            if r.refined
         ]
         if tried and _enough_on_few(tried):
             break
@@ -179,7 +163,7 @@ def fit_pairs(
 def _enough_on_few(tried: Sequence[tuple[Candidate, Fit]]) -> bool:
     """Whether the best of some fits leaves no more than noise."""
     best = tried[0][1]
-    return best.reduced < ENOUGH
+    return best.reduced < SETTINGS.search_enough
 
 
 def _second_of(pair: Candidate, fitted: Fit) -> _Base:
@@ -194,7 +178,7 @@ def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ra
     caught in a side minimum, or never begun.
     """
     out = []
-    for linear, steps in ((True, MOST_STEPS), (False, MOST_LAW_STEPS)):
+    for linear, steps in ((True, SETTINGS.search_most_steps), (False, SETTINGS.search_most_law_steps)):
         found = [r for r in pairs if all(e.linear is linear for e in r.fit.hypothesis.effects)]
         if not found:
             continue
@@ -202,10 +186,8 @@ def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ra
         for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
             # A law's range goes by the motion that the pair's hypothesis holds.
             hypothesis = replace(best.fit.hypothesis, effects=(effect,))
-            try:
-                alone = fit(nominal, records, hypothesis, best.fit.x[: best.fit.first_effect], steps)
-            except CutvibError:
-                # Without the other it runs away.
-                continue
-            out.append(Ranked(name, alone, True))
+            alone = refit(nominal, records, hypothesis, best.fit.x[: best.fit.first_effect], steps)
+            # Without the other it may run away.
+            if alone is not None:
+                out.append(Ranked(name, alone, True))
     return out

@@ -25,34 +25,11 @@ from cutvib_ss.diagnosis.findings import DynamicStiffness, PlaceScore, finite_or
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.projection import Free, Outer
 from cutvib_ss.diagnosis.records import Entry, Group, merged
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_stiffness import Rows, fitted_functions, rows_of, smoothing_cost, squares_left
 from cutvib_ss.diagnosis.variants import variants
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FloatArray
-
-LINES = 60
-"""Lines of a group on which places are compared."""
-CLIMBED = 2
-"""Ways of each place that are fitted with all steps …"""
-CLIMBS = 4
-"""… of the tuning."""
-FOLDS = 3
-"""Folds in which positions are left out."""
-SHARPNESS = 0.2
-"""Weight of a datum's evidence, for lines of one resonance tell the same thing several times …"""
-DOUBT = 0.01
-"""… and part of all probability that is spread evenly. Both from simulated campaigns of known place, one in three of a law outside
-the catalogue."""
-HELD = 0.25
-"""Weight of the residual at held-out positions, against that at all."""
-SMOOTH = 0.5
-"""Weight of what smooth functions leave where every record has its own, against what any functions leave …"""
-BY_RECORD = 2 / 3
-"""… and weight of that view, against functions by level."""
-SHOWN = 0.05
-"""Probability from which a place's functions are kept; the first place's are in any case."""
-KEPT = 2
-"""Places whose functions are kept at most."""
 
 
 @dataclass(frozen=True)
@@ -90,20 +67,24 @@ def locate(nominal: Model, none: Fit, entries: Sequence[Entry], blow_at: float, 
     for rows, by_record, weight in views:
         outer = Outer(nominal, rows)
         for place, found in _by_place(outer, nominal, channels, none.x, by_level).items():
-            fits = [outer.climb(free, CLIMBS) for free in found[:CLIMBED]]
+            fits = [outer.climb(free, SETTINGS.place_climbs) for free in found[: SETTINGS.place_climbed]]
             judged = [(*_judged(outer, free, by_record), free) for free in fits]
             evidence, left, free = min(judged, key=lambda row: row[0])
             against[place] = against.get(place, 0.0) + weight * evidence
             best.setdefault(place, (left, free))
     told = np.array([against[place] for place in best])
-    odds = np.exp(-SHARPNESS * (told - told.min()))
-    share = (1.0 - DOUBT) * odds / odds.sum() + DOUBT / odds.size
+    odds = np.exp(-SETTINGS.place_sharpness * (told - told.min()))
+    share = (1.0 - SETTINGS.place_doubt) * odds / odds.sum() + SETTINGS.place_doubt / odds.size
     scores = [
         (PlaceScore(place, free.variant.name, left, float(p)), free)
         for (place, (left, free)), p in zip(best.items(), share, strict=True)
     ]
     scores.sort(key=lambda pair: -pair[0].probability)
-    kept = [free for i, (s, free) in enumerate(scores[:KEPT]) if i == 0 or s.probability >= SHOWN]
+    kept = [
+        free
+        for i, (s, free) in enumerate(scores[: SETTINGS.place_most_shown])
+        if i == 0 or s.probability >= SETTINGS.place_shown
+    ]
     stiffness = tuple(
         z for free in kept for z in _in_full(nominal, none, merged(entries, by_level), free, blow_at, by_level)
     )
@@ -111,7 +92,7 @@ def locate(nominal: Model, none: Fit, entries: Sequence[Entry], blow_at: float, 
 
 
 def _few(g: Group) -> Group:
-    keep = slice(None, None, max(1, g.freq.size // LINES))
+    keep = slice(None, None, max(1, g.freq.size // SETTINGS.place_lines))
     return replace(g, freq=g.freq[keep], data=g.data[..., keep], variance=g.variance[..., keep])
 
 
@@ -127,7 +108,7 @@ def _views(none: Fit, groups: Sequence[Group], blow_at: float, by_level: bool) -
     shared = [_levels(g)[1] for g in groups]
     if all(np.unique(s).size == s.size for s in shared):
         return [(own, True, 1.0)]
-    return [(own, True, BY_RECORD), (rows(shared), False, 1.0 - BY_RECORD)]
+    return [(own, True, SETTINGS.place_by_record), (rows(shared), False, 1.0 - SETTINGS.place_by_record)]
 
 
 def _levels(g: Group) -> tuple[FloatArray, np.ndarray]:
@@ -170,12 +151,15 @@ def _judged(outer: Outer, free: Free, by_record: bool) -> tuple[float, float]:
         per_line = rows.group.data.size / rows.group.freq.size
         functions, squares = fitted_functions(rows, m, gain, rows.weight, free.functions[i])
         left = squares.sum(axis=0) / max(per_line - rows.count * m.functions, 1e-3)
-        other, share = left, HELD
+        other, share = left, SETTINGS.place_held_out
         places = np.unique(rows.group.positions)
         if by_record:
-            other, share = (squares + smoothing_cost(rows, m, gain, functions)).sum(axis=0) / per_line, SMOOTH
+            other, share = (
+                (squares + smoothing_cost(rows, m, gain, functions)).sum(axis=0) / per_line,
+                SETTINGS.place_smooth,
+            )
         elif places.size > 1:
-            other, folds = np.zeros(left.size), min(FOLDS, places.size)
+            other, folds = np.zeros(left.size), min(SETTINGS.place_folds, places.size)
             for k in range(folds):
                 off = np.isin(rows.group.positions, places[k::folds])
                 again, _ = fitted_functions(rows, m, gain, rows.but(off), functions)

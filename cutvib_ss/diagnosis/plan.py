@@ -23,20 +23,13 @@ from cutvib_ss.diagnosis.hypotheses import candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.information import Seen, Space, left_over
 from cutvib_ss.diagnosis.linearity import motions
 from cutvib_ss.diagnosis.records import Entry, Records, merged
-from cutvib_ss.diagnosis.result import PRIORS
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.severity import Run, runs
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.replay import assumed_blow
 from cutvib_ss.results import FloatArray, Quantity
 from cutvib_ss.results.display import Displayed, Table
-
-LINES = 250
-"""Lines on which the campaign is computed; each stands for several."""
-SURE = 19.0
-"""Odds at which a cause is told from its rival: 0.95."""
-BLOW_AT = 0.02
-"""Instant of the blow in its block [s]."""
 
 
 @dataclass(frozen=True)
@@ -162,13 +155,13 @@ def plan(model: Model, campaign: PlannedCampaign, *, laws: bool = True) -> Plan:
         moved = motions(model, Records(tuple(entries)))
         shapes += runs(nonlinear_candidates(model, moved))
     # Log evidence at which a known cause, with its share of the prior, outweighs no cause by these odds.
-    threshold = float(np.log(SURE * len(shapes) * PRIORS["none"] / PRIORS["known"]))
+    threshold = float(np.log(SETTINGS.plan_odds * len(shapes) * SETTINGS.priors["none"] / SETTINGS.priors["known"]))
     seen = [[s for run in own if (s := space.seen(run, threshold)) is not None] for own in shapes]
     found = [(own[0].name, own) for own in shapes]
     atoms = [s.atom for own in seen for s in own]
     owner = np.array([i for i, own in enumerate(seen) for _ in own])
     gram = space.gram(atoms) if atoms else np.zeros((0, 0))
-    told = float(np.log(SURE))
+    told = float(np.log(SETTINGS.plan_odds))
     causes, pairs = [], []
     for i, (name, own) in enumerate(found):
         middle = _middle(seen[i])
@@ -232,14 +225,16 @@ def _check(model: Model, c: PlannedCampaign) -> None:
 
 def _entries(model: Model, c: PlannedCampaign) -> list[Entry]:
     first, last = int(np.ceil(c.band[0] * c.block)), int(np.floor(c.band[1] * c.block))
-    stride = max(1, (last - first) // LINES)
+    stride = max(1, (last - first) // SETTINGS.plan_lines)
     freq = np.arange(first, last + 1, stride) / c.block
     quantities: tuple[Quantity, ...] = tuple(model.channels[n].quantity for n in c.channels)
     nothing = np.zeros((len(c.channels), freq.size), dtype=np.complex128)
     out: list[Entry] = []
     for position in c.positions or (np.nan,):
         for level in c.levels:
-            replay = assumed_blow(freq, c.block, BLOW_AT, level) if model.input_quantity == "force" else None
+            replay = (
+                assumed_blow(freq, c.block, SETTINGS.plan_blow_at, level) if model.input_quantity == "force" else None
+            )
             # Noise of the block's transform over that of the blow; one line stands for `stride`.
             blow = level * np.abs(_blow(freq, float(freq[-1])))
             variance = c.noise**2 * c.block / 2 / blow**2 / (c.blows * stride)
@@ -254,7 +249,7 @@ def _entries(model: Model, c: PlannedCampaign) -> list[Entry]:
                     channels=c.channels,
                     quantities=quantities,
                     block=c.block,
-                    blow_at=BLOW_AT,
+                    blow_at=SETTINGS.plan_blow_at,
                     decay_rate=0.0,
                     check=False,
                     replay=replay,

@@ -17,7 +17,7 @@ import numpy as np
 
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked
-from cutvib_ss.diagnosis.result import PRIORS
+from cutvib_ss.diagnosis.settings import SETTINGS
 
 UNKNOWN = "unknown"
 
@@ -50,7 +50,7 @@ def probabilities(ranked: Sequence[Ranked], counts: Counts, variants: dict[tuple
     score = []
     for r in ranked:
         h = r.fit.hypothesis
-        prior = PRIORS[kind_of(h)] * share[kind_of(h)] / max(variants.get((h.effect, h.place), 1), 1)
+        prior = SETTINGS.priors[kind_of(h)] * share[kind_of(h)] / max(variants.get((h.effect, h.place), 1), 1)
         score.append(np.log(prior))
     # What was not fitted on all lines has no evidence to count with: it lay far behind on few.
     evidence = np.array([r.fit.log_evidence if r.refined else -np.inf for r in ranked])

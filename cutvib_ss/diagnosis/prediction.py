@@ -18,17 +18,10 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from cutvib_ss.diagnosis.records import Group
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Carried, Model
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.response.frequency import ChainedResponse
 from cutvib_ss.results import ComplexArray, FloatArray
-
-DIED_OUT = -10.0
-"""Modes whose real part times T lies below this have left less than 5e-5 of themselves at the end of the block."""
-POINTS = 16
-"""Points on each circle; with the radius below the rule's error is 0.4^16 = 4e-7 of the tail."""
-RADIUS = 0.4
-"""Radius of each circle, as a fraction of its pole's distance from the line s = σ + jω and from other poles."""
 
 
 class Predicted(Protocol):
@@ -62,6 +55,7 @@ class Prediction:
 
     def __init__(self, model: Model, group: Group, blow_at: float = 0.0, circles: Circles | None = None) -> None:
         self.model, self.group = model, group
+        self._inputs = tuple(dict.fromkeys(group.inputs))
         sigma = float(group.decay_rate[0])
         self.s: ComplexArray = np.asarray(sigma + 2j * np.pi * group.freq, dtype=np.complex128)
         start = np.where(np.isnan(group.blow_at), blow_at, group.blow_at)
@@ -82,13 +76,17 @@ class Prediction:
         """Responses on the line and on the circles, which become this prediction's; shape (position, channel, s)."""
         g, s = self.group, np.concatenate([self.s, circles.points])
         self.circles = circles
-        self._response = ChainedResponse(self.model, g.positions, s, g.quantities, g.channels, ("force",))
-        return self._by_row(self._response.data()[:, :, 0])
+        self._response = ChainedResponse(self.model, g.positions, s, g.quantities, g.channels, self._inputs)
+        return self._by_row(self._response.data())
 
     def _by_row(self, values: ComplexArray) -> ComplexArray:
-        """A structure without positions shows the same in every row."""
-        rows = len(self.group.positions)
-        return values if len(values) == rows else np.repeat(values, rows, axis=0)
+        """Of responses to all inputs each row's own; a structure without positions shows the same in every row."""
+        rows = np.arange(len(self.group.positions))
+        if len(self._inputs) == 1 and len(values) == rows.size:
+            return values[:, :, 0]
+        own = [self._inputs.index(name) for name in self.group.inputs]
+        out: ComplexArray = values[rows if len(values) == rows.size else 0 * rows, :, own]
+        return out
 
     @cached_property
     def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, ComplexArray]]:
@@ -121,7 +119,7 @@ class Prediction:
         """Derivative of the prediction along some of the model's values."""
         total: ComplexArray | None = None
         for path, weight in carried:
-            change = self._by_row(self._response.derivative(path)[:, :, 0])
+            change = self._by_row(self._response.derivative(path))
             change = change if weight == 1.0 else weight * change
             total = change if total is None else total + change
         return np.zeros(self.group.data.shape, dtype=np.complex128) if total is None else self._estimate(total)
@@ -138,13 +136,16 @@ class Prediction:
 
 def still_inside(circles: Circles, values: ComplexArray) -> bool:
     """Whether every circle still holds its pole well inside."""
-    count = circles.points.size // POINTS
-    points, weights = circles.points.reshape(count, POINTS), circles.weights.reshape(count, POINTS)
-    owner = circles.position.reshape(count, POINTS)[:, 0]
+    count = circles.points.size // SETTINGS.tail_points
+    points, weights = (
+        circles.points.reshape(count, SETTINGS.tail_points),
+        circles.weights.reshape(count, SETTINGS.tail_points),
+    )
+    owner = circles.position.reshape(count, SETTINGS.tail_points)[:, 0]
     centre = points.mean(axis=1)
     radius = np.abs(points[:, 0] - centre)
     for k in range(count):
-        samples = values[owner[k], :, k * POINTS : (k + 1) * POINTS]
+        samples = values[owner[k], :, k * SETTINGS.tail_points : (k + 1) * SETTINGS.tail_points]
         best = samples[np.argmax(np.abs(samples).sum(axis=1))] * weights[k]
         total = best.sum()
         if total == 0 or abs((best @ points[k]) / total - centre[k]) > 0.5 * radius[k]:
@@ -156,19 +157,20 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: Compl
     """Circles around the poles that are still alive when the blocks end."""
     points, owner, weights = [], [], []
     sigma = float(s[0].real)
-    turn = np.exp(2j * np.pi * (np.arange(POINTS) + 0.5) / POINTS)
+    turn = np.exp(2j * np.pi * (np.arange(SETTINGS.tail_points) + 0.5) / SETTINGS.tail_points)
     ending = np.flatnonzero(np.isfinite(rest))
-    for i, light in zip(ending, light_poles(model, positions[ending]), strict=True):
+    alive = light_poles(model, positions[ending]) if ending.size else []
+    for i, light in zip(ending, alive, strict=True):
         # A window that was never taken out shifts the poles of what is measured.
         poles, time = light - model.chain.decay_rate, rest[i]
-        for pole in poles[(poles.real - sigma) * time > DIED_OUT]:
+        for pole in poles[(poles.real - sigma) * time > SETTINGS.tail_died_out]:
             # No circle may hold another pole, which has its own.
             others = np.abs(poles - pole)
             nearest = float(np.min(others[others > 0], initial=np.inf))
-            radius = RADIUS * min(sigma - pole.real, nearest)
+            radius = SETTINGS.tail_radius * min(sigma - pole.real, nearest)
             points.append(pole + radius * turn)
-            weights.append(radius * turn / POINTS)
-            owner.append(np.full(POINTS, i))
+            weights.append(radius * turn / SETTINGS.tail_points)
+            owner.append(np.full(SETTINGS.tail_points, i))
     if not points:
         nothing = np.zeros(0, dtype=np.complex128)
         return Circles(nothing, np.zeros(0, dtype=int), nothing, ())
@@ -183,13 +185,8 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: Compl
 def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:
     """Poles of the upper half plane, to first order in the damping: enough to draw a circle around them."""
     # Hysteretic damping is made viscous at a low frequency, where slow modes are.
-    if isinstance(model, Machine):
-        matrices = model.matrices([float(y) for y in positions], viscous_at=30.0)
-    else:
-        system = model.second_order(viscous_at=30.0)
-        matrices = [(system.mass, system.damping, system.stiffness)] * positions.size
     found = []
-    for mass, damping, stiffness in matrices:
+    for mass, damping, stiffness in model.matrices([float(y) for y in positions], viscous_at=30.0):
         squares, shapes = linalg.eigh(stiffness, mass, check_finite=False)
         decay = np.sum(shapes * (damping @ shapes), axis=0) / 2
         alive = (squares > decay**2) & (decay > 0)

@@ -7,18 +7,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import linalg
 
 from cutvib_ss.diagnosis.discrepancy import weights
-from cutvib_ss.diagnosis.likelihood import FARTHEST, Directions, Layout, Sizes, real_rows
+from cutvib_ss.diagnosis.likelihood import Directions, Layout, Sizes, real_rows, solved
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
     from cutvib_ss.diagnosis.prediction import Predicted
     from cutvib_ss.diagnosis.problem import Problem
-
-SMALL, ITERATIONS = 1e-4, 6
-"""Drift that moves a response in proportion, and iterations in which a larger one of a held-out session is found."""
 
 
 @dataclass(frozen=True)
@@ -77,21 +75,30 @@ class Spread:
             first = lay.unknowns + lay.per_session * lay.sessions.index(name)
             at = slice(first, first + moved.size)
             z[at], mean[at] = mean[at], 0.0
-        new = name not in self.layout.sessions and own.sizes.drift > SMALL
-        for iteration in range(ITERATIONS if new else 1):
+        new = name not in self.layout.sessions and own.sizes.drift > SETTINGS.predictive_small_drift
+        last = z[at].copy()
+        for iteration in range(SETTINGS.predictive_iterations if new else 1):
             there = x.copy()
             there[moved] += drift[moved] * own.sizes.drift * z[at] if at.stop else 0.0
-            shown, residual = show(there)
+            try:
+                shown, residual = show(there)
+            except CutvibError:
+                # No model drifts so far: it stays where it was.
+                if iteration == 0:
+                    raise
+                z[at] = last
+                break
+            last = z[at].copy()
             chunks = list(Directions(problem, there, [shown], like=lay).chunks())
-            if iteration < ITERATIONS - 1 and new:
+            if iteration < SETTINGS.predictive_iterations - 1 and new:
                 matrix, pulled = own.precision.copy(), np.zeros(lay.size)
                 for _, _, c, index, part in chunks:
                     flat = real_rows(part) * scale[index, None]
                     matrix[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
                     pulled[index] += flat @ (real_rows(residual[None, c])[0] - mean[index] @ flat) / own.sizes.noise
                 pulled[at] -= z[at]
-                z[at] += linalg.solve(matrix, pulled, assume_a="pos", check_finite=False)[at]
-                z[at] = np.clip(z[at], -FARTHEST, FARTHEST)
+                z[at] += solved(matrix, pulled)[at]
+                z[at] = np.clip(z[at], -SETTINGS.likelihood_farthest_drift, SETTINGS.likelihood_farthest_drift)
         out = np.empty(residual.shape[0])
         known = 0.0 if not new else float(z[at] @ z[at])
         drifts = []
@@ -108,6 +115,6 @@ class Spread:
             pulled[index] = flat @ r / own.sizes.noise
             if new:
                 pulled[at] -= z[at]
-            gain = pulled @ linalg.solve(inner, pulled, assume_a="pos", check_finite=False)
+            gain = pulled @ solved(inner, pulled)
             out[c] = (r @ r / own.sizes.noise + known - gain) / r.size
         return out, float(np.mean(drifts))

@@ -9,7 +9,7 @@ the blow is fitted where records do not state it; the effect's parameters are ev
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,23 +17,20 @@ from numpy.typing import NDArray
 from cutvib_ss.diagnosis.hypothesis import Hypothesis, carried_on, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.records import Group, session_of
-from cutvib_ss.diagnosis.unknowns import CALIBRATION_SHAPES, calibration_shapes, from_unknown, to_unknown, tuning_paths
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.unknowns import calibration_shapes, from_unknown, to_unknown, tuning_paths
 from cutvib_ss.effects.base import Carried, Effect, Model
 from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
 
 IndexArray: TypeAlias = NDArray[np.intp]
 
-BLOW_AT_PRIOR = (0.05, 0.05)
-"""Mean and standard deviation of the instant of a blow that no record states [s]."""
-FARTHEST = 50.0
-"""Standard deviations beyond which no coefficient of an unknown element is followed."""
-WITHIN = 8.0
-"""Standard deviations beyond which no tuned value or calibration error is followed: its prior holds it long before."""
-
 
 class Problem:
     """The unknowns of one hypothesis on some groups of records, and the objective over them."""
+
+    apart: ClassVar[bool] = False
+    """Whether its groups hold every record by itself, none merged with others at its position."""
 
     def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis) -> None:
         self.nominal, self.groups, self.hypothesis = nominal, tuple(groups), hypothesis
@@ -50,7 +47,7 @@ class Problem:
             if getattr(e, name) is not None and np.isfinite(getattr(e, name))
         ]
         self.n_tuning = len(self.tuning)
-        shapes = CALIBRATION_SHAPES if self.calibration > 0 else 0
+        shapes = SETTINGS.calibration_shapes if self.calibration > 0 else 0
         self.n_calibration = 2 * shapes * len(self.channels)
         self.n_blow = int(self.free_blow)
         self.force_scaled = self._force_scaled()
@@ -91,8 +88,14 @@ class Problem:
     def tuned(self, x: FloatArray) -> Model:
         """The nominal model with its values moved."""
         steps = zip(self.tuning, self._nominal_values, x, strict=False)
+        values = {path: value * float(np.exp(tolerance * step)) for (path, tolerance), value, step in steps}
+        # A drift that is followed far may ask for more than critical damping, at which there is no mode.
         return with_values(
-            self.nominal, {path: value * float(np.exp(tolerance * step)) for (path, tolerance), value, step in steps}
+            self.nominal,
+            {
+                path: min(v, SETTINGS.fit_most_damping) if path[-1] == "damping_ratio" else v
+                for path, v in values.items()
+            },
         )
 
     def effects(self, x: FloatArray) -> tuple[Effect, ...]:
@@ -109,9 +112,13 @@ class Problem:
             model = e.apply(model)
         return model
 
+    def model_of(self, x: FloatArray, group: Group) -> Model:
+        """The model of the records of a group."""
+        return self.applied(x)
+
     def blow_at(self, x: FloatArray) -> float:
         """Instant of the blow where records do not state it."""
-        mean, std = BLOW_AT_PRIOR
+        mean, std = SETTINGS.record_blow_at, SETTINGS.record_blow_at_std
         return max(mean + std * float(x[self._blow]), 0.0) if self.n_blow else 0.0
 
     def prior_precision(self) -> FloatArray:
@@ -120,7 +127,7 @@ class Problem:
 
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Ends of the unknowns' ranges."""
-        high = np.full(self.size, WITHIN)
+        high = np.full(self.size, SETTINGS.fit_within)
         low = -high
         if self.n_blow:
             low[self._blow], high[self._blow] = -1.0, 6.0
@@ -128,7 +135,7 @@ class Problem:
         low[even], high[even] = 0.0, 1.0
         normal = ~even
         normal[: self.first_effect] = False
-        low[normal], high[normal] = -FARTHEST, FARTHEST
+        low[normal], high[normal] = -SETTINGS.unknown_farthest, SETTINGS.unknown_farthest
         return low, high
 
     def each(self, x: FloatArray | Sequence[FloatArray]) -> list[FloatArray]:
@@ -214,7 +221,7 @@ class Problem:
         stages = stages_of(self.tuned(x), effects)
         out = [scale * p.derivative(carried) for scale, carried in self._tuning_moves(effects, stages)]
         if self.n_blow:
-            out.append(BLOW_AT_PRIOR[1] * p.by_blow_at())
+            out.append(SETTINGS.record_blow_at_std * p.by_blow_at())
         for i in range(len(self.parameters)):
             slope, moved = self._effect_moves(x, i, effects, stages)
             out.append(slope * p.derivative(moved))

@@ -14,20 +14,12 @@ import numpy as np
 
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.modification import Lines, Modification
-from cutvib_ss.diagnosis.problem import WITHIN, Problem
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_stiffness import Rows, fitted_functions, followed
 from cutvib_ss.diagnosis.variants import Variant
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import ComplexArray, FloatArray
-
-STEP = 0.05
-"""Step of tuning and shape in a difference of two closed forms, in units of their scatter."""
-SHAPE_STEPS = 40.0
-"""Range of a shape over that unit."""
-TRIES = 8
-"""Dampings that are tried for a step."""
-ENOUGH = 1e-2
-"""Relative gain at which steps end."""
 
 
 @dataclass(frozen=True)
@@ -85,27 +77,27 @@ class Outer:
         """Tuning, calibration and shape moved to where the functions explain most."""
         damping = 1e-3
         low, high = free.variant.bounds
-        unit = (high - low) / SHAPE_STEPS
+        unit = (high - low) / SETTINGS.projection_shape_steps
         for _ in range(iterations):
             matrix, gradient = self._projected(free, unit)
             before = free.objective
-            for _ in range(TRIES):
+            for _ in range(SETTINGS.projection_tries):
                 step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), gradient)
                 x = free.x.copy()
-                x[: self.size] = np.clip(x[: self.size] + step[: self.size], -WITHIN, WITHIN)
+                x[: self.size] = np.clip(x[: self.size] + step[: self.size], -SETTINGS.fit_within, SETTINGS.fit_within)
                 shape = float(np.clip(free.shape + unit * step[-1], low, high)) if free.variant.starts else 0.0
                 trial = self.at(free.variant, x, shape, free)
                 if trial.objective < free.objective:
                     free, damping = trial, damping / 10
                     break
                 damping = max(damping, 1e-4) * 10
-            if before - free.objective < ENOUGH * before:
+            if before - free.objective < SETTINGS.projection_gain * before:
                 break
         return free
 
     def deviation(self, free: Free) -> tuple[FloatArray, ...]:
         """Standard deviation of fitted functions, that of tuning, calibration and shape included."""
-        unit = (free.variant.bounds[1] - free.variant.bounds[0]) / SHAPE_STEPS
+        unit = (free.variant.bounds[1] - free.variant.bounds[0]) / SETTINGS.projection_shape_steps
         matrix, _ = self._projected(free, unit)
         root = np.linalg.cholesky(np.linalg.inv(matrix))
         out = []
@@ -143,13 +135,15 @@ class Outer:
         with np.errstate(all="ignore"):
             for k in range(self.problem.n_tuning):
                 x = free.x.copy()
-                x[k] += STEP
+                x[k] += SETTINGS.projection_step
                 moved = free.variant.at(self.lines(x)[i], free.shape).shown(functions)
-                out.append((moved - here) * gain / STEP)
+                out.append((moved - here) * gain / SETTINGS.projection_step)
             out += self._by_calibration(i, here)
             if free.variant.starts:
-                moved = free.variant.at(self.lines(free.x)[i], free.shape + unit * STEP).shown(functions)
-                out.append((moved - here) * gain / STEP)
+                moved = free.variant.at(self.lines(free.x)[i], free.shape + unit * SETTINGS.projection_step).shown(
+                    functions
+                )
+                out.append((moved - here) * gain / SETTINGS.projection_step)
         return out
 
     def _by_calibration(self, i: int, shown: ComplexArray) -> list[ComplexArray]:

@@ -7,39 +7,18 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
+import numpy as np
+
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.records import Records, site
 from cutvib_ss.diagnosis.scan import Scanned
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
-
-COARSE_LINES = 120
-"""Lines of a group on which starts are fitted."""
-COARSE_ERROR = 0.03
-"""Relative error by which the noise is widened on few lines."""
-CLOSE = 60.0
-"""Causes whose objective on few lines lies within this of the best are fitted again on all lines …"""
-MOST = 5
-"""… but no more than this: where so many are alike on few lines, none of them is the cause."""
-FAR = 400.0
-"""What lies further behind on few lines is not fitted again at all."""
-LATER_STEPS, LAW_STEPS = 10, 6
-"""Steps on few lines, from the best start of a cause; those of a law."""
-MOST_STEPS, MOST_LAW_STEPS = 40, 15
-"""Steps on all lines: those of a law are expensive, and the last of many gain little."""
-SCANNED = 5
-"""Records that are all scanned."""
-HOPELESS = 3.0
-"""Reduced χ² on few lines, with their widened noise, from which a cause that is simulated is not worth the fit on all."""
-ROUGH = 1e-2
-"""Relative gain at which steps on few lines end."""
-ENOUGH = 1.1
-"""Reduced χ² below which the re-tuned model needs no cause, if the level does not show either."""
-
 
 NameT = TypeVar("NameT")
 
@@ -65,8 +44,8 @@ def on_all_lines(
     least: int,
     rival: tuple[float, float],
     workers: Workers,
-    most: int = MOST,
-    close: float = CLOSE,
+    most: int = SETTINGS.search_most_close,
+    close: float = SETTINGS.search_close,
     near: Fit | None = None,
 ) -> list[Ranked]:
     """The best on few lines fitted on all; the others keep an estimate."""
@@ -75,16 +54,16 @@ def on_all_lines(
     left_out: list[tuple[Candidate, Fit]] = []
     for i, (candidate, start) in enumerate(rough):
         behind = cost(start) - ahead
-        wanted = (behind < close and i < most) or (behind < FAR and i < least)
-        hopeless = not start.hypothesis.linear and start.reduced > HOPELESS and cost(start) > rival[0]
-        promising = cost(start) - rival[0] < CLOSE and wanted and not hopeless
+        wanted = (behind < close and i < most) or (behind < SETTINGS.search_far and i < least)
+        hopeless = not start.hypothesis.linear and start.reduced > SETTINGS.search_hopeless and cost(start) > rival[0]
+        promising = cost(start) - rival[0] < SETTINGS.search_close and wanted and not hopeless
         (chosen if promising else left_out).append((candidate, start))
-    steps = [MOST_STEPS if f.hypothesis.linear else MOST_LAW_STEPS for _, f in chosen]
+    steps = [SETTINGS.search_most_steps if f.hypothesis.linear else SETTINGS.search_most_law_steps for _, f in chosen]
     starts = [f for _, f in chosen]
     fits = workers.map(
-        partial(fit, nominal, records, near=near), [f.hypothesis for f in starts], [f.x for f in starts], steps
+        partial(refit, nominal, records, near=near), [f.hypothesis for f in starts], [f.x for f in starts], steps
     )
-    ranked = [Ranked(c.name, f, True) for (c, _), f in zip(chosen, fits, strict=True)]
+    ranked = [Ranked(c.name, f, True) for (c, _), f in zip(chosen, fits, strict=True) if f is not None]
     best = max((r.fit.log_evidence for r in ranked), default=rival[1])
     # Few lines and a widened noise understate how far behind a cause is, by as much as for the rival.
     lead = rival[0] - ahead
@@ -96,14 +75,32 @@ def on_all_lines(
     return ranked
 
 
+def refit(
+    nominal: Model, records: Records, hypothesis: Hypothesis, x: FloatArray, steps: int, near: Fit | None = None
+) -> Fit | None:
+    """A fit on all lines; None where it runs away."""
+    try:
+        return fit(nominal, records, hypothesis, x, steps, near=near)
+    except CutvibError:
+        return None
+
+
 def cost(fitted: Fit) -> float:
     """Twice the negative log evidence: what a χ² is worth once the freedom that it took is paid for."""
     return -2.0 * fitted.log_evidence
 
 
 def some(outlook: Records) -> Records:
-    """Every other of many records: of three positions at three levels the corners and the middle."""
-    return Records(outlook.entries[:: 2 if len(outlook.entries) > SCANNED else 1], outlook.rough)
+    """Every other of many records, like the black squares of a board of positions and levels."""
+    if len(outlook.entries) <= SETTINGS.scan_records:
+        return outlook
+    sites = list(dict.fromkeys(site(e) for e in outlook.entries))
+    kept, seen = [], dict.fromkeys(sites, 0)
+    for e in sorted(outlook.entries, key=lambda e: float(np.nan_to_num(e.level))):
+        if (sites.index(site(e)) + seen[site(e)]) % 2 == 0:
+            kept.append(e)
+        seen[site(e)] += 1
+    return replace(outlook, entries=tuple(kept))
 
 
 def ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:
@@ -116,6 +113,6 @@ def first_steps(
 ) -> Fit | None:
     """A few steps on few lines."""
     try:
-        return fit(nominal, records, hypothesis, warm, steps, ROUGH)
+        return fit(nominal, records, hypothesis, warm, steps, SETTINGS.search_coarse_gain)
     except CutvibError:
         return None

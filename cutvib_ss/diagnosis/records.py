@@ -13,11 +13,23 @@ from functools import cached_property
 
 import numpy as np
 
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.measurement.records import FORCE, Sweep
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 
-OUTLOOK = 3
-"""Positions on which the starts of level-dependent causes are fitted."""
+
+@dataclass(frozen=True)
+class SineTest:
+    """How a stepped or swept sine was driven, line by line."""
+
+    force: FloatArray  # Amplitude of the force [N]; of a held response that which it took
+    direction: Sweep | None = None  # Order of the lines, where stated
+    held: FloatArray | None = None  # Amplitude of the first channel, where that was held instead of the force
+
+    def at(self, keep: np.ndarray | slice) -> SineTest:
+        """Some of the lines."""
+        return replace(self, force=self.force[keep], held=None if self.held is None else self.held[keep])
 
 
 @dataclass(frozen=True)
@@ -38,16 +50,20 @@ class Entry:
     check: bool  # Whether the record is only for judging
     # The estimator itself, through which simulated histories pass; None where no force history can be told
     replay: Replay | None = None
-    sweep: float = np.nan  # Amplitude of the force of a stepped or swept sine [N]; NaN otherwise
+    sine: SineTest | None = None  # Of a stepped or swept sine
     session: str | None = None  # Name of its session, where stated
     # Whether its noise was seen to scatter: from repetitions or a coherence; else it is read off how smooth the
     # response is
     scattered: bool = True
+    # Of each channel, how probable it is that single blows order with their force as much as they do by chance; NaN
+    # where that cannot be told
+    ordering: tuple[float, ...] = ()
+    input: str = FORCE  # Where its force acts: the model's input, a port, or ``rail@`` and a fraction of the rail
 
 
 @dataclass(frozen=True)
 class Group:
-    """Entries on one frequency grid with one set of channels, merged by position."""
+    """Entries on one frequency grid with one set of channels, merged by position and input."""
 
     positions: FloatArray  # y_b / L; one NaN for a structure
     freq: FloatArray  # Frequency [Hz]
@@ -59,6 +75,12 @@ class Group:
     blow_at: FloatArray
     decay_rate: FloatArray
     entries: tuple[tuple[Entry, ...], ...] = ()  # The records behind each row
+    struck: tuple[str, ...] = ()  # Where the force of each row acts, as in `Entry`; nothing: at the model's input
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Where the force of each row acts."""
+        return self.struck or (FORCE,) * len(self.data)
 
 
 @dataclass(frozen=True)
@@ -90,9 +112,14 @@ class Records:
         return merged(self.simulable, apart=True, by_session=True)
 
     @cached_property
+    def each(self) -> tuple[Group, ...]:
+        """Every record a group by itself."""
+        return tuple(_group([e], apart=True) for e in self.entries)
+
+    @cached_property
     def simulable(self) -> tuple[Entry, ...]:
         """Records whose force history is known or can be assumed, and sine sweeps."""
-        return tuple(e for e in self.entries if e.replay is not None or np.isfinite(e.sweep))
+        return tuple(e for e in self.entries if e.replay is not None or e.sine is not None)
 
     @property
     def leaking(self) -> bool:
@@ -123,7 +150,10 @@ class Records:
         if len(self.simulable) < len(self.entries):
             return None
         places = sorted({site(e) for e in self.entries})
-        chosen = {places[i] for i in np.unique(np.linspace(0, len(places) - 1, OUTLOOK).round().astype(int))}
+        chosen = {
+            places[i]
+            for i in np.unique(np.linspace(0, len(places) - 1, SETTINGS.search_outlook_positions).round().astype(int))
+        }
         alone = Records(tuple(one_blow(e) for e in self.entries if site(e) in chosen))
         return alone.coarse(lines, error)
 
@@ -138,10 +168,20 @@ def merged(entries: Sequence[Entry], apart: bool = False, by_session: bool = Fal
     return tuple(_group(members, apart) for members in kinds.values())
 
 
+def measured_at(e: Entry) -> tuple[float, str]:
+    """Position, -1 where there is none, and input: records that share them show the same responses."""
+    return float(np.nan_to_num(e.position, nan=-1.0)), e.input
+
+
+def estimator_of(e: Entry) -> tuple[object, ...]:
+    """Channels, lines, block and window of a record: records that share them can be compared as they are."""
+    lines = (e.freq.size, float(e.freq[0]), float(e.freq[-1]))
+    return (e.channels, e.quantities, *lines, round(e.block, 9), round(e.decay_rate, 9))
+
+
 def site(e: Entry) -> tuple[float | str, ...]:
-    """What records must share to be merged: session, position, and a block that loses the same tails."""
-    place = float(np.nan_to_num(e.position, nan=-1.0))
-    return (place, round(e.block, 9), round(e.decay_rate, 9), *session_of(e))
+    """What records must share to be merged: input, session, position, and a block that loses the same tails."""
+    return (*measured_at(e), round(e.block, 9), round(e.decay_rate, 9), *session_of(e))
 
 
 def session_of(e: Entry) -> tuple[float | str, ...]:
@@ -182,10 +222,12 @@ def _group(members: list[Entry], apart: bool) -> Group:
         blow_at=np.array([np.mean([e.blow_at for e in same]) for same in places.values()]),
         decay_rate=np.array([e.decay_rate for e in first]),
         entries=tuple(tuple(same) for same in places.values()),
+        struck=tuple(e.input for e in first),
     )
 
 
 def thinned(e: Entry, keep: np.ndarray | slice) -> Entry:
     """A record on some of its lines."""
     replay = None if e.replay is None else e.replay.at(keep)
-    return replace(e, data=e.data[:, keep], variance=e.variance[:, keep], freq=e.freq[keep], replay=replay)
+    sine = None if e.sine is None else e.sine.at(keep)
+    return replace(e, data=e.data[:, keep], variance=e.variance[:, keep], freq=e.freq[keep], replay=replay, sine=sine)

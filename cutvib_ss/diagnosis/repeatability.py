@@ -7,23 +7,24 @@ from itertools import combinations
 
 import numpy as np
 
-from cutvib_ss.diagnosis.records import Entry
-
-ALIKE = 1.05
-"""Ratio of levels up to which two records are of the same thing."""
+from cutvib_ss.diagnosis.comparison import compared
+from cutvib_ss.diagnosis.records import Entry, measured_at
+from cutvib_ss.diagnosis.settings import SETTINGS
 
 
 def repeatability(entries: Sequence[Entry]) -> float:
-    """rms(H_a - H_b) beyond noise over √2 rms(H), over all pairs of one position, level and grid; NaN where none repeat."""
+    """rms(H_a - H_b) beyond noise over √2 rms(H), of all pairs of one position, input and level; NaN where none repeat."""
     beyond, size = 0.0, 0.0
     for a, b in combinations(entries, 2):
-        same = np.array_equal([a.position], [b.position], equal_nan=True) and a.channels == b.channels
-        if not same or a.data.shape != b.data.shape or not np.allclose(a.freq, b.freq, rtol=1e-6):
+        if measured_at(a) != measured_at(b):
             continue
         levels = [e.level if np.isfinite(e.level) else 1.0 for e in (a, b)]
-        if max(levels) > ALIKE * min(levels) or np.isfinite(a.level) != np.isfinite(b.level):
+        if max(levels) > SETTINGS.record_same_level * min(levels) or np.isfinite(a.level) != np.isfinite(b.level):
             continue
-        beyond += float(np.mean(np.abs(a.data - b.data) ** 2 - a.variance - b.variance))
-        size += float(np.mean(np.abs(a.data) ** 2 + np.abs(b.data) ** 2))
+        if (pair := compared(a, b)) is None:
+            continue
+        (one, other), variance = pair.data, pair.variance
+        beyond += float(np.mean(np.abs(one - other) ** 2 - variance[0] - variance[1]))
+        size += float(np.mean(np.abs(one) ** 2 + np.abs(other) ** 2))
     # rms(H) is of either record: √2 rms(H) squared is the sum of both mean squares.
     return float(np.sqrt(max(beyond, 0.0) / size)) if size else float("nan")

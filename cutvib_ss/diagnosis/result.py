@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from cutvib_ss.diagnosis.findings import Findings
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
-from cutvib_ss.results.display import Drawn, Table
+from cutvib_ss.results.display import Drawn, Table, optional
 
 SCHEMA = "cutvib-diagnosis/1"
-PRIORS = {"none": 0.5, "known": 0.3, "unknown": 0.1, "sums": 0.1}
-"""Prior of each kind of hypothesis. A machine is measured because somebody doubts its model, but most parts of it are right."""
 Verdict: TypeAlias = Literal["no_gap", "explained", "partly_explained", "ambiguous", "unknown"]
 
 
@@ -40,6 +39,9 @@ class ErrorFigure:
     label: float | str | None  # Position y_b / L, or name of the channel
     error: float  # Mean modulus of the re-tuned nominal model's error, and that of noise alone, in the gap's unit
     noise: float
+    floor: float | None = (
+        None  # What noise and drift between sessions leave of a right model; None where that is not known
+    )
 
 
 @dataclass(frozen=True)
@@ -126,9 +128,7 @@ class Comparison:
     measured: MeasuredFrequencyResponse  # The measurement
     # The model as given, re-tuned, and with the cause; each through the same estimator as the measurement
     nominal: FrequencyResponse
-    # The model as given, re-tuned, and with the cause; each through the same estimator as the measurement
     tuned: FrequencyResponse
-    # The model as given, re-tuned, and with the cause; each through the same estimator as the measurement
     corrected: FrequencyResponse
 
 
@@ -237,8 +237,12 @@ class Diagnosis(Drawn):
                 "place_set": list(w.place_set),
                 "places": [{"place": p, "probability": q} for p, q in w.places],
                 "bands_hz": [list(b) for b in w.bands_hz],
-                "by_position": [{"position": f.label, "error": f.error, "noise": f.noise} for f in w.by_position],
-                "by_channel": [{"channel": f.label, "error": f.error, "noise": f.noise} for f in w.by_channel],
+                "by_position": [
+                    {"position": f.label, "error": f.error, "noise": f.noise, "floor": f.floor} for f in w.by_position
+                ],
+                "by_channel": [
+                    {"channel": f.label, "error": f.error, "noise": f.noise, "floor": f.floor} for f in w.by_channel
+                ],
                 "level_dependent": w.level_dependent,
                 **self.findings.where(),
             },
@@ -259,7 +263,7 @@ class Diagnosis(Drawn):
             ],
             "limits": [dict(vars(x)) for x in self.limits],
             "repeatability": self.repeatability,
-            "priors": dict(PRIORS),
+            "priors": dict(SETTINGS.priors),
             "likelihood": dict(self.sizes),
             "ambiguity_set": list(self.ambiguity_set),
             "next_test": None if self.next_test is None else dict(vars(self.next_test)),
@@ -274,6 +278,23 @@ class Diagnosis(Drawn):
         }
         cleaned: dict[str, Any] = _finite(data)
         return cleaned
+
+    def to_dataframe(self) -> Any:
+        """
+        The causes as a table of pandas (extra ``data``).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each cause and parameter: effect, place, probability; parameter, value, std, unit.
+        """
+        rows = [
+            (c.effect, c.place, c.probability, n, p.value, p.std, p.unit)
+            for c in self.causes
+            for n, p in (c.parameters or {"": FittedParameter("", math.nan, "")}).items()
+        ]
+        columns = ["effect", "place", "probability", "parameter", "value", "std", "unit"]
+        return optional("pandas", "to_dataframe").DataFrame(rows, columns=columns)
 
     def to_json(self) -> str:
         """

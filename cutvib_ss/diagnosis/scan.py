@@ -21,23 +21,11 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Directions, Sizes
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.effects.base import Effect, Model, parameter_fields
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray
-
-STEPS, TOLERANCE = 10, 1e-2
-"""Steps of the fit underneath on the records of the scan, and the relative gain at which they end."""
-NUDGE = 0.02
-"""Part of its range by which a parameter is moved off a start that does nothing."""
-NOTHING = 1e-3
-"""Squares a datum below which a start does nothing: so much the estimator's own sums may differ."""
-REFINED_FROM = 0.05
-"""Size of the simplex, in parts of the ranges, from which the best of a law's values is refined …"""
-EVALUATIONS = 12
-"""… in so many evaluations a parameter."""
-EXTRAPOLATED = 4.0
-"""Times its weakest start up to which a law in proportion to its parameter is scaled."""
 
 
 class Scanned(NamedTuple):
@@ -62,7 +50,7 @@ class Scan:
         self.nominal, self.records, self.motion, self.apart = nominal, records, motion, apart
         self.warm: FloatArray | None = None
         if x is not None:
-            there = fit(nominal, records, hypothesis, x, STEPS, TOLERANCE)
+            there = fit(nominal, records, hypothesis, x, SETTINGS.scan_steps, SETTINGS.scan_gain)
             hypothesis = there.hypothesis
             self.warm = there.x[: there.first_effect]
         self.effects = hypothesis.effects
@@ -84,11 +72,16 @@ class Scan:
     def promise(self, starts: Sequence[Effect]) -> Scanned:
         """The best of a cause's starts."""
         if starts[0].linear:
-            return max((self._scaled(e) for e in starts), key=lambda s: s.gain)
+            gain, best = max(((g, h) for h, _, g in map(self._of_start, starts)), key=lambda row: row[0])
+            return Scanned(gain, best)
         tried = [self.as_it_stands(e) for e in starts]
         if starts[0].proportional:
             tried.append(self._in_proportion(starts))
         return max(tried, key=lambda s: s.gain)
+
+    def each(self, starts: Sequence[Effect]) -> list[tuple[float, float]]:
+        """χ² that each start of a linear cause would take away: as it stands, and scaled as it is best."""
+        return [self._of_start(e)[1:] for e in starts]
 
     def refined(self, best: Scanned) -> Scanned:
         """A law with its parameters where it explains most."""
@@ -104,7 +97,7 @@ class Scan:
             return -gain if np.isfinite(gain) else 1e300
 
         start = x[own]
-        step = np.where(start + REFINED_FROM <= 1.0, REFINED_FROM, -REFINED_FROM)
+        step = np.where(start + SETTINGS.scan_simplex <= 1.0, SETTINGS.scan_simplex, -SETTINGS.scan_simplex)
         found = optimize.minimize(
             loss,
             start,
@@ -112,7 +105,7 @@ class Scan:
             bounds=[(0.0, 1.0)] * own.size,
             options={
                 "initial_simplex": np.vstack([start, start + np.diag(step)]),
-                "maxfev": EVALUATIONS * own.size,
+                "maxfev": SETTINGS.scan_evaluations * own.size,
                 "xatol": 1e-4,
                 "fatol": 0.1,
             },
@@ -154,7 +147,7 @@ class Scan:
         both, problem, x = self.with_cause(weakest)
         along, size, _ = self.change(problem, x)
         scale = along / size if size > 0.0 else 0.0
-        if not 0.0 < abs(scale) < EXTRAPOLATED:
+        if not 0.0 < abs(scale) < SETTINGS.scan_extrapolated:
             return Scanned(-np.inf, both)
         try:
             return self.as_it_stands(replace(weakest, **{parameter.name: scale * getattr(weakest, parameter.name)}))
@@ -162,24 +155,21 @@ class Scan:
             # Its parameter cannot be negative.
             return Scanned(-np.inf, both)
 
-    def _scaled(self, effect: Effect) -> Scanned:
-        """By the change of the prediction at a start, scaled as it is best."""
+    def _of_start(self, effect: Effect) -> tuple[Hypothesis, float, float]:
+        """χ² that a linear cause would take away at a start: as it stands, and with its change scaled as it is best."""
         both, problem, x = self.with_cause(effect)
-        gain, moved_by = self._along(problem, x)
-        if moved_by > NOTHING * self.left.size or gain == -np.inf:
-            return Scanned(gain, both)
+        along, size, moved_by = self.change(problem, x)
+        stands, gain = 2.0 * along - size, along * abs(along) / size if size > 0.0 else along
+        if moved_by > SETTINGS.scan_nothing * self.left.size or gain == -np.inf:
+            return both, stands, gain
         # The start does nothing yet: each parameter is moved off it, and may go either way.
         moves = []
         for i in range(problem.size - sum(p[0] == len(self.effects) for p in problem.parameters), problem.size):
             moved = x.copy()
-            moved[i] += NUDGE if x[i] + NUDGE <= 1.0 else -NUDGE
-            moves.append(abs(self._along(problem, moved)[0]))
-        return Scanned(max((m for m in moves if np.isfinite(m)), default=-np.inf), both)
-
-    def _along(self, problem: Problem, x: FloatArray) -> tuple[float, float]:
-        """χ² that a change of the prediction would take away, negative if turned round; and the change's own squares."""
-        along, size, moved_by = self.change(problem, x)
-        return along * abs(along) / size if size > 0.0 else along, moved_by
+            moved[i] += SETTINGS.scan_nudge if x[i] + SETTINGS.scan_nudge <= 1.0 else -SETTINGS.scan_nudge
+            along, size, _ = self.change(problem, moved)
+            moves.append(along**2 / size if size > 0.0 else along)
+        return both, stands, max((m for m in moves if np.isfinite(m)), default=-np.inf)
 
     def change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
         """

@@ -13,52 +13,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import level_stands_out, levels_compared, motions
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
-from cutvib_ss.diagnosis.ranking import (
-    COARSE_ERROR,
-    COARSE_LINES,
-    ENOUGH,
-    LATER_STEPS,
-    LAW_STEPS,
-    MOST_STEPS,
-    ROUGH,
-    Ranked,
-    cost,
-    first_steps,
-    on_all_lines,
-    ranked_by_gain,
-    some,
-)
+from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, ranked_by_gain, refit, some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
-from cutvib_ss.diagnosis.unknown_element import UnknownElement, unknown_candidates
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce, unknown_candidates
 from cutvib_ss.diagnosis.workers import Workers
-from cutvib_ss.effects.base import Model
+from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.results import FloatArray
-
-REFINED = 3
-"""Linear causes that are fitted again on all lines, at least."""
-MOST_LAWS = 3
-"""Of those that are simulated no more are fitted on all lines."""
-CLIMBED = 3
-"""Starts of a cause from which steps are taken: those that fit best as they stand."""
-FIRST_STEPS = 3
-"""Steps from each start."""
-MOST_REFINED, MOST_STARTED = 6, 3
-"""Of the causes that are simulated so many are looked at more closely, and so many fitted: those that promise most."""
-CAUGHT = 5.0
-"""Log evidence by which a cause has to lead before the model without one is tuned again from there."""
-LEFT, LEFT_OF_GAP = 1.05, 2e-4
-"""χ² a datum, and part of the gap's own, below which nothing more is tried beside the best cause: it saves time, no more."""
-UNKNOWN_REFINED = 3
-"""Unknown elements, alone and beside a cause, that are fitted on all lines."""
-LEADS = 0.1
-"""Part of the excess that a single cause has to take away before a second one is tried on top: else neither is known."""
 
 
 def search(
@@ -70,58 +40,34 @@ def search(
     pairs: bool = True,
     laws: bool = True,
 ) -> tuple[Ranked, ...]:
-    """
-    Fit every cause, and pairs where no single one is enough.
-
-    Parameters
-    ----------
-    nominal : Machine or Structure
-        The nominal model.
-    records : Records
-        Records to fit on.
-    observed : Observations
-        The campaign they are of: its band and channels.
-    leaves : callable
-        Reduced χ² that a cause leaves on held-out records.
-    workers : Workers
-        Who fits.
-    pairs : bool
-        Whether two causes are tried where no single one is enough.
-    laws : bool
-        Whether causes that depend on the level are tried.
-
-    Returns
-    -------
-    tuple of Ranked
-        The tuned nominal model first, then the causes by evidence.
-    """
+    """Fit every cause, and pairs where no single one is enough: the tuned nominal model first, then causes by evidence."""
     workers.say("tuning the nominal model")
-    few = records.coarse(COARSE_LINES, COARSE_ERROR)
-    scout = fit(nominal, few, Hypothesis(), None, LATER_STEPS, ROUGH)
+    few = records.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
+    scout = fit(nominal, few, Hypothesis(), None, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain)
     none = Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True)
     linear = candidates(nominal, observed.band, observed.channels)
     workers.say(f"fitting {len(linear)} linear causes")
-    rough = _rough(nominal, few, linear, workers)
+    rough = _rough(nominal, records, few, linear, none, workers)
     alone = {c.name: f.hypothesis.effects[0] for c, f in rough}
     ranked = on_all_lines(
         nominal,
         records,
         rough,
-        REFINED,
+        SETTINGS.search_linear_refined,
         (cost(scout), none.fit.log_evidence),
         workers,
-        near=none.fit if none.reduced < ENOUGH else None,
+        near=none.fit if none.reduced < SETTINGS.search_enough else None,
     )
     none = _not_caught(nominal, records, none, ranked)
-    by_level = level_stands_out(records)
+    by_level = level_stands_out(records, none.fit.model)
     dependent: Sequence[Candidate] = ()
     motion: dict[str, float] = {}
-    outlook = records.for_laws(COARSE_LINES, COARSE_ERROR) if laws else None
-    compared = levels_compared(records)
+    outlook = records.for_laws(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error) if laws else None
+    compared = levels_compared(records, none.fit.model)
     if (
         outlook is not None
         and (by_level or not compared or not _enough(ranked, none, leaves))
-        and none.reduced > ENOUGH
+        and none.reduced > SETTINGS.search_enough
     ):
         moved = motions(none.fit.model, outlook)
         motion = {place: m.high for place, m in moved.items()}
@@ -131,14 +77,23 @@ def search(
             dependent = [c for c in dependent if c.starts[0].scale_free]
         workers.say(f"fitting {len(dependent)} causes that depend on the level")
         rough = _rough_laws(nominal, outlook, dependent, motion, workers)
-        ranked += on_all_lines(nominal, records, rough, 2, _rival(nominal, outlook, ranked), workers, MOST_LAWS)
-    if pairs and none.reduced > ENOUGH and not _enough(ranked, none, leaves) and _gained(ranked, none) > LEADS:
+        ranked += on_all_lines(
+            nominal, records, rough, 2, _rival(nominal, outlook, ranked), workers, SETTINGS.search_laws_refined
+        )
+    if (
+        pairs
+        and none.reduced > SETTINGS.search_enough
+        and not _enough(ranked, none, leaves)
+        and _gained(ranked, none) > SETTINGS.search_leads
+    ):
         workers.say("fitting causes that act together")
         seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
         ranked += fit_pairs(nominal, records, ranked, seconds, motion, workers)
-    if none.reduced > ENOUGH and not _enough(ranked, none, leaves):
+    if none.reduced > SETTINGS.search_enough and not _enough(ranked, none, leaves):
         workers.say("fitting elements of unknown form")
         ranked += _unknown(nominal, records, few, observed, ranked, workers)
+        if dependent:
+            ranked += _unknown_forces(nominal, records, few, observed, none, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
         best.setdefault(r.name, r)
@@ -148,7 +103,7 @@ def search(
 def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked]) -> Ranked:
     """The model without a cause, tuned from where the best cause has its tuning too: it may have been caught in a side minimum."""
     best = max(ranked, key=lambda r: r.fit.log_evidence).fit
-    if best.log_evidence < none.fit.log_evidence + CAUGHT:
+    if best.log_evidence < none.fit.log_evidence + SETTINGS.search_caught or none.reduced > SETTINGS.fit_hopeless:
         return none
     again = fit(nominal, records, Hypothesis(), best.x[: best.first_effect])
     return Ranked(none.name, again, True) if again.objective < none.fit.objective else none
@@ -160,8 +115,8 @@ def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], f
     if best.fit.log_evidence <= none.fit.log_evidence or not best.refined:
         return False
     # A law's residual tells only beside what is not known of the force; a linear one leaves as much elsewhere.
-    left = best.reduced if best.fit.hypothesis.linear else leaves(best)
-    return left < LEFT + LEFT_OF_GAP * max(none.reduced - 1.0, 0.0)
+    left = best.reduced if best.fit.hypothesis.linear else leaves(best) * best.fit.spread.sizes.noise
+    return left < SETTINGS.search_left + SETTINGS.search_left_of_gap * max(none.reduced - 1.0, 0.0)
 
 
 def _unknown(
@@ -183,15 +138,34 @@ def _unknown(
             beside += [(replace(own, effects=(*own.effects, *h.effects)), best.fit.x) for h in alone]
     hypotheses, warm = [h for h, _ in beside], [x for _, x in beside]
     warm = [None if x is None else x[: linear[0].fit.first_effect] for x in warm]
-    tried = workers.map(partial(first_steps, nominal, few, steps=LATER_STEPS), hypotheses, warm)
+    tried = workers.map(partial(first_steps, nominal, few, steps=SETTINGS.search_later_steps), hypotheses, warm)
     out: list[Ranked] = []
     for count in (1, 2):
         found = [f for f in tried if f is not None and len(f.hypothesis.effects) == count]
-        for f in sorted(found, key=cost)[:UNKNOWN_REFINED]:
+        for f in sorted(found, key=cost)[: SETTINGS.search_unknown_refined]:
             ports = [getattr(e, "port", e.place) + f" {getattr(e, 'scale', 0.0):.3g}" for e in f.hypothesis.effects]
             name = " + ".join(f"{e.effect} {p}" for e, p in zip(f.hypothesis.effects, ports, strict=True))
-            again = fit(nominal, records, f.hypothesis, f.x, MOST_STEPS)
-            out.append(Ranked(name, again, True))
+            again = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
+            if again is not None:
+                out.append(Ranked(name, again, True))
+    return out
+
+
+def _unknown_forces(
+    nominal: Model, records: Records, few: Records, observed: Observations, none: Ranked, workers: Workers
+) -> list[Ranked]:
+    """An unknown restoring force at each port."""
+    hypotheses = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band, UnknownForce)]
+    tried = workers.map(
+        partial(first_steps, nominal, few, warm=none.fit.x, steps=SETTINGS.search_later_steps), hypotheses
+    )
+    out = []
+    for f in sorted((f for f in tried if f is not None), key=cost)[: SETTINGS.search_unknown_refined]:
+        [own] = f.hypothesis.effects
+        again = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
+        if again is None:
+            continue
+        out.append(Ranked(f"unknown force {own.port} {own.scale:.3g}", again, True))  # type: ignore[attr-defined]
     return out
 
 
@@ -204,29 +178,47 @@ def _gained(ranked: Sequence[Ranked], none: Ranked) -> float:
 def _rival(nominal: Model, outlook: Records, ranked: Sequence[Ranked]) -> tuple[float, float]:
     """The best linear cause on the records on which laws start: its objective there, its evidence on all."""
     best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
-    there = fit(nominal, outlook, best.fit.hypothesis, best.fit.x, LATER_STEPS, ROUGH)
+    there = fit(
+        nominal, outlook, best.fit.hypothesis, best.fit.x, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain
+    )
     return cost(there), best.fit.log_evidence
 
 
-def _rough(nominal: Model, few: Records, found: Sequence[Candidate], workers: Workers) -> list[tuple[Candidate, Fit]]:
-    """Each candidate from the best of its starts, on few lines; best first."""
-    scan = Scan(nominal, few, Hypothesis(), None, {}, apart=False)
-    fits = workers.map(partial(_scouted, nominal, few, scan), found)
-    pairs = [(c, f) for c, f in zip(found, fits, strict=True) if f is not None]
+def _rough(
+    nominal: Model, records: Records, few: Records, found: Sequence[Candidate], none: Ranked, workers: Workers
+) -> list[tuple[Candidate, Fit]]:
+    """The candidates that promise most, each from the best of its starts, on few lines; best first."""
+    # The tuning of a model that lacks the cause leads away from a large one; of a small one it is what is left that tells.
+    afar = Scan(nominal, few, Hypothesis(), None, {}, apart=False)
+    sharp = records.coarse(SETTINGS.search_coarse_lines, 0.0)
+    near = Scan(nominal, sharp, Hypothesis(), none.fit.x, {}, apart=False)
+    chosen: set[int] = set()
+    orders: dict[int, list[Effect]] = {}
+    for scan in (near, afar):
+        tried = workers.map(scan.each, [c.starts for c in found])
+        best = [max(max(gains) for gains in rows) for rows in tried]
+        chosen |= set(np.argsort(best)[::-1][: SETTINGS.search_scouted].tolist())
+        for i, rows in enumerate(tried):
+            order = sorted(range(len(rows)), key=lambda k: -rows[k][0])
+            orders[i] = [found[i].starts[k] for k in order]
+    kept = sorted(chosen)
+    fits = workers.map(partial(_scouted, nominal, few), [orders[i] for i in kept])
+    pairs = [(found[i], f) for i, f in zip(kept, fits, strict=True) if f is not None]
     return sorted(pairs, key=lambda pair: cost(pair[1]))
 
 
-def _scouted(nominal: Model, few: Records, scan: Scan, candidate: Candidate) -> Fit | None:
-    """A candidate from the best of its starts; None where the model takes none."""
+def _scouted(nominal: Model, few: Records, starts: Sequence[Effect]) -> Fit | None:
+    """A candidate from the best of its starts, which are in order of promise; None where the model takes none."""
     # All start from the untuned model: the tuning of a model that lacks the cause leads away.
-    starts = [Hypothesis((e,)) for e in candidate.starts]
-    if len(starts) > CLIMBED:
-        starts.sort(key=lambda h: -scan.as_it_stands(h.effects[0]).gain)
-    tries = [f for h in starts[:CLIMBED] if (f := first_steps(nominal, few, h, None, FIRST_STEPS)) is not None]
+    tries = [
+        f
+        for e in starts[: SETTINGS.search_starts_climbed]
+        if (f := first_steps(nominal, few, Hypothesis((e,)), None, SETTINGS.search_start_steps)) is not None
+    ]
     if not tries:
         return None
     best = min(tries, key=cost)
-    return fit(nominal, few, best.hypothesis, best.x, LATER_STEPS, ROUGH)
+    return fit(nominal, few, best.hypothesis, best.x, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain)
 
 
 def _rough_laws(
@@ -234,11 +226,14 @@ def _rough_laws(
 ) -> list[tuple[Candidate, Fit]]:
     """The same for laws, whose steps are expensive: each is scanned, and those that promise most take some."""
     scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True)
-    promising = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))[:MOST_REFINED]
+    promising = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))[
+        : SETTINGS.search_laws_looked_at
+    ]
     refined = workers.map(scan.refined, [s for _, s in promising])
-    promising = ranked_by_gain([c for c, _ in promising], refined)[:MOST_STARTED]
+    promising = ranked_by_gain([c for c, _ in promising], refined)[: SETTINGS.search_laws_started]
     tries = workers.map(
-        partial(first_steps, nominal, outlook, warm=None, steps=LAW_STEPS), [s.hypothesis for _, s in promising]
+        partial(first_steps, nominal, outlook, warm=None, steps=SETTINGS.search_law_steps),
+        [s.hypothesis for _, s in promising],
     )
     out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]
     return sorted(out, key=lambda pair: cost(pair[1]))

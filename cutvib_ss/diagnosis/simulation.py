@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
@@ -20,36 +19,17 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Group, Records, merged, site
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.sweeps import SweptRecord, swept
+from cutvib_ss.diagnosis.unknown_element import UnknownForce
+from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
-from cutvib_ss.response.harmonic_balance import SineSweep
 from cutvib_ss.response.receptance import CondensedModel
 from cutvib_ss.response.stepping import ModalForm, modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.units import DERIVATIVE_ORDER
-
-TUNING_STEP = 0.02
-"""Step of a tuned value's unknown in a difference of two closed forms."""
-LAW_STEP = 2e-4
-"""Step of a law's parameter, as a fraction of its range, in a difference of two simulations."""
-HARMONICS = 3
-"""Highest harmonic in which sine sweeps are balanced: what is compared is the first."""
-FORCE_SCALE = 0.2
-"""Relative error of the force behind a record that holds responses alone: hands scatter, and the blow's length is a guess."""
-FORCE_SCALE_STEP = 0.02
-"""Step of such a record's unknown in a difference of two simulations."""
-JUMP = 0.2
-"""Step between lines, against the largest response, from which a sweep may have jumped."""
-STILL = 5.0
-"""Modes this many times above the band yield statically to nonlinear forces."""
-CLASSICAL = 20.0
-"""Damping couples no modes that many times above the band."""
-STEPS, ROUGH_STEPS = 20.0, 10.0
-"""Steps in a period: χ² is then off by less than 1e-6 of a degree of freedom for smooth laws (1e-3 on few lines), and by 3e-4 for
-friction (1e-2), which takes twice as many."""
-HYSTERESIS_AT = 100.0
-"""Frequency at which hysteretic damping is made viscous for stepping in time [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -62,14 +42,14 @@ class Simulated:
     # Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port
     stiffness: ComplexArray
     # Sine sweeps among the records, by row: they are balanced in their harmonics instead of stepped in time
-    sweeps: Mapping[int, SineSweep] = field(default_factory=dict)
+    sweeps: Mapping[int, SweptRecord] = field(default_factory=dict)
 
 
 def simulated(
     model: Model,
     group: Group,
     wanted: np.ndarray | None = None,
-    steps: float = STEPS,
+    steps: float = SETTINGS.simulation_steps,
     force_scale: FloatArray | None = None,
 ) -> Simulated:
     """Run each record's force through a model in time, and its estimator on the responses."""
@@ -80,20 +60,26 @@ def simulated(
     outputs = tuple(dict.fromkeys(steady.signals))
     data = np.zeros(group.data.shape, dtype=np.complex128)
     stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
-    still = STILL * float(group.freq[-1])
-    sweeps = {row: _swept(model, group, row) for row in range(len(data)) if np.isfinite(group.entries[row][0].sweep)}
+    still = SETTINGS.simulation_static_above * float(group.freq[-1])
+    sweeps = {row: swept(model, group, row) for row in range(len(data)) if group.entries[row][0].sine is not None}
     for row, sweep in sweeps.items():
-        data[row] = sweep.data[0]
-    forms: dict[float | None, ModalForm] = {}
+        data[row] = sweep.data
+    forms: dict[tuple[float | None, str], ModalForm] = {}
     for rows in _batches(group, wanted):
         at = float(group.positions[rows[0]])
         position = None if np.isnan(at) else at
         replays = [_replay(group, row) for row in rows]
-        if position not in forms:
-            forms[position] = modal_form(
-                model, position, outputs, HYSTERESIS_AT, classical_above=CLASSICAL * float(group.freq[-1])
+        struck = group.inputs[rows[0]]
+        if (position, struck) not in forms:
+            forms[position, struck] = modal_form(
+                model,
+                position,
+                outputs,
+                SETTINGS.simulation_hysteresis_at,
+                classical_above=SETTINGS.simulation_classical_above * float(group.freq[-1]),
+                input=struck,
             )
-        form = forms[position]
+        form = forms[position, struck]
         # All records at a position in one call: they share the modal sum.
         scales = np.ones(len(data)) if force_scale is None else force_scale
         windows = [_window(model, r) for r in replays]
@@ -128,24 +114,6 @@ def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:
     return gain, chain.window(np.arange(force.shape[1]) / replay.fs - at)
 
 
-def _swept(model: Model, group: Group, row: int) -> SineSweep:
-    """A sine sweep; where it jumps, in the direction that the record is nearer to: no record says which way it went."""
-    entry, position = group.entries[row][0], group.positions[row : row + 1]
-    at = None if np.isnan(position[0]) else position
-
-    def swept(direction: Literal["up", "down"]) -> SineSweep:
-        return SineSweep(
-            model, at, group.freq, entry.sweep, direction, HARMONICS, group.channels, viscous_at=HYSTERESIS_AT
-        )
-
-    up = swept("up")
-    size = np.abs(up.data[0])
-    if np.all(np.abs(np.diff(size, axis=1)) < JUMP * size.max(axis=1, keepdims=True)):
-        return up
-    weight = 1.0 / group.variance[row]
-    return min((up, swept("down")), key=lambda s: float(np.sum(weight * np.abs(group.data[row] - s.data[0]) ** 2)))
-
-
 def _replay(group: Group, row: int) -> Replay:
     replay = group.entries[row][0].replay
     if replay is None:
@@ -154,12 +122,12 @@ def _replay(group: Group, row: int) -> Replay:
 
 
 def _batches(group: Group, wanted: np.ndarray | None) -> list[list[int]]:
-    """Rows at one position whose histories have one length and clock."""
-    found: dict[tuple[float, float, int], list[int]] = {}
+    """Rows at one position and input whose histories have one length and clock."""
+    found: dict[tuple[float, str, float, int], list[int]] = {}
     for row, position in enumerate(group.positions):
-        if not np.isfinite(group.entries[row][0].sweep) and (wanted is None or wanted[row]):
+        if group.entries[row][0].sine is None and (wanted is None or wanted[row]):
             replay = _replay(group, row)
-            key = (float(np.nan_to_num(position, nan=-1.0)), replay.fs, replay.forces[0].size)
+            key = (float(np.nan_to_num(position, nan=-1.0)), group.inputs[row], replay.fs, replay.forces[0].size)
             found.setdefault(key, []).append(row)
     return list(found.values())
 
@@ -173,7 +141,11 @@ def _equivalent(replay: Replay, motions: FloatArray, forces: FloatArray) -> Comp
 class SimulatedProblem(Problem):
     """A hypothesis with nonlinear effects, on records apart."""
 
-    def __init__(self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis, steps: float = STEPS) -> None:
+    apart = True
+
+    def __init__(
+        self, nominal: Model, groups: Sequence[Group], hypothesis: Hypothesis, steps: float = SETTINGS.simulation_steps
+    ) -> None:
         super().__init__(nominal, groups, hypothesis)
         self.steps = steps
         self._sites = [_sites(g) for g in self.groups]
@@ -199,7 +171,7 @@ class SimulatedProblem(Problem):
         """Factors on the forces of each group's records."""
         out = [np.ones(len(g.data)) for g in self.groups]
         for k, (i, row) in enumerate(self.force_scaled):
-            out[i][row] = np.exp(FORCE_SCALE * x[self._shared_by_all + k])
+            out[i][row] = np.exp(SETTINGS.simulation_force_scale * x[self._shared_by_all + k])
         return out
 
     def _slopes(self, x: FloatArray, p: Simulated) -> list[ComplexArray]:
@@ -227,16 +199,20 @@ class SimulatedProblem(Problem):
         for i, scale, carried in moves:
             closed = tuple((path, w) for path, w in carried if path[0] != "nonlinear")
             moved = x.copy()
-            moved[i] += TUNING_STEP if i < self.n_tuning else LAW_STEP
+            moved[i] += SETTINGS.simulation_tuning_step if i < self.n_tuning else SETTINGS.simulation_law_step
             change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
             out[i] = scale * linear.derivative(closed)[row] - change
             for k, sweep in p.sweeps.items():
-                out[i][k] = scale * sum(w * sweep.derivative(path)[0] for path, w in carried)
+                out[i][k] = scale * sum(w * sweep.derivative(path) for path, w in carried)
         return [out[i] for i in sorted(out)]
 
     def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
         moved = x.copy()
-        moved[i] += LAW_STEP if x[i] + LAW_STEP <= 1.0 else -LAW_STEP
+        moved[i] += (
+            SETTINGS.simulation_law_step
+            if x[i] + SETTINGS.simulation_law_step <= 1.0
+            else -SETTINGS.simulation_law_step
+        )
         index = self._fitted(p)
         scales = None if index is None else self._force_scales(x)[index]
         there = simulated(self.applied(moved), p.group, None, self.steps, scales)
@@ -255,9 +231,9 @@ class SimulatedProblem(Problem):
         if not self.force_scaled:
             return {}
         moved = x.copy()
-        moved[self._shared_by_all : self.first_effect] += FORCE_SCALE_STEP
+        moved[self._shared_by_all : self.first_effect] += SETTINGS.simulation_force_scale_step
         there = simulated(p.model, p.group, None, self.steps, self._force_scales(moved)[index])
-        change = (there.data - p.data) / FORCE_SCALE_STEP
+        change = (there.data - p.data) / SETTINGS.simulation_force_scale_step
         out = {}
         for k, (i, row) in enumerate(self.force_scaled):
             own = np.zeros(p.data.shape, dtype=np.complex128)
@@ -283,22 +259,37 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
     if not ports:
         return np.zeros((row.size, len(sites.channels), chain.s.size), dtype=np.complex128)
     out = np.array([[condensed.receptance(r, p) for p in ports] for r in chain.signals])
-    drive = np.array([condensed.receptance(p, "force") for p in ports])
+    inputs = tuple(dict.fromkeys(sites.inputs))
+    drives = np.array([[condensed.receptance(p, i) for i in inputs] for p in ports])
     own = np.array([[condensed.receptance(p, q) for q in ports] for p in ports])
     # (record, frequency, ...): one small system a record and line. A structure has one row for all sites.
+    at = np.array([inputs.index(name) for name in sites.inputs])[row]
     row = row if len(own[0, 0]) > 1 else np.zeros_like(row)
+    drive = drives[:, at, row if drives.shape[2] > 1 else 0 * row]
     z = stiffness.transpose(0, 2, 1)
-    a_pr, a_rq, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, drive, own))
+    a_pr, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, own))
+    a_rq = np.moveaxis(drive, 0, -1)
     below = np.eye(len(ports)) + a_rr * z[:, :, None, :]
     taken = np.einsum("rfcp,rfp,rfp->rcf", a_pr, z, np.linalg.solve(below, a_rq[..., None])[..., 0])
     return chain.shown(taken)
+
+
+def unforced_problem(nominal: Model, records: Records, hypothesis: Hypothesis) -> Problem:
+    """The unknowns of a hypothesis without the forces of single records: to draw models and calibration errors from a fit."""
+    if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
+        return UnknownForceProblem(nominal, records.each, hypothesis)
+    return Problem(nominal, records.merged, hypothesis)
 
 
 def problem_for(
     nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False, by_session: bool = False
 ) -> Problem:
     """The problem of a hypothesis on some records."""
+    if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
+        return UnknownForceProblem(nominal, records.each, hypothesis)
     if hypothesis.linear and not records.leaking and not apart:
         return Problem(nominal, records.by_session if by_session else records.merged, hypothesis)
     groups = records.apart_by_session if by_session else records.apart
-    return SimulatedProblem(nominal, groups, hypothesis, ROUGH_STEPS if records.rough else STEPS)
+    return SimulatedProblem(
+        nominal, groups, hypothesis, SETTINGS.simulation_rough_steps if records.rough else SETTINGS.simulation_steps
+    )

@@ -9,15 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cutvib_ss.diagnosis.hypotheses import Candidate
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to
 from cutvib_ss.effects.prior import Range, Severity
 from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.model.elements import SmoothElement
 
-KNOTS = 9
-"""Knots over the band: two to three an octave and a half, as the correlation length of `SmoothElement` asks."""
-AMPLITUDES = (0.03, 0.3, 3.0)
-"""Standard deviations that are tried, in parts of the port's own stiffness at mid band; each has a third of the prior."""
 PORTS: Mapping[str, str] = {
     "joint1": "joint1",
     "joint2": "joint2",
@@ -27,7 +24,7 @@ PORTS: Mapping[str, str] = {
 }
 """Ports of the cutting machine at which an unknown element may sit, and the places that they belong to."""
 
-_NAMES = tuple(f"c{k}" for k in range(2 * KNOTS))
+_NAMES = tuple(f"c{k}" for k in range(2 * SETTINGS.unknown_knots))
 
 
 class _Unknown(Effect):
@@ -72,18 +69,30 @@ UnknownElement: Any = make_dataclass(
 )
 
 
+class _Force(_Unknown):
+    """What `UnknownForce` does: the same with a value of each coefficient for every level."""
+
+    linear: ClassVar[bool] = False
+
+
+UnknownForce: Any = make_dataclass(
+    "UnknownForce",
+    [],
+    bases=(_Force, UnknownElement),
+    frozen=True,
+    namespace={"__module__": __name__, "__doc__": "A restoring force of unknown form at a port."},
+)
+
+
 def ports_of(model: Model) -> Mapping[str, str]:
     """Ports at which an unknown element may sit, with their places."""
     if model.has_position:
         return PORTS
-    from cutvib_ss.effects.base import place_of
-
-    places = {port: place_of(port, model) for port in model.system.ports}  # type: ignore[union-attr]
-    return {port: place for port, place in places.items() if port == place}
+    return {place: place for place in model.places}
 
 
-def unknown_candidates(model: Model, band: tuple[float, float]) -> tuple[Candidate, ...]:
-    """An unknown element at each port, with each amplitude."""
+def unknown_candidates(model: Model, band: tuple[float, float], kind: Any = UnknownElement) -> tuple[Candidate, ...]:
+    """An unknown element, or restoring force, at each port, with each amplitude."""
     out = []
     middle = 2 * np.pi * np.sqrt(band[0] * band[1])
     for port, place in ports_of(model).items():
@@ -91,7 +100,7 @@ def unknown_candidates(model: Model, band: tuple[float, float]) -> tuple[Candida
         own = max(scale.stiffness, scale.mass * middle**2)
         if port == "tool_z":
             own = port_scale(model, "tool").stiffness
-        for amplitude in AMPLITUDES:
-            element = UnknownElement(place, port, amplitude * own, *band)
+        for amplitude in SETTINGS.unknown_amplitudes:
+            element = kind(place, port, amplitude * own, *band)
             out.append(Candidate(f"unknown {port} {amplitude:g}", (element,)))
     return tuple(out)

@@ -14,24 +14,10 @@ import numpy as np
 from cutvib_ss.diagnosis.modification import Modification
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Group
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.response.batched import inverse
 from cutvib_ss.results import ComplexArray, FloatArray
-
-MODEL_ERROR = 0.01
-"""Relative error of a response that no parameter of the model explains; noise is widened by it."""
-TAIL_ERROR = 0.3
-"""Relative error of what the blocks cut off, since that is taken from the model without the elements."""
-ITERATIONS = 10
-"""Gauss-Newton steps from afar, at most …"""
-NEARBY = 4
-"""… and from close by, at most."""
-SETTLED = 1e-3
-"""Relative gain at which steps end."""
-BENDS = 10
-"""Degree of a smooth function of the logarithm of frequency …"""
-REWEIGHTED = 8
-"""… and the times that lines far from it are given less weight."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +55,11 @@ def rows_of(model: Model, group: Group, sets: np.ndarray, blow_at: float) -> Row
     """Records with their weights."""
     shown = Prediction(model, group, blow_at)
     tail: ComplexArray = shown.untruncated * shown.window - shown.data
-    error = group.variance + (MODEL_ERROR * np.abs(group.data)) ** 2 + (TAIL_ERROR * np.abs(tail)) ** 2
+    error = (
+        group.variance
+        + (SETTINGS.stiffness_model_error * np.abs(group.data)) ** 2
+        + (SETTINGS.stiffness_tail_error * np.abs(tail)) ** 2
+    )
     return Rows(group, sets, 1.0 / error, tail, np.asarray(shown.window, dtype=np.float64))
 
 
@@ -94,14 +84,14 @@ def fitted_functions(
     """The functions that explain the records best, each line on its own."""
     if start is None:
         functions, best = _inverted(rows, m, gain, weight)
-        functions, best = _climbed(rows, m, gain, weight, functions, best, 1e-3, ITERATIONS)
+        functions, best = _climbed(rows, m, gain, weight, functions, best, 1e-3, SETTINGS.stiffness_steps)
     else:
         functions, best = start, squares_left(rows, m, gain, start, weight)
-        functions, best = _climbed(rows, m, gain, weight, functions, best, 1e-3, NEARBY)
+        functions, best = _climbed(rows, m, gain, weight, functions, best, 1e-3, SETTINGS.stiffness_steps_nearby)
     for side in (1, -1) * sweeps:
         near = np.roll(functions, side, axis=-1)
         left = squares_left(rows, m, gain, near, weight)
-        near, left = _climbed(rows, m, gain, weight, near, left, 1e-2, NEARBY)
+        near, left = _climbed(rows, m, gain, weight, near, left, 1e-2, SETTINGS.stiffness_steps_nearby)
         better = left < best
         functions, best = np.where(better[:, None], near, functions), np.where(better, left, best)
     return functions, best
@@ -113,7 +103,7 @@ def smoothing_cost(rows: Rows, m: Modification, gain: ComplexArray, functions: C
     curvature = np.nan_to_num(np.abs(np.einsum("iisf->sif", matrix)))
     u = np.log(rows.group.freq)
     basis = np.polynomial.chebyshev.chebvander(
-        2.0 * (u - u[0]) / max(u[-1] - u[0], 1e-12) - 1.0, min(BENDS, u.size - 1)
+        2.0 * (u - u[0]) / max(u[-1] - u[0], 1e-12) - 1.0, min(SETTINGS.stiffness_degree, u.size - 1)
     )
     # A set's share of the data, against which a distance is far.
     usual = rows.group.data.size / rows.group.freq.size / rows.count
@@ -121,7 +111,7 @@ def smoothing_cost(rows: Rows, m: Modification, gain: ComplexArray, functions: C
     for own, weights, total in zip(functions, curvature, cost, strict=True):
         for value, weight in zip(own, weights, strict=True):
             off = np.zeros(u.size)
-            for _ in range(REWEIGHTED):
+            for _ in range(SETTINGS.stiffness_reweighted):
                 root = np.sqrt(weight / (1.0 + off / usual))
                 smooth = basis @ np.linalg.lstsq(basis * root[:, None], value * root, rcond=None)[0]
                 off = weight * np.abs(value - smooth) ** 2
@@ -174,7 +164,7 @@ def _climbed(
         gained = float(np.sum(np.where(better, best - left, 0.0)))
         functions, best = np.where(better[:, None], trial, functions), np.where(better, left, best)
         lam = np.where(better, lam / 5, lam * 10)
-        if gained < SETTLED * float(best.sum()):
+        if gained < SETTINGS.stiffness_gain * float(best.sum()):
             break
     return functions, best
 

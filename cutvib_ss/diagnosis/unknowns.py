@@ -11,9 +11,6 @@ from cutvib_ss.model.paths import Path, value_at
 from cutvib_ss.parameters import Tolerances
 from cutvib_ss.results import FloatArray
 
-CALIBRATION_SHAPES = 5
-"""Smooth shapes over the band that a calibration error is made of: a constant and half cosines."""
-
 
 def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
     """Values that tuning may move, with their tolerances."""

@@ -49,7 +49,7 @@ class Variant:
 
 def variants(model: Model, channels: Sequence[str]) -> tuple[Variant, ...]:
     """Every place of a model, each with the variants of its fault."""
-    if not isinstance(model, Machine):
+    if model.head is None:
         # A port's own unit (N/m or N m/rad) is the model's affair.
         ports = [_parallel(name, (name,), unit="") for name in ports_of(model, ())]
         return (*ports, *_measurement(channels, leaks=False))

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cutvib_ss.diagnosis.result import Cause, Verdict
-
-SURE = 0.9
-SET = 0.95
-HALF = 0.5
+from cutvib_ss.diagnosis.settings import SETTINGS
 
 
 def ambiguity_set(causes: Sequence[Cause]) -> tuple[int, ...]:
@@ -17,7 +14,7 @@ def ambiguity_set(causes: Sequence[Cause]) -> tuple[int, ...]:
     for i, cause in enumerate(causes):
         out.append(i)
         total += cause.probability
-        if total >= SET - 1e-9:
+        if total >= SETTINGS.verdict_set - 1e-9:
             break
     return tuple(out)
 
@@ -26,9 +23,9 @@ def verdict(causes: Sequence[Cause], stands_out: bool = True, shrinks: bool = Tr
     """What may be concluded; the first that holds."""
     best = causes[0]
     none = next((c.probability for c in causes if c.effect == "none"), 0.0)
-    if none >= HALF or not stands_out:
+    if none >= SETTINGS.verdict_half or not stands_out:
         return "no_gap"
-    if sum(c.probability for c in causes if c.effect == "unknown") > HALF:
+    if sum(c.probability for c in causes if c.effect == "unknown") > SETTINGS.verdict_half:
         return "unknown"
     partly: dict[tuple[str, str], float] = {}
     for c in causes:
@@ -37,9 +34,13 @@ def verdict(causes: Sequence[Cause], stands_out: bool = True, shrinks: bool = Tr
             key = (known, c.place.rpartition("+")[0])
             partly[key] = partly.get(key, 0.0) + c.probability
     if shrinks and not at_end:
-        if best.probability >= SURE and best.effect not in ("none", "unknown") and not best.effect.endswith("+unknown"):
+        if (
+            best.probability >= SETTINGS.verdict_sure
+            and best.effect not in ("none", "unknown")
+            and not best.effect.endswith("+unknown")
+        ):
             return "explained"
-        if max(partly.values(), default=0.0) >= SURE:
+        if max(partly.values(), default=0.0) >= SETTINGS.verdict_sure:
             return "partly_explained"
     return "ambiguous"
 
@@ -50,6 +51,6 @@ def place_set(places: Sequence[tuple[str, float]]) -> tuple[str, ...]:
     for place, p in places:
         out.append(place)
         total += p
-        if total >= SET - 1e-9:
+        if total >= SETTINGS.verdict_set - 1e-9:
             break
     return tuple(out)

@@ -10,33 +10,57 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cutvib_ss.diagnosis.comparison import across_grids
 from cutvib_ss.diagnosis.cross_validation import Judged
-from cutvib_ss.diagnosis.records import Entry, Group
+from cutvib_ss.diagnosis.likelihood import Directions, Sizes
+from cutvib_ss.diagnosis.prediction import Predicted
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.records import Entry, Group, estimator_of, measured_at, merged, session_of
 from cutvib_ss.diagnosis.result import ErrorFigure
-from cutvib_ss.results import ComplexArray
-
-STANDS_OUT = 4.0
-"""Standard deviations by which a band's mean square has to exceed that of noise."""
-LEVEL_EXCESS = 1.15
-"""Reduced χ² between levels from which a response is called level-dependent."""
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.effects.base import Model
+from cutvib_ss.results import ComplexArray, FloatArray
 
 
-def bands(residuals: Sequence[tuple[Group, ComplexArray]], width: float) -> tuple[tuple[float, float], ...]:
-    """Bands in which the error stands out of the noise."""
+def bands(
+    residuals: Sequence[tuple[Group, ComplexArray]], width: float, drifts: Sequence[FloatArray] | None = None
+) -> tuple[tuple[float, float], ...]:
+    """
+    Bands in which the error stands out of noise and drift.
+
+    Squares of whitened residuals are 2 for noise alone; drift adds its own (`drift_squares`). Neighbouring lines share the drift of
+    a session: it averages over sessions alone.
+    """
     found: list[tuple[float, float]] = []
-    for g, r in residuals:
-        power = np.mean(np.abs(r) ** 2 / 2, axis=(0, 1))
+    for (g, r), drift in zip(residuals, drifts or [np.zeros(r.shape) for _, r in residuals], strict=True):
+        allowed = 1.0 + drift / 2
+        power = np.mean(np.abs(r) ** 2 / 2 / allowed, axis=(0, 1))
+        share = np.mean(1.0 - 1.0 / allowed, axis=(0, 1))
         step = float(np.median(np.diff(g.freq)))
         half = min(max(1, round(width / step / 2)), (g.freq.size - 1) // 2)
         kernel = np.ones(2 * half + 1)
         counts = np.convolve(np.ones(power.size), kernel, mode="same")
-        smooth = np.convolve(power, kernel, mode="same") / counts
-        # Each |r|²/2 is exponential with mean one; the noise itself is known to some percent.
-        spread = np.sqrt(1.0 / (counts * r.shape[0] * r.shape[1])) + 0.05
-        out = smooth > 1.0 + STANDS_OUT * spread
+        smooth, shared = (np.convolve(values, kernel, mode="same") / counts for values in (power, share))
+        sessions = len({session_of(same[0]) for same in g.entries}) or 1
+        # Each |r|²/2 is exponential with mean one, a drift's share of it a square of one normal number a session; the noise
+        # itself is known to some percent.
+        spread = np.sqrt(1.0 / (counts * r.shape[0] * r.shape[1]) + 2.0 * shared**2 / sessions) + 0.05
+        out = smooth > 1.0 + SETTINGS.band_stands_out * spread
         edges = np.flatnonzero(np.diff(np.concatenate([[0], out.astype(int), [0]])))
         found += [(float(g.freq[a]), float(g.freq[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     return _joined(sorted(found), width)
+
+
+def drift_squares(problem: Problem, x: FloatArray, predictions: Sequence[Predicted], sizes: Sizes) -> list[FloatArray]:
+    """What drift between sessions, of the size that a fit found, adds to the squares of a problem's whitened residuals."""
+    directions = Directions(problem, x, predictions)
+    lay = directions.layout
+    out = [np.zeros(p.data.shape) for p in predictions]
+    for i, rows, c, index, part in directions.chunks():
+        drift = (index >= lay.unknowns) & (index < lay.first_nominal)
+        out[i][rows, c] += np.sum(np.abs(sizes.drift * part[drift]) ** 2, axis=0)
+        out[i][rows, c] += 2.0 * (sizes.noise - 1.0)
+    return out
 
 
 def _joined(found: list[tuple[float, float]], width: float) -> tuple[tuple[float, float], ...]:
@@ -49,14 +73,18 @@ def _joined(found: list[tuple[float, float]], width: float) -> tuple[tuple[float
     return tuple(joined)
 
 
-def level_dependence(entries: Sequence[Entry]) -> float:
-    """Reduced χ² of the levels at each position, in each session, against their mean: sessions differ by drift."""
+def level_dependence(entries: Sequence[Entry], model: Model | None = None, blow_at: float = 0.0) -> float:
+    """
+    Reduced χ² of the levels at each position, in each session, against their mean: sessions differ by drift.
+
+    Records on different grids are compared in pairs; where their blocks differ, by a model.
+    """
     total, freedom = 0.0, 0
     places: dict[tuple[object, ...], list[Entry]] = {}
     for e in entries:
         # Records of a structure are compared as they are, unless they state their sessions.
         session = (e.session,) if e.session is not None else ()
-        places.setdefault((float(np.nan_to_num(e.position, nan=-1.0)), e.channels, e.freq.size, *session), []).append(e)
+        places.setdefault((*measured_at(e), *estimator_of(e), *session), []).append(e)
     for same in places.values():
         if len(same) < 2:
             continue
@@ -65,6 +93,9 @@ def level_dependence(entries: Sequence[Entry]) -> float:
         mean = np.sum(precision * data, axis=0) / precision.sum(axis=0)
         total += float(np.sum(np.abs(data - mean) ** 2 * precision))
         freedom += (len(same) - 1) * mean.size
+    for _, pair in across_grids(merged(entries), model, blow_at, stated=True):
+        total += float(pair.power.sum())
+        freedom += pair.power.size
     return total / freedom if freedom else float("nan")
 
 
@@ -74,8 +105,11 @@ def by_position(records: Sequence[Judged], per_unit: float) -> tuple[ErrorFigure
     out = []
     for place in places:
         own = [j for j in records if float(np.nan_to_num(j.entry.position, nan=-1.0)) == place]
-        error, noise = (float(np.mean([getattr(j, k).mean() for j in own])) / per_unit for k in ("error", "noise"))
-        out.append(ErrorFigure(None if place < 0 else place, error, noise))
+        error, noise, floor = (
+            float(np.mean(v)) / per_unit
+            for v in zip(*((j.error.mean(), j.noise.mean(), j.noise.mean() * _wider(j)) for j in own), strict=True)
+        )
+        out.append(ErrorFigure(None if place < 0 else place, error, noise, floor))
     return tuple(out)
 
 
@@ -84,10 +118,16 @@ def by_channel(records: Sequence[Judged], channels: Sequence[str], per_unit: flo
     out = []
     for name in channels:
         pairs = [
-            (j.error[j.entry.channels.index(name)], j.noise[j.entry.channels.index(name)])
+            (j.error[k], j.noise[k], j.noise[k] * _wider(j))
             for j in records
             if name in j.entry.channels
+            for k in [j.entry.channels.index(name)]
         ]
-        error, noise = np.mean(pairs, axis=0) / per_unit
-        out.append(ErrorFigure(name, float(error), float(noise)))
+        error, noise, floor = np.mean(pairs, axis=0) / per_unit
+        out.append(ErrorFigure(name, float(error), float(noise), float(floor)))
     return tuple(out)
+
+
+def _wider(j: Judged) -> float:
+    """Root of what noise and drift leave over what noise alone leaves."""
+    return float(np.sqrt(max(j.floor / float(j.entry.variance.mean()), 1.0)))

@@ -78,20 +78,10 @@ def _not_interrupted() -> Iterator[None]:
 
 class Workers:
     """
-    A pool of processes that starts when it is first needed.
+    A pool of processes that starts when it is first needed; with one job the work is done here.
 
-    Parameters
-    ----------
-    jobs : int
-        Processes; with one the work is done here.
-    progress : callable, optional
-        Is told what is being done.
-
-    Notes
-    -----
-    Processes are spawned, not forked: threads of the numerical libraries would be copied in the middle of their work. A script that
-    asks for more than one therefore needs its ``if __name__ == "__main__":``. What is done, and in which order it is given
-    back, does not depend on their number.
+    Processes are spawned, not forked: threads of the numerical libraries would be copied in the middle of their work. A script
+    that asks for more than one therefore needs its ``if __name__ == "__main__":``. Results do not depend on their number.
     """
 
     def __init__(self, jobs: int = 1, progress: Callable[[str], None] | None = None) -> None:
@@ -130,21 +120,7 @@ class Workers:
         return out
 
     def map(self, work: Callable[..., ResultT], *columns: Iterable[Any]) -> list[ResultT]:
-        """
-        Results of some work.
-
-        Parameters
-        ----------
-        work : callable
-            A function of a module, or a `functools.partial` of one.
-        *columns : iterable
-            Its arguments, as of `map`.
-
-        Returns
-        -------
-        list
-            Results in order; the first error is raised.
-        """
+        """Results of some work in order, as of `map`; the first error is raised."""
         rows = list(zip(*columns, strict=True))
         if self.jobs == 1 or len(rows) < 2:
             return self._counted((work(*row) for row in rows), len(rows))

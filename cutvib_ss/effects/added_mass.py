@@ -20,9 +20,8 @@ from cutvib_ss.effects.base import (
     port_of,
     ports_of,
 )
-from cutvib_ss.effects.scales import carried_at, port_scale
+from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.model.elements import SpringDamperMass
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import Path, value_at, with_value
 
 
@@ -45,7 +44,7 @@ class AddedMass(Effect):
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
         given = super().ranges(model, place, motion)
-        if isinstance(model, Machine):
+        if model.head is not None:
             own = float(value_at(model, _path(place)))
             return {"mass": replace(given["mass"], low=-0.5 * own, high=max(8.0, own))}
         scale = port_scale(model, place)
@@ -56,18 +55,18 @@ class AddedMass(Effect):
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
         for place in cls.places(model):
-            mass = carried_at(model, place)[0] * 0.02
+            mass = model.carried_at(place)[0] * 0.02
             yield place, tuple(cls(place, f * mass) for f in (1.0, 4.0, 16.0))
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)
-        if isinstance(model, Machine):
+        if model.head is not None:
             path = _path(self.place)
             return applied(model, with_value(model, path, value_at(model, path) + self.mass), self)
         return applied(model, attached_to(model, port_of(self.place, model), SpringDamperMass(mass=self.mass)), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        if isinstance(applied, Machine):
+        if applied.head is not None:
             return {"mass": ((_path(self.place), 1.0),)}
         return {"mass": ((("attachments", len(applied.attachments) - 1, "element", "mass"), 1.0),)}
 

@@ -8,8 +8,6 @@ from dataclasses import MISSING, Field, dataclass, fields, replace
 from itertools import product
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
-import numpy as np
-
 from cutvib_ss.effects.prior import Measured as Measured
 from cutvib_ss.effects.prior import Motion as Motion
 from cutvib_ss.effects.prior import Range as Range
@@ -205,39 +203,24 @@ def applied(model: ModelT, changed: ModelT, effect: Effect) -> ModelT:
 
 def machine_only(effect: str, model: Model) -> Machine:
     """A cutting machine; ParameterError for another structure, which has no rail and no joints."""
-    if not isinstance(model, Machine):
+    if model.rail is None:
         raise ParameterError(f"{effect} needs a cutting machine; this model has no rail and no joints")
     return model
 
 
-PLACE_PORTS: Mapping[str, str] = {"tool": "tool_x", "head": "head_x"}
-"""Port at which an element at a place of the cutting machine acts, in X."""
-
-
 def ports_of(model: Model, machine_places: tuple[str, ...]) -> tuple[str, ...]:
-    """
-    Places of an effect that is an element at a port: those of the cutting machine, or the ports of another structure.
-
-    Ports whose rows are multiples of each other move together: they are one place, named after the first.
-    """
-    if isinstance(model, Machine):
-        return machine_places
-    return tuple(dict.fromkeys(place_of(port, model) for port in model.system.ports))
+    """Places of an effect that is an element at a port: those of the cutting machine, or all of another structure."""
+    return machine_places if model.head is not None else model.places
 
 
 def place_of(port: str, model: Model) -> str:
-    """The place that a port of another structure belongs to: the first port that moves with it; else the name itself."""
-    if isinstance(model, Machine) or port not in model.system.ports:
-        return port
-    row = model.system.ports[port]
-    size = np.linalg.norm(row)
-    rows = ((name, other) for name, other in model.system.ports.items())
-    return next(n for n, other in rows if abs(row @ other) > (1 - 1e-9) * size * np.linalg.norm(other))
+    """The place that a port belongs to."""
+    return model.place_of(port)
 
 
 def port_of(place: str, model: Model) -> str:
     """The port at a place."""
-    return PLACE_PORTS[place] if isinstance(model, Machine) else place
+    return model.port_at(place)
 
 
 def attached_to(model: ModelT, port: str, element: Element) -> ModelT:

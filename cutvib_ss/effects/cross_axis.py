@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, applied, check_place, parameter
-from cutvib_ss.model.machine import Machine
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class CrossAxis(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        return ("measurement",) if isinstance(model, Machine) else ()
+        return ("measurement",) if model.head is not None else ()
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:

@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import (
-    Carried,
-    Effect,
-    Measured,
-    Model,
-    Severity,
-    applied,
-    check_place,
-    machine_only,
-    parameter,
-)
+from cutvib_ss.effects.base import Carried, Measured, Severity, parameter
+from cutvib_ss.effects.machine_effect import MachineEffect, Starts
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import RailAttachment
 
 
 @dataclass(frozen=True)
-class EndFixity(Effect):
+class EndFixity(MachineEffect):
     """
     Rotational springs on the slopes of the rail at its ends.
 
@@ -31,6 +22,7 @@ class EndFixity(Effect):
     """
 
     effect: ClassVar[str] = "end_fixity"
+    home = "rail_ends"
     severity = Severity("zero", ("k_left", "k_right"))
     sentence = "the rail's ends resist turning"
     inspection = "check whether the ends of the rail are clamped over a length instead of pinned"
@@ -38,30 +30,22 @@ class EndFixity(Effect):
 
     # Stiffness against rotation at y = 0 and y = L [N m/rad]
     k_left: float = parameter("N m/rad", 1e3, 1e7, limits=True)
-    # Stiffness against rotation at y = 0 and y = L [N m/rad]
     k_right: float = parameter("N m/rad", 1e3, 1e7, limits=True)
 
     @classmethod
-    def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail_ends",) if isinstance(model, Machine) else ()
+    def starts_on(cls, machine: Machine, measured: Measured) -> Starts:
+        p = machine.rail.parameters
+        turn = p.bending_stiffness / p.length
+        turns = (0.1, 0.4, 1.2, 4.0, 15.0)
+        yield "", tuple(cls("rail_ends", a * turn, b * turn) for a in turns for b in turns)
 
-    @classmethod
-    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
-            p = model.rail.parameters
-            turn = p.bending_stiffness / p.length
-            turns = (0.1, 0.4, 1.2, 4.0, 15.0)
-            yield "", tuple(cls("rail_ends", a * turn, b * turn) for a in turns for b in turns)
-
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
-        machine = machine_only(self.effect, model)
+    def changed_machine(self, machine: Machine) -> Machine:
         springs = tuple(
             RailAttachment(SpringDamperMass(stiffness=k), end, slope=True)
             for k, end in ((self.k_left, 0.0), (self.k_right, 1.0))
         )
         rail = replace(machine.rail, attachments=(*machine.rail.attachments, *springs))
-        return applied(machine, replace(machine, rail=rail), self)
+        return replace(machine, rail=rail)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         last = len(applied.rail.attachments)

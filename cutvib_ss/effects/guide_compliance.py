@@ -6,17 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
-from cutvib_ss.effects.base import (
-    Carried,
-    Effect,
-    Measured,
-    Model,
-    Severity,
-    applied,
-    check_place,
-    machine_only,
-    parameter,
-)
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, parameter
+from cutvib_ss.effects.machine_effect import MachineEffect, Starts
 from cutvib_ss.effects.scales import rail_stiffness
 from cutvib_ss.model.elements import Guide
 from cutvib_ss.model.machine import Machine
@@ -26,10 +17,11 @@ SIDES: tuple[Literal["head", "rail"], ...] = ("head", "rail")
 
 
 @dataclass(frozen=True)
-class GuideCompliance(Effect):
+class GuideCompliance(MachineEffect):
     """A spring and damper in series between rail and head."""
 
     effect: ClassVar[str] = "guide_compliance"
+    home = "head_base"
     severity = Severity("infinity", ("stiffness", "damping"))
     sentence = "the guide between rail and head gives"
     inspection = "check the preload and the bolts of the guide carriages between rail and head"
@@ -44,25 +36,18 @@ class GuideCompliance(Effect):
         Guide(1.0, sensor_side=self.sensor_side)
 
     @classmethod
-    def places(cls, model: Model) -> tuple[str, ...]:
-        return ("head_base",) if isinstance(model, Machine) else ()
-
-    @classmethod
-    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
-            k = rail_stiffness(model)
-            # Which side the sensor sits on shows in base_x alone.
-            sides = SIDES if "base_x" in measured.channels else SIDES[:1]
-            yield "", tuple(cls("head_base", f * k, 500.0, side) for side in sides for f in (5.0, 20.0, 60.0, 200.0))
+    def starts_on(cls, machine: Machine, measured: Measured) -> Starts:
+        k = rail_stiffness(machine)
+        # Which side the sensor sits on shows in base_x alone.
+        sides = SIDES if "base_x" in measured.channels else SIDES[:1]
+        yield "", tuple(cls("head_base", f * k, 500.0, side) for side in sides for f in (5.0, 20.0, 60.0, 200.0))
 
     @classmethod
     def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
         return ((side, cls(place, 5e7, 500.0, side).at) for side in SIDES)
 
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
-        machine = machine_only(self.effect, model)
-        return applied(machine, replace(machine, guide=Guide(self.stiffness, self.damping, self.sensor_side)), self)
+    def changed_machine(self, machine: Machine) -> Machine:
+        return replace(machine, guide=Guide(self.stiffness, self.damping, self.sensor_side))
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         return {"stiffness": ((("guide", "stiffness"), 1.0),), "damping": ((("guide", "damping"), 1.0),)}

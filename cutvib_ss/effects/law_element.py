@@ -20,7 +20,7 @@ from cutvib_ss.effects.base import (
     parameter_fields,
     ports_of,
 )
-from cutvib_ss.effects.scales import TYPICAL_FORCE, PortScale, carried_at, port_scale, spring_at
+from cutvib_ss.effects.scales import TYPICAL_FORCE, PortScale, port_scale
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.protocol import NonlinearElement
@@ -67,7 +67,7 @@ class LawElement(Effect):
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
         found = ports_of(model, ("joint1", "joint2"))
-        return tuple(p for p in found if spring_at(model, p) is not None) if cls._needs_spring() else found
+        return tuple(p for p in found if model.spring_at(p) is not None) if cls._needs_spring() else found
 
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
@@ -90,7 +90,7 @@ class LawElement(Effect):
             motion = measured.motions.get(place)
             if motion is None or not motion.middle > 0.0:
                 continue
-            mass, k, c = carried_at(model, place)
+            mass, k, c = model.carried_at(place)
             if motion.force == 0.0:  # not known: that of its inertia
                 motion = replace(motion, force=mass * motion.rate**2 / motion.middle)
             yield place, cls.starts_at(place, motion, k, c)
@@ -133,14 +133,14 @@ class LawElement(Effect):
         return {name: float(v) for name, v in given.items() if v is not None and np.isfinite(v)}
 
     def apply(self, model: Any) -> Any:
-        if self._needs_spring() and self.place in ports_of(model, ()) and spring_at(model, self.place) is None:
+        if self._needs_spring() and self.place in ports_of(model, ()) and model.spring_at(self.place) is None:
             raise ParameterError(
                 f"{self.effect} changes the spring that a port spans, and there is none at {self.place!r}; "
                 f"places with a spring: {', '.join(self.places(model)) or 'none on this model'}"
             )
         check_place(self, model)
         values = self._parameters()
-        if self._needs_spring() and (spring := spring_at(model, self.place)) is not None:
+        if self._needs_spring() and (spring := model.spring_at(self.place)) is not None:
             values["stiffness"] = spring[0]
         element = NonlinearElement(self.place, self.effect, values)
         return applied(model, replace(model, nonlinear=(*model.nonlinear, element)), self)
@@ -152,7 +152,7 @@ class LawElement(Effect):
         return {name: (((*self._at(applied), name), 1.0),) for name in self._parameters()}
 
     def carries(self, path: Path, applied: Any) -> Carried:
-        spring = spring_at(applied, self.place) if self._needs_spring() else None
+        spring = applied.spring_at(self.place) if self._needs_spring() else None
         for moved, weight in spring[1] if spring else ():
             if moved == path:
                 return ((path, 1.0), ((*self._at(applied), "stiffness"), weight))

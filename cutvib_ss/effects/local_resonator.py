@@ -22,9 +22,8 @@ from cutvib_ss.effects.base import (
     port_of,
     ports_of,
 )
-from cutvib_ss.effects.scales import carried_at, port_scale
+from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.model.elements import SprungMass
-from cutvib_ss.model.machine import Machine
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ class LocalResonator(Effect):
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
         given = super().ranges(model, place, motion)
-        if isinstance(model, Machine):
+        if model.head is not None:
             # Up to what it sits on: a panel of a fifth of the head's mass is no rarity.
             own = model.head.m2 if place == "tool" else model.head.m1
             return {**given, "mass": replace(given["mass"], high=max(given["mass"].high, own))}
@@ -63,7 +62,7 @@ class LocalResonator(Effect):
         low, high = measured.band
         grid = np.geomspace(max(low, 1e-3) * 1.2, high, 46)[:-1]
         for place in cls.places(model):
-            own = carried_at(model, place)[0]
+            own = model.carried_at(place)[0]
             masses = (own * 0.01, own * 0.06)
             yield place, tuple(cls(place, mass, float(f), 0.03) for f in grid for mass in masses)
 

@@ -6,16 +6,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import (
-    Carried,
-    Effect,
-    Measured,
-    Model,
-    Severity,
-    applied,
-    check_place,
-    machine_only,
-)
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity
+from cutvib_ss.effects.machine_effect import MachineEffect, Starts
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
 
@@ -24,7 +16,7 @@ FAR = 10.0
 
 
 @dataclass(frozen=True)
-class ModalTruncation(Effect):
+class ModalTruncation(MachineEffect):
     """The rail has more modes than the model; nothing to fit but their number."""
 
     effect: ClassVar[str] = "modal_truncation"
@@ -40,29 +32,22 @@ class ModalTruncation(Effect):
             raise ParameterError(f"modal_truncation: n_modes = {self.n_modes!r} must be a whole number, at least 1")
 
     @classmethod
-    def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail",) if isinstance(model, Machine) else ()
-
-    @classmethod
-    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
-            p = model.rail.parameters
-            # Modes far above the band add a stiffness that nothing could tell from the tuning.
-            omitted = p.first_frequency * (p.n_modes + 1) ** 2
-            counts = {p.n_modes + 1, p.n_modes + 2, 2 * p.n_modes, 5 * p.n_modes}
-            for n in sorted(counts) if omitted < FAR * measured.band[1] else ():
-                yield str(n), (cls("rail", n),)
+    def starts_on(cls, machine: Machine, measured: Measured) -> Starts:
+        p = machine.rail.parameters
+        # Modes far above the band add a stiffness that nothing could tell from the tuning.
+        omitted = p.first_frequency * (p.n_modes + 1) ** 2
+        counts = {p.n_modes + 1, p.n_modes + 2, 2 * p.n_modes, 5 * p.n_modes}
+        for n in sorted(counts) if omitted < FAR * measured.band[1] else ():
+            yield str(n), (cls("rail", n),)
 
     @classmethod
     def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
-        own = model.rail.parameters.n_modes if isinstance(model, Machine) else 1
+        own = model.rail.parameters.n_modes if model.rail is not None else 1
         yield "", lambda severity: cls(place, own + round(3 * severity))
 
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
-        machine = machine_only(self.effect, model)
+    def changed_machine(self, machine: Machine) -> Machine:
         parameters = replace(machine.rail.parameters, n_modes=self.n_modes)
-        return applied(machine, replace(machine, rail=replace(machine.rail, parameters=parameters)), self)
+        return replace(machine, rail=replace(machine.rail, parameters=parameters))
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         return {}

@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, applied, check_place
 from cutvib_ss.effects.base import parameter as fitted
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import Path, value_at, with_value
 
 MACHINE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
@@ -46,7 +45,7 @@ class ParameterShift(Effect):
     @classmethod
     def choices(cls, model: Model) -> tuple[tuple[str, str], ...]:
         """Every (place, parameter) that can be off on a model."""
-        if isinstance(model, Machine):
+        if model.rail is not None:
             return tuple((place, name) for place, names in MACHINE_PARAMETERS.items() for name in names)
         return tuple(("structure", name) for name in STRUCTURE_PARAMETERS if getattr(model.system, name).any())
 
@@ -73,7 +72,7 @@ class ParameterShift(Effect):
             raise ParameterError(
                 f"parameter_shift: no parameter {self.parameter!r} at {self.place!r}; there are {known}"
             )
-        if not isinstance(model, Machine):
+        if model.rail is None:
             return ("scales", STRUCTURE_PARAMETERS.index(self.parameter))
         return ("rail", "parameters", self.parameter) if self.place == "rail" else ("head", self.parameter)
 

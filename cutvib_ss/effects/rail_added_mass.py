@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import (
-    Carried,
-    Effect,
-    Measured,
-    Model,
-    Severity,
-    applied,
-    check_place,
-    machine_only,
-    parameter,
-)
+from cutvib_ss.effects.base import Carried, Measured, Severity, parameter
+from cutvib_ss.effects.machine_effect import MachineEffect, Starts
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import RailAttachment
 
 
 @dataclass(frozen=True)
-class RailAddedMass(Effect):
+class RailAddedMass(MachineEffect):
     """A mass at a point of the rail, with a damper to ground."""
 
     effect: ClassVar[str] = "rail_added_mass"
@@ -37,22 +28,15 @@ class RailAddedMass(Effect):
     damping: float = parameter("N s/m", 0.0, 500.0, "linear", default=0.0)  # Damping to ground [N s/m]
 
     @classmethod
-    def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail",) if isinstance(model, Machine) else ()
+    def starts_on(cls, machine: Machine, measured: Measured) -> Starts:
+        spots = (0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.88)
+        mass = machine.rail.parameters.mass
+        yield "", tuple(cls("rail", y, mass * f, 1.0) for y in spots for f in (0.01, 0.06))
 
-    @classmethod
-    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
-            spots = (0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.88)
-            mass = model.rail.parameters.mass
-            yield "", tuple(cls("rail", y, mass * f, 1.0) for y in spots for f in (0.01, 0.06))
-
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
-        machine = machine_only(self.effect, model)
+    def changed_machine(self, machine: Machine) -> Machine:
         lump = RailAttachment(SpringDamperMass(mass=self.mass, damping=self.damping), self.position)
         rail = replace(machine.rail, attachments=(*machine.rail.attachments, lump))
-        return applied(machine, replace(machine, rail=rail), self)
+        return replace(machine, rail=rail)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         at = ("rail", "attachments", len(applied.rail.attachments) - 1)

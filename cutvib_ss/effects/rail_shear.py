@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import (
-    Carried,
-    Effect,
-    Measured,
-    Model,
-    Severity,
-    applied,
-    check_place,
-    machine_only,
-    parameter,
-)
+from cutvib_ss.effects.base import Carried, Measured, Severity, parameter
+from cutvib_ss.effects.machine_effect import MachineEffect, Starts
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import Shear
 
 
 @dataclass(frozen=True)
-class RailShear(Effect):
+class RailShear(MachineEffect):
     """
     Shear deformation and rotary inertia of the rail.
 
@@ -47,21 +38,14 @@ class RailShear(Effect):
         Shear(self.shear_ratio)
 
     @classmethod
-    def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail",) if isinstance(model, Machine) else ()
-
-    @classmethod
-    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+    def starts_on(cls, machine: Machine, measured: Measured) -> Starts:
         # Shear is told from a softer rail by the square of a mode's number: with one mode in the band the two are the same.
-        if isinstance(model, Machine):
-            p = model.rail.parameters
-            if p.n_modes > 1 and 4 * p.first_frequency < measured.band[1]:
-                yield "", tuple(cls("rail", ratio) for ratio in (15.0, 80.0, 300.0))
+        p = machine.rail.parameters
+        if p.n_modes > 1 and 4 * p.first_frequency < measured.band[1]:
+            yield "", tuple(cls("rail", ratio) for ratio in (15.0, 80.0, 300.0))
 
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
-        machine = machine_only(self.effect, model)
-        return applied(machine, replace(machine, rail=replace(machine.rail, shear=Shear(self.shear_ratio))), self)
+    def changed_machine(self, machine: Machine) -> Machine:
+        return replace(machine, rail=replace(machine.rail, shear=Shear(self.shear_ratio)))
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         return {"shear_ratio": ((("rail", "shear", "ratio"), 1.0),)}

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import (
-    Carried,
-    Effect,
-    Measured,
-    Model,
-    Severity,
-    applied,
-    check_place,
-    machine_only,
-    parameter,
-)
+from cutvib_ss.effects.base import Carried, Measured, Severity, parameter
+from cutvib_ss.effects.machine_effect import MachineEffect, Starts
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import Torsion
 
 
 @dataclass(frozen=True)
-class RailTorsion(Effect):
+class RailTorsion(MachineEffect):
     """
     Twist of the rail under the head's eccentric load (the paper's own outlook, end of Section 3.3).
 
@@ -53,21 +44,14 @@ class RailTorsion(Effect):
     damping_ratio: float = parameter("1", 0.001, 0.1)
 
     @classmethod
-    def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail",) if isinstance(model, Machine) else ()
+    def starts_on(cls, machine: Machine, measured: Measured) -> Starts:
+        first = machine.rail.parameters.first_frequency
+        twists = [(e, f) for f in (3.0, 4.5, 6.5, 9.0, 12.0) for e in (0.03, -0.03, 0.09, -0.09)]
+        yield "", tuple(cls("rail", e, 0.5, f * first, 0.02) for e, f in twists)
 
-    @classmethod
-    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
-            first = model.rail.parameters.first_frequency
-            twists = [(e, f) for f in (3.0, 4.5, 6.5, 9.0, 12.0) for e in (0.03, -0.03, 0.09, -0.09)]
-            yield "", tuple(cls("rail", e, 0.5, f * first, 0.02) for e, f in twists)
-
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
-        machine = machine_only(self.effect, model)
+    def changed_machine(self, machine: Machine) -> Machine:
         torsion = Torsion(self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio)
-        return applied(machine, replace(machine, rail=replace(machine.rail, torsion=torsion)), self)
+        return replace(machine, rail=replace(machine.rail, torsion=torsion))
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         names = ("eccentricity", "inertia", "torsion_frequency", "damping_ratio")

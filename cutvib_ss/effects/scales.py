@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from cutvib_ss.effects.base import PLACE_PORTS, Carried, Model
+from cutvib_ss.effects.base import Model
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.model.paths import value_at
-from cutvib_ss.results import FloatArray
 
 FREE_FREQUENCY = 77.0
 """Where nothing holds a body, springs are sized by the mass and this frequency [Hz], the middle of those of resonators."""
@@ -41,16 +39,16 @@ class PortScale:
 
 def port_scale(model: Model, place: str, motion: float | None = None) -> PortScale:
     """What the port at a place carries."""
-    if isinstance(model, Machine):
+    port = model.port_at(place)
+    if model.head is not None:
         system, force = model.second_order(0.5, viscous_at=100.0), TYPICAL_FORCE
-        port = PLACE_PORTS.get(place, place)
         if port.startswith("joint"):
             force *= model.head.l1 if port == "joint1" else model.head.l2
     else:
-        system, force, port = model.second_order(None, viscous_at=1.0), 1.0, place
+        system, force = model.second_order(None, viscous_at=1.0), 1.0
     row = system.port(port)
     mass = 1.0 / float(row @ np.linalg.solve(system.mass, row))
-    spring = spring_at(model, place)
+    spring = model.spring_at(place)
     if spring is not None:
         stiffness = spring[0]
     else:
@@ -61,52 +59,6 @@ def port_scale(model: Model, place: str, motion: float | None = None) -> PortSca
         stiffness = mass * float(squares[-1]) if free else 1.0 / float(np.sum(moved[held] / squares[held]))
     # A body that nothing holds has no motion of its own under a slow force: a millimetre stands for it.
     return PortScale(mass, stiffness, motion or (force / stiffness if stiffness > 0.0 else 1e-3))
-
-
-def spring_at(model: Model, place: str) -> tuple[float, Carried] | None:
-    """
-    The linear spring that a port spans.
-
-    None where there is none. A port between two degrees of freedom, e_i - e_j, spans -K_ij, a port that is one degree of
-    freedom its spring to ground, the sum of that row of K.
-    """
-    if isinstance(model, Machine):
-        if place not in ("joint1", "joint2"):
-            return None
-        path = ("head", "k" + place[-1])
-        return value_at(model, path), ((path, 1.0),)
-    row, stiffness = model.system.port(place), model.system.stiffness
-    spring = _spanned(row, stiffness)
-    if spring <= 0.0:
-        return None
-    return model.scales[2] * spring, ((("scales", 2), spring),)
-
-
-def _spanned(row: FloatArray, stiffness: FloatArray) -> float:
-    held = np.flatnonzero(row)
-    if held.size == 1:
-        return float(stiffness[held[0]].sum() / row[held[0]] ** 2)
-    if held.size == 2 and row[held[0]] == -row[held[1]]:
-        return float(-stiffness[held[0], held[1]] / row[held[0]] ** 2)
-    return 0.0
-
-
-def carried_at(model: Model, place: str) -> tuple[float, float, float]:
-    """Mass, stiffness and damping that a place carries, for starts in proportion."""
-    if isinstance(model, Machine):
-        h = model.head
-        return {
-            "head": (h.m1, h.k1 / h.l1**2, h.c1 / h.l1**2),
-            "tool": (h.m2, h.k2 / h.l2**2, h.c2 / h.l2**2),
-            "joint1": (h.m1 * h.l1**2, h.k1, h.c1),
-            "joint2": (h.m2 * h.l2**2, h.k2, h.c2),
-        }[place]
-    row, system = model.system.port(place), model.system
-    own = max(float(row @ row), 1e-30)
-    mass, stiffness, damping = (
-        float(abs(row @ m @ row)) / own**2 for m in (system.mass, system.stiffness, system.damping)
-    )
-    return mass, stiffness, damping
 
 
 def rail_stiffness(model: Machine) -> float:

@@ -22,7 +22,6 @@ from cutvib_ss.effects.base import (
 )
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.elements import CausalHysteresis, Element, SpringDamperMass
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import Path, value_at, with_value
 from cutvib_ss.parameters import check_number
 
@@ -59,7 +58,7 @@ class StructuralDamping(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        return ("joint1", "joint2") if isinstance(model, Machine) else ()
+        return ("joint1", "joint2") if model.head is not None else ()
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:

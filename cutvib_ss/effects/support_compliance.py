@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import (
-    Carried,
-    Effect,
-    Measured,
-    Model,
-    Severity,
-    applied,
-    check_place,
-    machine_only,
-    parameter,
-)
+from cutvib_ss.effects.base import Carried, Measured, Severity, parameter
+from cutvib_ss.effects.machine_effect import MachineEffect, Starts
 from cutvib_ss.effects.scales import rail_stiffness
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import EndSupports
 
 
 @dataclass(frozen=True)
-class SupportCompliance(Effect):
+class SupportCompliance(MachineEffect):
     """
     End springs in place of rigid pins, left (y = 0) and right apart.
 
@@ -32,6 +23,7 @@ class SupportCompliance(Effect):
     """
 
     effect: ClassVar[str] = "support_compliance"
+    home = "rail_ends"
     severity = Severity("infinity", ("k_left", "k_right", "c_left", "c_right"))
     sentence = "the supports under the rail's ends give"
     inspection = "check the bolts and feet of the pillars and the fixed rails; measure how far they move under a load on the rail"
@@ -43,27 +35,19 @@ class SupportCompliance(Effect):
 
     # Stiffness under the ends [N/m]; infinite stiffness is no effect
     k_left: float = parameter("N/m", 1e6, 1e9, limits=True)
-    # Stiffness under the ends [N/m]; infinite stiffness is no effect
     k_right: float = parameter("N/m", 1e6, 1e9, limits=True)
     c_left: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)  # Damping under the ends [N s/m]
     c_right: float = parameter("N s/m", 0.0, 2e4, "linear", default=0.0, limits=True)
 
     @classmethod
-    def places(cls, model: Model) -> tuple[str, ...]:
-        return ("rail_ends",) if isinstance(model, Machine) else ()
+    def starts_on(cls, machine: Machine, measured: Measured) -> Starts:
+        k = rail_stiffness(machine)
+        ends = [(a * k, b * k) for a in (2, 8, 30, 120) for b in (2, 8, 30, 120)]
+        yield "", tuple(cls("rail_ends", a, b, 500.0, 500.0) for a, b in ends)
 
-    @classmethod
-    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        if isinstance(model, Machine):
-            k = rail_stiffness(model)
-            ends = [(a * k, b * k) for a in (2, 8, 30, 120) for b in (2, 8, 30, 120)]
-            yield "", tuple(cls("rail_ends", a, b, 500.0, 500.0) for a, b in ends)
-
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
-        machine = machine_only(self.effect, model)
+    def changed_machine(self, machine: Machine) -> Machine:
         ends = EndSupports(self.k_left, self.k_right, self.c_left, self.c_right)
-        return applied(machine, replace(machine, rail=replace(machine.rail, supports=ends)), self)
+        return replace(machine, rail=replace(machine.rail, supports=ends))
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         names = ("k_left", "k_right", "c_left", "c_right")

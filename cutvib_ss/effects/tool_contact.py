@@ -21,9 +21,8 @@ from cutvib_ss.effects.base import (
     port_of,
     ports_of,
 )
-from cutvib_ss.effects.scales import carried_at, port_scale
+from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.model.elements import SpringDamperMass
-from cutvib_ss.model.machine import Machine
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class ToolContact(Effect):
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
         given = super().ranges(model, place, motion)
-        if isinstance(model, Machine):
+        if model.head is not None:
             return given
         scale = port_scale(model, place)
         return {
@@ -57,7 +56,7 @@ class ToolContact(Effect):
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
         for place in cls.places(model):
-            m, k, c = carried_at(model, place)
+            m, k, c = model.carried_at(place)
             if k == 0.0:
                 # Of a body that nothing holds, a spring that puts it into the band, and one percent of critical damping.
                 k = m * (2 * math.pi) ** 2 * measured.band[0] * measured.band[1]

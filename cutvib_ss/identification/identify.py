@@ -146,7 +146,7 @@ def identify(
     frf: FrequencyResponse
     if isinstance(source, Campaign):
         if machine is None:
-            if not isinstance(source.machine, Machine):
+            if source.machine.rail is None:
                 raise IdentificationError("identify fits the cutting head; the campaign's model is another structure")
             machine = source.machine
         record, frf = _nearest_to_the_end(source, band)

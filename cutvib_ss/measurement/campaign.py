@@ -158,7 +158,7 @@ def _read_record(
             [frf_of(content, layout, str(path)) for path, content in zip(paths, contents, strict=True)], paths
         )
         channels = tuple(response.name for response in raw.responses)
-        frf = _measured(raw, table, machine)
+        frf = _measured(raw, table, machine, struck)
         amplitude = None if raw.force_amplitude is None else raw.force_amplitude.values
         if peak_response is not None:
             given = next(c.frf for c in contents if c.frf and any(r.name == channels[0] for r in c.frf.responses))
@@ -219,7 +219,7 @@ def _merged(parts: Sequence[RawFrf], paths: Sequence[Path]) -> RawFrf:
     return RawFrf(freq, responses, amplitudes[0] if amplitudes else None)
 
 
-def _measured(raw: RawFrf, table: RecordTable, machine: MachineLike) -> MeasuredFrequencyResponse:
+def _measured(raw: RawFrf, table: RecordTable, machine: MachineLike, struck: str | None) -> MeasuredFrequencyResponse:
     data = np.stack([response.values for response in raw.responses])
     unknown = np.full(raw.freq.size, np.nan)
     coherence = np.stack([unknown if r.coherence is None else r.coherence for r in raw.responses])
@@ -231,7 +231,7 @@ def _measured(raw: RawFrf, table: RecordTable, machine: MachineLike) -> Measured
         freq=raw.freq,
         positions=np.array([np.nan if table.position is None else table.position]),
         outputs=channels,
-        inputs=(FORCE,),
+        inputs=(struck or FORCE,),
         quantities=quantities,
         input_unit="N" if machine.input_quantity == "force" else "m/s^2",
         variance=variance[np.newaxis, :, np.newaxis],

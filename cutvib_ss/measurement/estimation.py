@@ -111,7 +111,7 @@ def estimate(
         freq=freq[keep],
         positions=np.array([np.nan if record.position is None else record.position]),
         outputs=record.channels,
-        inputs=(FORCE,),
+        inputs=(record.input or FORCE,),
         quantities=record.quantities,
         input_unit=record.input_unit,
         decay_rate=decay_rate,

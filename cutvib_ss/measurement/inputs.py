@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.records import FORCE, MachineLike
-from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
-from cutvib_ss.model.structure import Structure
+from cutvib_ss.model.machine import CUTTING_SIGNALS
+from cutvib_ss.model.protocol import Model
 
 _ON_RAIL = re.compile(r"^rail\s*(?:@|\()\s*([0-9.eE+-]+)\s*\)?$")
 
@@ -29,6 +29,11 @@ def struck_port(stated: str | None, machine: MachineLike, where: str) -> str | N
     port = CUTTING_SIGNALS.get(stated, stated) if machine.has_position else stated
     if port in (FORCE, machine.input_port):
         return None
+    if machine.input_quantity == "acceleration":
+        raise DataFormatError(
+            f"{where}.input = {stated!r}: the model's input is the acceleration of its base; put records of a hammer into a "
+            "campaign whose machine.toml names the force's port under [input]"
+        )
     ports = input_ports(machine)
     if port not in ports:
         rail = ", or rail@ and a fraction of its length" if machine.has_position else ""
@@ -45,8 +50,6 @@ def port_of(struck: str | None, machine: MachineLike) -> str:
 
 def input_ports(machine: MachineLike) -> Sequence[str]:
     """Ports at which a force may act."""
-    if isinstance(machine, Machine):
-        return ["tool_x", "tool_z", "head_x", "head_z", "base"]
-    if isinstance(machine, Structure):
-        return list(machine.system.ports)
+    if isinstance(machine, Model):
+        return machine.force_ports
     return list(dict.fromkeys([machine.input_port, *(str(channel.port) for channel in machine.channels.values())]))

@@ -11,8 +11,7 @@ import numpy as np
 from cutvib_ss.measurement.estimation import blow_start
 from cutvib_ss.measurement.inputs import port_of
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
-from cutvib_ss.model.machine import Machine
-from cutvib_ss.model.structure import Structure
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.units import STANDARD_GRAVITY
@@ -79,7 +78,7 @@ def levels_over_nominal(
     record: Record, machine: MachineLike, frf: MeasuredFrequencyResponse
 ) -> dict[str, tuple[float, float]]:
     """Median of each channel's modulus over the nominal model's on the lines clear of noise, and the spread of its logarithm."""
-    if not isinstance(machine, (Machine, Structure)):
+    if not isinstance(machine, Model):
         return {}
     position = None if record.position is None else [record.position]
     inputs = (FORCE,) if record.input is None else (port_of(record.input, machine),)

@@ -7,8 +7,7 @@ import numpy as np
 from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.inputs import port_of
 from cutvib_ss.measurement.records import FORCE, MachineLike, Record
-from cutvib_ss.model.machine import Machine
-from cutvib_ss.model.structure import Structure
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 
@@ -70,7 +69,7 @@ def sign_at_driving_point(frf: MeasuredFrequencyResponse, output: str) -> float:
 def _against_nominal(frf: MeasuredFrequencyResponse, record: Record, machine: MachineLike) -> FloatArray:
     """Correlation of each channel with the nominal model over the lines that are clear of noise; NaN where unknown."""
     against = np.full(len(record.channels), np.nan)
-    if not isinstance(machine, (Machine, Structure)):
+    if not isinstance(machine, Model):
         return against
     position = None if record.position is None else [record.position]
     inputs = (FORCE,) if record.input is None else (port_of(record.input, machine),)

@@ -17,7 +17,7 @@ import numpy as np
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.parameters import check_number
-from cutvib_ss.results import ComplexArray
+from cutvib_ss.results import ComplexArray, FloatArray
 
 SMOOTH_LENGTH = 0.6
 """Correlation length of an unknown dynamic stiffness over the natural logarithm of frequency."""
@@ -194,8 +194,14 @@ class SmoothElement:
 
     scale: float  # Standard deviation of z(iω), real and imaginary part [N/m or N m/rad]
     band: tuple[float, float]  # Band over which its knots lie [Hz]
-    # Of the real, then of the imaginary shapes; independent N(0, 1) for a process of that standard deviation
-    coefficients: tuple[float, ...]
+    # Of the real, then of the imaginary shapes; independent N(0, 1) for a process of that standard deviation. Each may be a value a
+    # line, for responses at those lines alone
+    coefficients: tuple[float | tuple[float, ...], ...]
+
+    def shapes(self, s: ComplexArray) -> ComplexArray:
+        """What a unit of each coefficient adds to z(s), shape (coefficient, …)."""
+        real = self.scale * self._shapes(s)
+        return np.concatenate([real, 1j * real])
 
     def _shapes(self, s: ComplexArray) -> ComplexArray:
         count = len(self.coefficients) // 2
@@ -204,14 +210,16 @@ class SmoothElement:
 
     def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
         """z(s), of the shape of ``s``."""
-        count = len(self.coefficients) // 2
-        c = np.array(self.coefficients)
-        return np.asarray(self.scale * np.tensordot(c[:count] + 1j * c[count:], self._shapes(s), 1))
+        shapes = self.shapes(s)
+        c = np.array([np.broadcast_to(np.asarray(v, dtype=float), np.shape(s)) for v in self.coefficients])
+        return np.asarray(np.sum(c * shapes, axis=0))
 
     def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
-        """Derivative of z(s) to a coefficient, by its index, or to ``"s"`` or ``"scale"``."""
+        """Derivative of z(s) to a coefficient, by its index, to ``"s"`` or ``"scale"``, or to a ``"stiffness"`` beside it."""
         if name == "scale":
             return self.dynamic_stiffness(s) / self.scale
+        if name == "stiffness":
+            return np.ones(np.shape(s), dtype=np.complex128)
         if name == "s":
             step = 1e-6
             ahead, behind = self.dynamic_stiffness(s * (1 + step)), self.dynamic_stiffness(s * (1 - step))
@@ -227,7 +235,7 @@ class SmoothElement:
         )
 
 
-def smooth_process(u: ComplexArray, ends: tuple[float, float], count: int) -> ComplexArray:
+def smooth_process(u: ComplexArray | FloatArray, ends: tuple[float, float], count: int) -> ComplexArray:
     """Shapes of a squared-exponential process over u with independent N(0, 1) coefficients, shape (count, …)."""
     knots = np.linspace(*ends, count)
     # Neighbouring knots stay correlated, however wide the band.

@@ -6,16 +6,17 @@ The response code reads the slots; the second-order form and the python-control 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
+from cutvib_ss.model.base import BaseModel, Spring
 from cutvib_ss.model.coupling import Assembly, Changes, Coupling, Matrices, coupling, head_assembly, head_core_changes
 from cutvib_ss.model.elements import Attachment, Guide
 from cutvib_ss.model.head import HEAD_PARAMETERS, HEAD_UNITS
 from cutvib_ss.model.measurement_chain import MeasurementChain
-from cutvib_ss.model.paths import Path, replaced
+from cutvib_ss.model.paths import Path, replaced, value_at
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.model.rail import Rail, rail, rail_points
 from cutvib_ss.model.second_order import Channel, SecondOrder
@@ -23,15 +24,12 @@ from cutvib_ss.parameters import (
     HeadParameters,
     RailParameters,
     Tolerances,
-    check_choice,
     check_position,
-    names_of,
     recovered_rail,
     table_3,
 )
 from cutvib_ss.results import FloatArray, Quantity
-from cutvib_ss.results.display import Displayed, Table
-from cutvib_ss.units import DERIVATIVE_ORDER
+from cutvib_ss.results.display import Table
 
 if TYPE_CHECKING:
     import control
@@ -48,9 +46,15 @@ CUTTING_CHANNELS: Mapping[str, Channel] = MappingProxyType(
 CUTTING_SIGNALS: Mapping[str, str] = MappingProxyType({"force": "tool_x", "base_x": "base"})
 """Signal names of the cutting machine that are not the names of their ports."""
 
+PLACE_PORTS: Mapping[str, str] = MappingProxyType({"tool": "tool_x", "head": "head_x"})
+"""Port at which an element at a place of the cutting machine acts, in X."""
+
+PLANT_OUTPUTS = ("tool_x", "tool_z", "base_x", "head_x", "head_z")
+"""Outputs of its plant by default."""
+
 
 @dataclass(frozen=True)
-class Machine(Displayed):
+class Machine(BaseModel):
     """
     The cutting machine: equivalent robot on a flexible rail.
 
@@ -120,10 +124,11 @@ class Machine(Displayed):
             ("rail first frequency", f"{r.first_frequency:g}", "Hz"),
             ("rail damping ratio, modes", f"{r.damping_ratio}, {r.n_modes}", ""),
         ]
-        effects = [
-            (str(getattr(e, "effect", type(e).__name__)), str(getattr(e, "place", "")), "") for e in self.effects
-        ]
-        return Table("Cutting machine: head on a flexible rail", ("value", "", "unit"), head_rows + rail_rows + effects)
+        return Table(
+            "Cutting machine: head on a flexible rail",
+            ("value", "", "unit"),
+            head_rows + rail_rows + self._effect_rows(),
+        )
 
     @property
     def default_quantity(self) -> Quantity:
@@ -140,87 +145,47 @@ class Machine(Displayed):
         """No shaker."""
         return None
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Joints, head and tool."""
+        return ("joint1", "joint2", "head", "tool")
+
+    @property
+    def force_ports(self) -> tuple[str, ...]:
+        """The tool and the head in X and Z, and the base; a point of the rail beside them."""
+        return ("tool_x", "tool_z", "head_x", "head_z", "base")
+
+    def port_at(self, place: str) -> str:
+        return PLACE_PORTS.get(place, place)
+
     def port_of(self, signal: str) -> str:
-        """
-        The port behind a signal; any other name is its own port.
-
-        Parameters
-        ----------
-        signal : str
-            Signal, channel or port.
-
-        Returns
-        -------
-        str
-            ``tool_x`` of ``force``, ``base`` of ``base_x``.
-        """
         return CUTTING_SIGNALS.get(signal, signal)
 
-    def base_share(self, signal: str) -> float:
-        """
-        How a signal that reads absolute motion moves with a shaker's base.
-
-        Parameters
-        ----------
-        signal : str
-            Signal, channel or port.
-
-        Returns
-        -------
-        float
-            0: the machine stands on no shaker.
-        """
-        return 0.0
-
     def rotates(self, signal: str) -> bool:
-        """
-        Whether a signal is a rotation.
-
-        Parameters
-        ----------
-        signal : str
-            Signal, channel or port.
-
-        Returns
-        -------
-        bool
-            True of the joints and of the rail's twist.
-        """
         return signal.startswith(("joint", "theta")) or "twist" in signal
 
     def core_changes(self, path: Path) -> Changes | None:
-        """
-        How the core of the assembly moves with one of the model's values.
-
-        Parameters
-        ----------
-        path : tuple of str and int
-            The value's path.
-
-        Returns
-        -------
-        Changes or None
-            None where it does not.
-        """
         if path[0] == "head" or path == ("rail", "torsion", "eccentricity"):
             return head_core_changes(self.head, self.rail, self.guide, str(path[-1]))
         return None
 
     def drive(self, system: SecondOrder) -> FloatArray:
-        """
-        How a unit of the ``force`` channel pushes each degree of freedom.
-
-        Parameters
-        ----------
-        system : SecondOrder
-            From `second_order`.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The row of the tool in X.
-        """
         return system.port(self.input_port)
+
+    def spring_at(self, place: str) -> Spring | None:
+        if place not in ("joint1", "joint2"):
+            return None
+        path: Path = ("head", "k" + place[-1])
+        return value_at(self, path), ((path, 1.0),)
+
+    def carried_at(self, place: str) -> tuple[float, float, float]:
+        h = self.head
+        return {
+            "head": (h.m1, h.k1 / h.l1**2, h.c1 / h.l1**2),
+            "tool": (h.m2, h.k2 / h.l2**2, h.c2 / h.l2**2),
+            "joint1": (h.m1 * h.l1**2, h.k1, h.c1),
+            "joint2": (h.m2 * h.l2**2, h.k2, h.c2),
+        }[place]
 
     def head_system(self, viscous_at: float | None = None) -> SecondOrder:
         """
@@ -277,118 +242,35 @@ class Machine(Displayed):
     def second_order(
         self, position: float | None = None, viscous_at: float | None = None, points: Mapping[str, float] | None = None
     ) -> SecondOrder:
-        """
-        The exact second-order form at a position: 2 + m degrees of freedom (Section 3.3).
-
-        Parameters
-        ----------
-        position : float
-            y_b / L of the head, strictly inside (0, 1).
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-        points : mapping of str to float, optional
-            More ports along the rail: name to y / L.
-
-        Returns
-        -------
-        SecondOrder
-            Modal coordinates of the rail, then the head's rotations, then what is attached.
-
-        Raises
-        ------
-        CouplingError
-            If damping is hysteretic and no ``viscous_at`` is given.
-        """
         return self.coupling(viscous_at, points).second_order(check_position(position))
 
     def matrices(self, positions: Sequence[float], viscous_at: float | None = None) -> list[Matrices]:
-        """
-        Mass, damping and stiffness at several positions.
-
-        Parameters
-        ----------
-        positions : sequence of float
-            y_b / L of the head, each strictly inside (0, 1).
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-
-        Returns
-        -------
-        list of (ndarray, ndarray, ndarray)
-            One a position, each of shape (n, n).
-        """
         joined = self.coupling(viscous_at)
         return [joined.matrices(check_position(y)) for y in positions]
 
-    def plant(
+    def _plant_outputs(self) -> tuple[str, ...]:
+        return PLANT_OUTPUTS
+
+    def _plant(
         self,
-        position: float,
-        *,
-        inputs: str | Sequence[str] = ("force",),
-        outputs: str | Sequence[str] = ("tool_x", "tool_z", "base_x", "head_x", "head_z"),
-        quantity: Quantity = "displacement",
-        pade_order: int | None = None,
-        viscous_at: float | None = None,
-    ) -> control.StateSpace:
-        """
-        Head and rail as python-control objects, closed through the base-force constraint.
-
-        Parameters
-        ----------
-        position : float
-            y_b / L of the head, strictly inside (0, 1).
-        inputs : str or sequence of str
-            ``force`` (tool, X), or any port of the head or rail: ``head_x``, ``base``, ``rail(0.25)`` ...
-        outputs : str or sequence of str
-            ``tool_x``, ``tool_z``, ``base_x``, ``head_x``, ``head_z``, or any other port.
-        quantity : {"displacement", "velocity", "acceleration"}
-            Which motion the outputs give.
-        pade_order : int, optional
-            Order of the Padé approximation of channel delays.
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-
-        Returns
-        -------
-        control.StateSpace
-            2(2+m) states for the bare machine. Their names: ``theta1``, ``theta2``, ``eta1`` …, then ``d_theta1`` …, then those of
-            what is attached, then delays. A displacement is scaled by √M_xx, M_xx being the mass of its coordinate in the head
-            with its base held, or in the rail; a velocity by √M_xx/ω₀, ω₀ being the geometric mean of the lowest and highest
-            natural frequency of that part. ``machine.coupling().state_scales`` lists the factors: x = state / factor.
-
-        Raises
-        ------
-        ParameterError
-            If a signal or the quantity is unknown; the message lists those that are.
-        CouplingError
-            If a delay or hysteretic damping has no finite plant and no approximation is asked for.
-
-        Notes
-        -----
-        Section 3.3, by the linear fractional transformation (`cutvib_ss.model.coupling`).
-
-        Examples
-        --------
-        >>> plant = published_machine().plant(0.5, outputs="tool_x")
-        >>> plant.state_labels[:4], plant.output_labels
-        (['theta1', 'theta2', 'eta1', 'eta2'], ['tool_x'])
-        """
-        drives, reads = names_of(inputs), names_of(outputs)
-        check_choice("quantity", quantity, DERIVATIVE_ORDER)
+        position: float | None,
+        drives: Sequence[str],
+        reads: Sequence[str],
+        quantity: Quantity | None,
+        viscous_at: float | None,
+    ) -> Callable[[Sequence[str]], control.StateSpace]:
         joined = self.coupling(viscous_at, rail_points([*drives, *reads]))
         pushed = {name: self.port_of(name) for name in drives}
-
-        def build(signals: Sequence[str]) -> control.StateSpace:
-            return joined.plant(position, pushed, {name: (self.port_of(name), quantity) for name in signals})
-
-        return self.chain.plant(build, reads, pade_order)
+        motion: Quantity = quantity or "displacement"
+        at = check_position(position)
+        return lambda signals: joined.plant(at, pushed, {name: (self.port_of(name), motion) for name in signals})
 
     def plants(
         self,
         positions: Iterable[float],
         *,
         inputs: str | Sequence[str] = ("force",),
-        outputs: str | Sequence[str] = ("tool_x", "tool_z", "base_x", "head_x", "head_z"),
+        outputs: str | Sequence[str] = PLANT_OUTPUTS,
         quantity: Quantity = "displacement",
         pade_order: int | None = None,
         viscous_at: float | None = None,

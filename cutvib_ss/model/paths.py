@@ -32,6 +32,12 @@ def with_values(model: ModelT, values: Mapping[Path, float]) -> ModelT:
     return rebuilt
 
 
+def with_slots(model: ModelT, **slots: Any) -> ModelT:
+    """A copy of a model of any kind with whole slots replaced."""
+    changed: Any = model
+    return cast(ModelT, replace(changed, **slots))
+
+
 def moved_values(one: tuple[float, Any], other: tuple[float, Any]) -> tuple[tuple[Path, float], ...]:
     """Numbers of a model that move with a parameter, each with its slope, from two values with their models."""
     (low, below), (high, above) = one, other

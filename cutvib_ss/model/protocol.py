@@ -7,18 +7,20 @@ with a slot filled. A value in a slot is named by its path, so that fits can mov
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from types import MappingProxyType
 from typing import Literal, Protocol, runtime_checkable
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.coupling import Assembly, Changes
+from cutvib_ss.model.coupling import Assembly, Changes, Matrices
 from cutvib_ss.model.elements import Attachment
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path
+from cutvib_ss.model.rail import Rail
 from cutvib_ss.model.restoring_forces import RestoringForce, law
 from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.parameters import HeadParameters
 from cutvib_ss.results import FloatArray, Quantity
 
 
@@ -69,6 +71,26 @@ class Model(Protocol):
         ...
 
     @property
+    def head(self) -> HeadParameters | None:
+        """The cutting head; None where there is none."""
+        ...
+
+    @property
+    def rail(self) -> Rail | None:
+        """The rail; None where there is none."""
+        ...
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Places at which an element may be attached."""
+        ...
+
+    @property
+    def force_ports(self) -> tuple[str, ...]:
+        """Ports at which a force may act."""
+        ...
+
+    @property
     def attachments(self) -> tuple[Attachment, ...]:
         """Elements in parallel at ports."""
         ...
@@ -98,6 +120,22 @@ class Model(Protocol):
         """How the core moves with the base of a shaker, r; None where the input is a force."""
         ...
 
+    def port_at(self, place: str) -> str:
+        """The port through which an element at a place acts."""
+        ...
+
+    def place_of(self, port: str) -> str:
+        """The place that a port belongs to."""
+        ...
+
+    def spring_at(self, place: str) -> tuple[float, tuple[tuple[Path, float], ...]] | None:
+        """The linear spring that a place spans, and the paths that move it; None where there is none."""
+        ...
+
+    def carried_at(self, place: str) -> tuple[float, float, float]:
+        """Mass, stiffness and damping that a place carries."""
+        ...
+
     def port_of(self, signal: str) -> str:
         """The port behind a signal or channel; any other name is its own port."""
         ...
@@ -122,4 +160,8 @@ class Model(Protocol):
         self, position: float | None = None, viscous_at: float | None = None, points: Mapping[str, float] | None = None
     ) -> SecondOrder:
         """The exact second-order form at a position."""
+        ...
+
+    def matrices(self, positions: Sequence[float], viscous_at: float | None = None) -> list[Matrices]:
+        """Mass, damping and stiffness at several positions."""
         ...

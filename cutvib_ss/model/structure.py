@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.model.coupling import Assembly, Changes
+from cutvib_ss.model.base import BaseModel, Spring
+from cutvib_ss.model.coupling import Assembly, Changes, Matrices
 from cutvib_ss.model.elements import Attachment
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path, replaced
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.model.second_order import Channel, SecondOrder
-from cutvib_ss.parameters import StructureTolerances, check_choice, names_of
+from cutvib_ss.parameters import StructureTolerances
 from cutvib_ss.results import FloatArray, Quantity
-from cutvib_ss.results.display import Displayed, Table
-from cutvib_ss.units import DERIVATIVE_ORDER
+from cutvib_ss.results.display import Table
 
 if TYPE_CHECKING:
     import control
 
 
 @dataclass(frozen=True)
-class Structure(Displayed):
+class Structure(BaseModel):
     """
     Any other structure: M, C, K with ports and channels (machine.toml, ``kind = "second_order"``).
 
@@ -83,6 +83,34 @@ class Structure(Displayed):
         return Table(title, ("channel", "port", "quantity"), rows)
 
     @property
+    def head(self) -> None:
+        """No cutting head."""
+        return None
+
+    @property
+    def rail(self) -> None:
+        """No rail."""
+        return None
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Its ports; ports whose rows are multiples of each other move together and are one place, named after the first."""
+        return tuple(dict.fromkeys(self.place_of(port) for port in self.system.ports))
+
+    @property
+    def force_ports(self) -> tuple[str, ...]:
+        """All ports."""
+        return tuple(self.system.ports)
+
+    def place_of(self, port: str) -> str:
+        if port not in self.system.ports:
+            return port
+        row = self.system.ports[port]
+        size = np.linalg.norm(row)
+        rows = ((name, other) for name, other in self.system.ports.items())
+        return next(n for n, other in rows if abs(row @ other) > (1 - 1e-9) * size * np.linalg.norm(other))
+
+    @property
     def has_position(self) -> bool:
         """A structure has no position."""
         return False
@@ -100,6 +128,11 @@ class Structure(Displayed):
         return replace(s, mass=m * s.mass, damping=c * s.damping, stiffness=k * s.stiffness)
 
     @property
+    def as_written(self) -> Structure:
+        """The factors of a tuned structure are written into its matrices."""
+        return replace(self, system=self.scaled, scales=(1.0, 1.0, 1.0))
+
+    @property
     def assembly(self) -> Assembly:
         """The matrices with their factors, and what is attached."""
         paths = tuple(("attachments", k, "element") for k in range(len(self.attachments)))
@@ -111,72 +144,17 @@ class Structure(Displayed):
         return None if self.input_quantity == "force" else self.system.port(self.input_port)
 
     def port_of(self, signal: str) -> str:
-        """
-        The port behind a signal; any other name is its own port.
-
-        Parameters
-        ----------
-        signal : str
-            Signal, channel or port.
-
-        Returns
-        -------
-        str
-            The input port of ``force``, a channel's port.
-        """
         if signal == "force":
             return self.input_port
         return self.channels[signal].port if signal in self.channels else signal
 
     def base_share(self, signal: str) -> float:
-        """
-        How a signal that reads absolute motion moves with a shaker's base.
-
-        Parameters
-        ----------
-        signal : str
-            Signal, channel or port.
-
-        Returns
-        -------
-        float
-            Its port's row times the influence vector; 0 where it reads relative motion.
-        """
         channel, r = self.channels.get(signal), self.influence
         return (
             0.0 if r is None or channel is None or not channel.absolute else float(self.system.port(channel.port) @ r)
         )
 
-    def rotates(self, signal: str) -> bool:
-        """
-        Whether a signal is a rotation.
-
-        Parameters
-        ----------
-        signal : str
-            Signal, channel or port.
-
-        Returns
-        -------
-        bool
-            False: that is not known of a structure.
-        """
-        return False
-
     def core_changes(self, path: Path) -> Changes | None:
-        """
-        How the core of the assembly moves with one of the model's values.
-
-        Parameters
-        ----------
-        path : tuple of str and int
-            The value's path.
-
-        Returns
-        -------
-        Changes or None
-            None where it does not.
-        """
         if path[0] != "scales":
             return None
         k = int(path[1])
@@ -185,94 +163,60 @@ class Structure(Displayed):
     def second_order(
         self, position: float | None = None, viscous_at: float | None = None, points: Mapping[str, float] | None = None
     ) -> SecondOrder:
-        """
-        The exact second-order form.
-
-        Parameters
-        ----------
-        position : None
-            A structure has no position.
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-        points : None
-            It has no rail either.
-
-        Returns
-        -------
-        SecondOrder
-            The structure with what is attached to it.
-        """
         if position is not None and not np.isnan(position):
             raise ParameterError(f"position = {position}: a second_order model has no position")
         if points:
             raise ParameterError(f"{', '.join(points)}: a second_order model has no rail")
         return self.assembly.system(viscous_at)
 
-    def plant(
+    def matrices(self, positions: Sequence[float], viscous_at: float | None = None) -> list[Matrices]:
+        system = self.second_order(viscous_at=viscous_at)
+        return [(system.mass, system.damping, system.stiffness)] * len(positions)
+
+    def spring_at(self, place: str) -> Spring | None:
+        # A port between two degrees of freedom, e_i - e_j, spans -K_ij; one that is a degree of freedom, its spring to ground,
+        # the sum of that row of K.
+        spring = _spanned(self.system.port(place), self.system.stiffness)
+        return (self.scales[2] * spring, ((("scales", 2), spring),)) if spring > 0.0 else None
+
+    def carried_at(self, place: str) -> tuple[float, float, float]:
+        s, row = self.system, self.system.port(place)
+        own = max(float(row @ row), 1e-30)
+        mass, stiffness, damping = (float(abs(row @ m @ row)) / own**2 for m in (s.mass, s.stiffness, s.damping))
+        return mass, stiffness, damping
+
+    def _plant_outputs(self) -> tuple[str, ...]:
+        return tuple(self.channels)
+
+    def _plant(
         self,
-        position: float | None = None,
-        *,
-        inputs: str | Sequence[str] = ("force",),
-        outputs: str | Sequence[str] | None = None,
-        quantity: Quantity | None = None,
-        pade_order: int | None = None,
-        viscous_at: float | None = None,
-    ) -> control.StateSpace:
-        """
-        The structure as a python-control object.
-
-        Parameters
-        ----------
-        position : None
-            A structure has no position.
-        inputs : str or sequence of str
-            ``force`` (the input port, or a shaker's acceleration), or names of ports.
-        outputs : str or sequence of str, optional
-            Channels or ports; the channels by default.
-        quantity : {"displacement", "velocity", "acceleration"}, optional
-            Motion of the outputs; by default each channel's own, and displacement of ports.
-        pade_order : int, optional
-            Order of the Padé approximation of channel delays.
-        viscous_at : float, optional
-            Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-
-        Returns
-        -------
-        control.StateSpace
-            2n states, signals named; their scaling is that of `SecondOrder.state_space`.
-
-        Raises
-        ------
-        ParameterError
-            If a signal or the quantity is unknown; the message lists those that are.
-        CouplingError
-            If no finite plant exists: of a delay or hysteretic damping without an approximation, or of absolute displacement or
-            velocity on a shaker, which integrate the base's acceleration.
-        """
+        position: float | None,
+        drives: Sequence[str],
+        reads: Sequence[str],
+        quantity: Quantity | None,
+        viscous_at: float | None,
+    ) -> Callable[[Sequence[str]], control.StateSpace]:
         system = self.second_order(position, viscous_at)
         system = replace(system, ports={**system.ports, "force": self.drive(system)})
-        drives = names_of(inputs)
-        if quantity is not None:
-            check_choice("quantity", quantity, DERIVATIVE_ORDER)
 
         def build(signals: Sequence[str]) -> control.StateSpace:
-            reads: dict[str, tuple[str, Quantity]] = {}
+            motions: dict[str, tuple[str, Quantity]] = {}
             for name in signals:
                 own = self.channels[name].quantity if name in self.channels else self.default_quantity
-                reads[name] = (self.port_of(name), quantity or own)
-            out = system.state_space({name: name for name in drives}, reads, name="structure")
+                motions[name] = (self.port_of(name), quantity or own)
+            out = system.state_space({name: name for name in drives}, motions, name="structure")
             for k, name in enumerate(signals):
                 share = self.base_share(name)
-                if share and "force" in drives and reads[name][1] != "acceleration":
+                if share and "force" in drives and motions[name][1] != "acceleration":
                     raise CouplingError(
-                        f"{name} reads absolute {reads[name][1]} on a shaker, which integrates the base's acceleration: "
+                        f"{name} reads absolute {motions[name][1]} on a shaker, which integrates the base's acceleration: "
                         "there is no such plant; ask for acceleration"
                     )
                 if share and "force" in drives:
                     out.D[k, drives.index("force")] += share
             return out
 
-        return self.chain.plant(build, tuple(self.channels) if outputs is None else names_of(outputs), pade_order)
+        return build
 
     def replace(self, **values: Any) -> Structure:
         """
@@ -296,19 +240,6 @@ class Structure(Displayed):
         return replaced(self, values, {"system": ("system",)})
 
     def drive(self, system: SecondOrder) -> FloatArray:
-        """
-        How a unit of the ``force`` channel pushes each degree of freedom.
-
-        Parameters
-        ----------
-        system : SecondOrder
-            From `second_order`.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Row of the input port; on a shaker -M r, a sprung mass being carried along by its foot.
-        """
         carried = self.influence
         if carried is None:
             return system.port(self.input_port)
@@ -319,3 +250,13 @@ class Structure(Displayed):
             r[i] = self.system.port(self.attachments[k].port) @ carried
         forces: FloatArray = -(system.mass @ r)
         return forces
+
+
+def _spanned(row: FloatArray, stiffness: FloatArray) -> float:
+    """Stiffness of the spring between the degrees of freedom of a port."""
+    held = np.flatnonzero(row)
+    if held.size == 1:
+        return float(stiffness[held[0]].sum() / row[held[0]] ** 2)
+    if held.size == 2 and row[held[0]] == -row[held[1]]:
+        return float(-stiffness[held[0], held[1]] / row[held[0]] ** 2)
+    return 0.0

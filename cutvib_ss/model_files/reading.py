@@ -258,7 +258,7 @@ def _with_absorbers(model: Model, tables: Sequence[_AbsorberTable]) -> Model:
     for number, table in enumerate(tables, start=1):
         try:
             checked = AbsorberParameters(table.frequency, table.damping_ratio, table.mass)
-            (model.head_system() if isinstance(model, Machine) else model.system).port(table.port)
+            (model.head_system() if model.rail is not None else model.system).port(table.port)
         except ParameterError as error:
             raise ParameterError(f"absorber[{number}]: {error}") from error
         element = SprungMass(checked.mass, checked.frequency, checked.damping_ratio)

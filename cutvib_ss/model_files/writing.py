@@ -7,7 +7,7 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from math import degrees, inf, isclose, nextafter, radians
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.model.elements import SprungMass
 from cutvib_ss.model.head import HEAD_PARAMETERS
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.model_files.reading import model_of
 
@@ -49,7 +48,7 @@ def write_machine(model: Model, path: str | os.PathLike[str]) -> None:
     """
     file = Path(path)
     text = "\n".join(_lines(model)) + "\n"
-    if not _same(model_of(tomllib.loads(text), str(file)), model):
+    if not _same(model_of(tomllib.loads(text), str(file)).as_written, model.as_written):
         raise ParameterError(
             "the model holds more than its bare values, absorbers and effects, and machine.toml has no words for that; "
             "fill its slots with effects of the catalogue"
@@ -65,7 +64,7 @@ def write_machine(model: Model, path: str | os.PathLike[str]) -> None:
 
 def _lines(model: Model) -> Iterator[str]:
     bare = model if model.bare is None else model.bare
-    if isinstance(bare, Machine):
+    if bare.rail is not None:
         yield from ["[model]", 'kind = "cutting_machine"', "", "[head]"]
         for name in HEAD_PARAMETERS:
             value = getattr(bare.head, name)
@@ -133,10 +132,7 @@ def _in_degrees(angle: float) -> float:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Whether two models hold the same values; where they come from does not count."""
-    if isinstance(one, Structure) and isinstance(other, Structure):
-        # The factors of a tuned structure are written into its matrices.
-        one, other = (replace(m, system=m.scaled, scales=(1.0, 1.0, 1.0)) for m in (one, other))
+    """Whether two models, or parts of them, hold the same values; where they come from does not count."""
     if is_dataclass(one) and type(one) is type(other):
         names = [f.name for f in fields(one) if f.name not in ("effects", "bare", "source", "caveat")]
         return all(_same(getattr(one, name), getattr(other, name)) for name in names)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from cutvib_ss.diagnosis.consequence_result import Consequence, Consequences, Loop
-from cutvib_ss.diagnosis.findings import Band, Distances, DynamicStiffness, Metric, NuGap
+from cutvib_ss.diagnosis.findings import Band, Correlation, Distances, DynamicStiffness, Metric, ModePair, NuGap
 from cutvib_ss.diagnosis.metrics import ALL
 from cutvib_ss.diagnosis.result import Diagnosis, FittedParameter
 from cutvib_ss.report.wording import cause_name, figure, parameter_text, place_name
@@ -123,6 +123,35 @@ def metric_rows(metrics: Sequence[Metric], by: str) -> list[Row]:
             )
         )
     return out
+
+
+def frac_rows(found: Sequence[Correlation]) -> tuple[list[str], list[Row]]:
+    """FRAC of the model as given and with the cause, a row a position and input, two columns a channel; heads, then rows."""
+    channels = list(dict.fromkeys(c.channel for c in found))
+    places = list(dict.fromkeys((c.position, c.input) for c in found))
+    by_key = {(c.position, c.input, c.channel): c for c in found}
+    rows: list[Row] = []
+    for position, struck in places:
+        told = ("" if position is None else figure(position), "" if struck is None else f"force at {struck}")
+        own = [by_key.get((position, struck, channel)) for channel in channels]
+        values = [v for c in own for v in ((None, None) if c is None else (c.before, c.after))]
+        rows.append((", ".join(part for part in told if part), *("-" if v is None else figure(v) for v in values)))
+    return ["", *(f"{channel} {side}" for channel in channels for side in ("before", "after"))], rows
+
+
+def mode_rows(found: Sequence[ModePair]) -> list[Row]:
+    """Modes of the corrected model beside those of the nominal one."""
+    return [
+        (
+            "" if m.position is None else figure(m.position),
+            "-" if m.nominal_hz is None else f"{m.nominal_hz:.4g}",
+            f"{m.corrected_hz:.4g}",
+            "-" if m.nominal_damping is None else f"{100 * m.nominal_damping:.2g}",
+            f"{100 * m.corrected_damping:.2g}",
+            "new" if m.mac is None else f"{m.mac:.3f}",
+        )
+        for m in found
+    ]
 
 
 def band_rows(bands: Sequence[Band]) -> list[Row]:

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from cutvib_ss import __version__
 from cutvib_ss.diagnosis.result import Comparison, Diagnosis, FittedParameter, GapFigures
 from cutvib_ss.files import staged
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.plot.diagnosis import comparison_grid, probability_text
 from cutvib_ss.plot.style import png
 from cutvib_ss.report import answer, details, wording
@@ -193,7 +192,7 @@ def _chosen(comparisons: Sequence[Comparison]) -> list[Comparison]:
 def _changes(d: Diagnosis) -> list[_Change]:
     """How far the corrected model's own values have moved from the nominal ones."""
     nominal, corrected = d.nominal, d.corrected_machine
-    if not isinstance(nominal, Machine) or not isinstance(corrected, Machine):
+    if nominal.rail is None or corrected.rail is None:
         return []
     rows = []
     for names, before, after in (

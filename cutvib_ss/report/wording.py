@@ -194,19 +194,7 @@ def _alias(cause: Cause) -> str | None:
 
 
 def next_test_sentence(test: NextTest) -> str:
-    """
-    What to measure next, in one sentence.
-
-    Parameters
-    ----------
-    test : NextTest
-        The record that would tell most.
-
-    Returns
-    -------
-    str
-        Where to put the head, how hard to hit, what to look at, and why.
-    """
+    """What to measure next, in one sentence."""
     steps = [] if test.position is None else [f"put the head at y/L = {test.position:.3g}"]
     steps += [] if test.peak_force is None else [f"give blows of about {figure(test.peak_force)} N"]
     steps.append(f"look at {test.channel}")
@@ -215,19 +203,7 @@ def next_test_sentence(test: NextTest) -> str:
 
 
 def shrinkage_text(gap: GapFigures) -> tuple[str, str]:
-    """
-    How much of the error is closed, and its interval.
-
-    Parameters
-    ----------
-    gap : GapFigures
-        The figures.
-
-    Returns
-    -------
-    share, interval : str
-        For instance ``"92.5 %"`` and ``"95 % interval 91.0 to 94.0 %"``; the interval is empty where it is not known.
-    """
+    """How much of the error is closed, and its interval."""
     if not math.isfinite(gap.shrinkage):
         return "not known", ""
     low, high = gap.shrinkage_interval
@@ -236,19 +212,7 @@ def shrinkage_text(gap: GapFigures) -> tuple[str, str]:
 
 
 def excess_text(gap: GapFigures) -> str:
-    """
-    How much is closed of what stands above the noise, as the end of a sentence.
-
-    Parameters
-    ----------
-    gap : GapFigures
-        The figures.
-
-    Returns
-    -------
-    str
-        For instance ``"; of what stood above the noise, 99 %"``; empty where hardly anything did.
-    """
+    """How much is closed of what stands above the noise, as the end of a sentence."""
     excess = gap.before - gap.noise_floor
     if not math.isfinite(excess) or excess < 0.1 * gap.before:
         return ""
@@ -257,52 +221,18 @@ def excess_text(gap: GapFigures) -> str:
 
 
 def bands_text(bands: tuple[tuple[float, float], ...]) -> str:
-    """
-    Bands of frequency for reading.
-
-    Parameters
-    ----------
-    bands : tuple of (float, float)
-        Limits [Hz].
-
-    Returns
-    -------
-    str
-        For instance ``"18-41.5 Hz, 190-300 Hz"``; ``"none"`` without any.
-    """
+    """Bands of frequency for reading."""
     return ", ".join(f"{low:.4g}-{high:.4g} Hz" for low, high in bands) or "none"
 
 
 def figure(value: float) -> str:
-    """
-    A figure with three significant digits.
-
-    Parameters
-    ----------
-    value : float
-        Any number.
-
-    Returns
-    -------
-    str
-        Text; "-" where it is not finite.
-    """
+    """A figure with three significant digits."""
     return f"{value:.3g}" if math.isfinite(value) else "-"
 
 
 def parameter_text(parameter: FittedParameter) -> str:
     """
     A fitted value with its standard deviation, rounded to it, and its unit.
-
-    Parameters
-    ----------
-    parameter : FittedParameter
-        The parameter.
-
-    Returns
-    -------
-    str
-        For instance ``"(1.310 ± 0.024)·10⁷ N/m"``.
 
     Examples
     --------
@@ -334,17 +264,5 @@ def parameter_text(parameter: FittedParameter) -> str:
 
 
 def parameters_text(cause: Cause) -> list[tuple[str, str]]:
-    """
-    All parameters of a cause for reading.
-
-    Parameters
-    ----------
-    cause : Cause
-        The cause.
-
-    Returns
-    -------
-    list of (str, str)
-        Name and value.
-    """
+    """All parameters of a cause for reading."""
     return [(name, parameter_text(parameter)) for name, parameter in cause.parameters.items()]

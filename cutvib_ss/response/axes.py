@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.machine import Machine
-from cutvib_ss.model.structure import Structure
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.parameters import check_number, check_position
 from cutvib_ss.results import ComplexArray, FloatArray
 
 
-def as_positions(model: Machine | Structure, positions: object) -> FloatArray:
+def as_positions(model: Model, positions: object) -> FloatArray:
     """Positions as an array, checked against the kind of model, shape (position,)."""
     if not model.has_position:
         if positions is not None and not np.isnan(np.asarray(positions, dtype=float)).all():
@@ -19,8 +18,7 @@ def as_positions(model: Machine | Structure, positions: object) -> FloatArray:
         return np.array([np.nan])
     if positions is None:
         raise ParameterError("the response of a cutting machine needs a position y_b / L, strictly inside (0, 1)")
-    values = np.atleast_1d(np.asarray(positions, dtype=float))
-    return np.array([check_position(float(y)) for y in values.ravel()])
+    return np.array([check_position(y) for y in np.asarray(positions, dtype=object).ravel()])
 
 
 def as_laplace(freq: object, decay_rate: float) -> tuple[FloatArray, ComplexArray]:

@@ -159,17 +159,34 @@ def newton(x: FloatArray, omega: float, force: float, system: _System, elements:
 
 
 @numba.njit(cache=True)
+def _between(omega: float, omegas: FloatArray, force: FloatArray) -> float:
+    """The force at a frequency between lines, linear; beyond the lines that of the last."""
+    low, high = 0, omegas.size - 1
+    if high == 0:
+        return float(force[0])
+    sign = 1.0 if omegas[high] > omegas[0] else -1.0
+    while high - low > 1:
+        middle = (low + high) // 2
+        if sign * (omega - omegas[middle]) >= 0.0:
+            low = middle
+        else:
+            high = middle
+    part = min(max((omega - omegas[low]) / (omegas[high] - omegas[low]), 0.0), 1.0)
+    return float(force[low] + part * (force[high] - force[low]))
+
+
+@numba.njit(cache=True)
 def sweep(
     start: FloatArray,
     omegas: FloatArray,
-    force: float,
+    force: FloatArray,
     system: _System,
     elements: Packed,
     tables: _Tables,
     reach: float,
 ) -> tuple[int, FloatArray]:
     """
-    Steady motion along a sweep of frequency at constant force, from the motion at its first line; lines found, and their motions.
+    Steady motion along a sweep of frequency, the force given at its lines, from the motion at the first; lines found, and motions.
 
     Pseudo-arclength continuation (Keller 1977) in the motion over its size and the frequency over ``reach``. Where the curve folds
     it runs back along the unstable branch to the next fold; a line counts when it is reached for the first time, so that the
@@ -192,8 +209,9 @@ def sweep(
             break
         size = _ARC_OF_MOTION * _size(x)
         # The tangent: the kernel of (∂R/∂x, ∂R/∂ω), both scaled, on the side of the last one.
-        balance(x, omega, force, system, elements, tables, r, j, f, slopes)
-        balance(x, omega * (1.0 + _TURN), force, system, elements, tables, turned, spare, f, slopes)
+        balance(x, omega, _between(omega, omegas, force), system, elements, tables, r, j, f, slopes)
+        ahead = omega * (1.0 + _TURN)
+        balance(x, ahead, _between(ahead, omegas, force), system, elements, tables, turned, spare, f, slopes)
         for k in range(n):
             turned[k] = (turned[k] - r[k]) / (omega * _TURN) * (reach / size)
             right[k] = 0.0
@@ -210,7 +228,7 @@ def sweep(
             steps, found = 0, False
             while steps < _NEWTON and there > 0.0 and not found:
                 steps += 1
-                balance(new, there, force, system, elements, tables, r, j, f, slopes)
+                balance(new, there, _between(there, omegas, force), system, elements, tables, r, j, f, slopes)
                 left = _size(r)
                 if not math.isfinite(left):
                     break
@@ -235,7 +253,7 @@ def sweep(
                 part = (omegas[reached] - omega) / (there - omega)
                 for k in range(n):
                     guess[k] = trial[k] = x[k] + part * (new[k] - x[k])
-                good = newton(trial, omegas[reached], force, system, elements, tables)
+                good = newton(trial, omegas[reached], force[reached], system, elements, tables)
                 far = 0.0
                 for k in range(n):
                     far += (trial[k] - guess[k]) ** 2

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.paths import Path
-from cutvib_ss.model.structure import Structure
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.parameters import check_choice, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.derivatives import ResponseDerivatives
@@ -25,7 +24,7 @@ _STILL = 1e-6j
 
 
 def frequency_response(
-    machine: Machine | Structure,
+    machine: Model,
     positions: ArrayLike | None,
     freq: ArrayLike,
     *,
@@ -94,7 +93,7 @@ def frequency_response(
     )  # fmt: skip
 
 
-def output_quantities(machine: Machine | Structure, outputs: Sequence[str], form: Form | None) -> tuple[Quantity, ...]:
+def output_quantities(machine: Model, outputs: Sequence[str], form: Form | None) -> tuple[Quantity, ...]:
     """Motion quantity of each output."""
     if form is not None:
         check_choice("form", form, tuple(QUANTITY_OF_FORM))
@@ -107,7 +106,7 @@ class ChainedResponse:
 
     def __init__(
         self,
-        machine: Machine | Structure,
+        machine: Model,
         positions: np.ndarray,
         s: ComplexArray,
         quantities: Sequence[Quantity],

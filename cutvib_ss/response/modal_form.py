@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.machine import CUTTING_SIGNALS, Machine
+from cutvib_ss.model.machine import CUTTING_SIGNALS
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.rail import rail_points
 from cutvib_ss.model.second_order import SecondOrder
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.modal_basis import modal_basis
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 from cutvib_ss.units import DERIVATIVE_ORDER
@@ -60,13 +60,14 @@ class ModalForm:
 
 
 def modal_form(
-    machine: Machine | Structure,
+    machine: Model,
     position: float | None = None,
     outputs: Sequence[str] | None = None,
     viscous_at: float | None = None,
     quantities: Sequence[Quantity] | None = None,
     ports: Sequence[str] | None = None,
     classical_above: float = np.inf,
+    input: str = "force",
 ) -> ModalForm:
     """The modal sum of a model at a position, as its channels and nonlinear elements see it."""
     names = tuple(machine.channels) if outputs is None else tuple(outputs)
@@ -74,9 +75,10 @@ def modal_form(
     given = {n: machine.channels[n].quantity if n in machine.channels else "displacement" for n in names}
     read = tuple(given.values()) if quantities is None else tuple(quantities)
     reads = [machine.channels[n].port if n in machine.channels else n for n in names]
-    system = system_with(machine, position, viscous_at, (*reads, *at))
+    system = system_with(machine, position, viscous_at, (*reads, *at, input))
     rows = np.array([row_of(system, r) for r in (*reads, *at)])
-    forces = np.array([machine.drive(system), *(row_of(system, p) for p in at)]).T
+    first = machine.drive(system) if input == "force" else row_of(system, input)
+    forces = np.array([first, *(row_of(system, p) for p in at)]).T
     m = modal_basis(system, classical_above)
     shares = tuple(machine.base_share(n) for n in names)
     return ModalForm(m.poles, m.drives @ forces, rows @ m.shapes, read, names, at, m.from_state, system.dofs, shares)
@@ -112,9 +114,7 @@ def base_motion(acceleration: FloatArray, fs: float, order: int, periodic: bool 
     return out if order else out - out.mean(axis=-1, keepdims=True)
 
 
-def system_with(
-    machine: Machine | Structure, position: float | None, viscous_at: float | None, names: Sequence[str]
-) -> SecondOrder:
+def system_with(machine: Model, position: float | None, viscous_at: float | None, names: Sequence[str]) -> SecondOrder:
     """The second-order form of a model with the ports that some signals need; points of the rail as ``rail(0.25)``."""
     return machine.second_order(position, viscous_at, rail_points(names))
 

@@ -12,9 +12,9 @@ from scipy import linalg, optimize
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.elements import Element, SpringDamperMass, viscous_equivalent
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.model.paths import ModelT
+from cutvib_ss.model.paths import ModelT, with_slots
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.second_order import SecondOrder
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.axes import as_positions
 from cutvib_ss.results import ComplexArray, FloatArray, Modes, TrackedModes
 
@@ -26,7 +26,7 @@ _SAME_MODE = 0.9
 """Where the modal assurance criterion falls below this, a step along the rail is halved."""
 
 
-def modes(machine: Machine | Structure, position: float | None = None) -> Modes:
+def modes(machine: Model, position: float | None = None) -> Modes:
     """
     Natural modes and poles at a position.
 
@@ -75,7 +75,7 @@ def _without_form(element: Element) -> bool:
     return not isinstance(element, SpringDamperMass) and viscous_equivalent(element, 1j) is not element
 
 
-def _each_at_its_own(machine: Machine | Structure, position: float | None) -> Modes:
+def _each_at_its_own(machine: Model, position: float | None) -> Modes:
     """Each mode of the model whose elements without a finite form are replaced by what equals them at that mode's pole."""
 
     def at(s: complex) -> Modes:
@@ -83,7 +83,7 @@ def _each_at_its_own(machine: Machine | Structure, position: float | None) -> Mo
             replace(a, element=viscous_equivalent(a.element, s)) if _without_form(a.element) else a
             for a in machine.attachments
         )
-        return modes(replace(machine, attachments=replaced), position)
+        return modes(with_slots(machine, attachments=replaced), position)
 
     start = at(_START)
     each = range(start.poles.size)
@@ -205,7 +205,7 @@ def _step(machine: Machine, start: _Place, position: float, halvings: int) -> tu
     return last, np.minimum(first, second)
 
 
-def _matrices(machine: Machine | Structure, position: float | None) -> tuple[SecondOrder, FloatArray]:
+def _matrices(machine: Model, position: float | None) -> tuple[SecondOrder, FloatArray]:
     """Mass, damping and stiffness without hysteresis, and the matrix H of the hysteretic elements."""
     system = _with_springs(machine, 0.0).second_order(position)
     if not any(isinstance(a.element, SpringDamperMass) and a.element.loss_stiffness for a in machine.attachments):

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.restoring_forces import Hysteretic
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_number
 from cutvib_ss.response.modal_form import row_of, system_with
 from cutvib_ss.results import FloatArray, Quantity
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def nonlinear_system(
-    machine: Machine | Structure,
+    machine: Model,
     position: float | None = None,
     outputs: Sequence[str] | None = None,
     quantity: Quantity | None = None,

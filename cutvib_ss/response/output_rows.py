@@ -10,9 +10,9 @@ import numpy as np
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.rail import EndSupports
 from cutvib_ss.model.second_order import SecondOrder
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import check_choice
 from cutvib_ss.response.modal_basis import ModalBasis
 from cutvib_ss.response.modal_form import row_of
@@ -45,7 +45,7 @@ class OutputRow:
 
 
 def output_rows(
-    machine: Machine | Structure,
+    machine: Model,
     system: SecondOrder,
     position: float | None,
     viscous_at: float | None,

@@ -23,6 +23,10 @@ _REACH = 5.0
 """Lines that an arc of the continuation may span."""
 _SHORTEST_RAMP = 1e-4
 """Shortest part of the force by which the first line's motion is ramped up."""
+_RAMP = tuple(np.geomspace(0.02, 1.0, 18).tolist())
+"""Parts of a held amplitude by which it is come to, where nothing else leads there."""
+_HELD_STEPS, _HELD, _HELD_DAMPED = 40, 1e-9, 1e-3
+"""Steps of Newton's method under a held response at most, its relative residual, and the damping at which it is given up."""
 _STEP = 1e-6
 """Relative step of the forces' derivatives to the laws' parameters."""
 
@@ -56,17 +60,17 @@ class PortMotion:
                 return None
         return x
 
-    def sweep(self, omegas: FloatArray, force: float) -> FloatArray:
-        """Motion along a sweep, a line each; fewer lines than asked for where the curve is lost, or a softening spring lets go."""
-        start = self._ramped(omegas[0], force, by_law=False)
+    def sweep(self, omegas: FloatArray, force: FloatArray) -> FloatArray:
+        """Motion along a sweep under a force line by line; fewer lines where the curve is lost, or a softening spring lets go."""
+        start = self._ramped(omegas[0], float(force[0]), by_law=False)
         if start is None:
             # Growing out of rest it comes to a fold; what lies beyond is sought from the linear model.
-            start = self._ramped(omegas[0], force, by_law=True)
+            start = self._ramped(omegas[0], float(force[0]), by_law=True)
         if start is None:
             return np.zeros((0, self.size))
         spacing = float(np.abs(np.diff(omegas)).mean()) if omegas.size > 1 else 1.0
         done, motions = self._compiled.sweep(
-            start, omegas, force, self._system, self._laws, self._tables, _REACH * spacing
+            start, omegas, np.ascontiguousarray(force), self._system, self._laws, self._tables, _REACH * spacing
         )
         found = np.asarray(motions[:done])
         return found[: self._held(found)]
@@ -82,11 +86,130 @@ class PortMotion:
                 passed |= np.abs(own).max(axis=1) > far
         return int(np.argmax(passed)) if passed.any() else len(motions)
 
+    def held(
+        self, omegas: FloatArray, read: ComplexArray, by_laws: ComplexArray, amplitudes: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """
+        Motion of the ports and amplitude of the force, line by line, at given amplitudes of a channel; NaN where none is found.
+
+        The channel reads X = read·f - by_laws·N: receptances by the force (frequency,) and by the ports (port, frequency). Newton's
+        method on the balance and |X| = A, all lines together. Under a held response there are no folds to jump at: each line has
+        its own force.
+        """
+        lines = omegas.size
+        motions, force, found = np.zeros((lines, self.size)), np.zeros(lines), np.zeros(lines, dtype=bool)
+        by_force = self._by_force(omegas)
+        # Small motion from rest: friction sticks there, a clearance does not hold.
+        _, at_rest, _, slopes = self._compiled.balances(motions, omegas, self._system, self._laws, self._tables)
+        small = _solved(at_rest, by_force)
+        shown = read - np.einsum("jf,fjx,fx->f", by_laws, self._fundamental_slopes(slopes), small)
+        starts = [(x, 1.0 / np.maximum(np.abs(gain), 1e-300)) for x, gain in ((by_force, read), (small, shown))]
+
+        def try_from(some: np.ndarray, x: FloatArray, f: FloatArray, share: float = 1.0) -> np.ndarray:
+            x, f, wanted = x.copy(), f.copy(), share * amplitudes[some]
+            good = self._newton_held(x, f, omegas[some], by_force[some], read[some], by_laws[:, some], wanted)
+            motions[some[good]], force[some[good]] = x[good], f[good]
+            return np.asarray(some[good])
+
+        def spread() -> None:
+            """From lines that are found to those beside, until none is gained."""
+            before = -1
+            while before < np.count_nonzero(found) < lines:
+                before = int(np.count_nonzero(found))
+                for side in (1, -1):
+                    todo = np.flatnonzero(~found)
+                    todo = todo[(todo - side >= 0) & (todo - side < lines)]
+                    todo = todo[found[todo - side]]
+                    louder = amplitudes[todo] / amplitudes[todo - side]
+                    found[try_from(todo, motions[todo - side] * louder[:, None], force[todo - side] * louder)] = True
+
+        for x, per_unit in starts:
+            todo = np.flatnonzero(~found)
+            f = (amplitudes * per_unit)[todo]
+            found[try_from(todo, x[todo] * f[:, None], f)] = True
+        spread()
+        for x, per_unit in starts if not found.all() else ():
+            todo, last = np.flatnonzero(~found), _RAMP[0]
+            f = (last * amplitudes * per_unit)[todo]
+            todo = try_from(todo, x[todo] * f[:, None], f, last)
+            for share in _RAMP[1:]:
+                todo = try_from(todo, motions[todo] * (share / last), force[todo] * (share / last), share)
+                last = share
+            found[todo] = True
+            spread()
+        return motions, np.where(found, force, np.nan)
+
+    def _newton_held(
+        self,
+        x: FloatArray,
+        f: FloatArray,
+        omegas: FloatArray,
+        by_force: FloatArray,
+        read: ComplexArray,
+        by_laws: ComplexArray,
+        amplitudes: FloatArray,
+    ) -> np.ndarray:
+        """Damped Newton steps in place; which lines have come to an end."""
+        n, size = self.size, np.linalg.norm(x, axis=1)
+        # Columns and rows of unlike units: motion, and force; residual, and amplitude.
+        units = np.concatenate([np.repeat(size[:, None], n, axis=1), np.abs(f)[:, None]], axis=1)
+
+        def at(some: np.ndarray, x: FloatArray, f: FloatArray) -> tuple[FloatArray, FloatArray]:
+            r, j, forces, slopes = self._compiled.balances(x, omegas[some], self._system, self._laws, self._tables)
+            laws, moved = self._fundamental(forces), self._fundamental_slopes(slopes)
+            b, a, h = by_force[some], amplitudes[some], by_laws[:, some]
+            shown = read[some] * f - np.einsum("jf,fj->f", h, laws)
+            left = np.concatenate([(r - b * f[:, None]) / size[some, None], (np.abs(shown) / a - 1.0)[:, None]], axis=1)
+            matrix = np.zeros((f.size, n + 1, n + 1))
+            along = shown.conj() / np.maximum(np.abs(shown) * a, 1e-300)
+            matrix[:, :n, :n], matrix[:, :n, n] = j / size[some, None, None], -b / size[some, None]
+            matrix[:, n, :n] = -(along[:, None] * np.einsum("jf,fjx->fx", h, moved)).real
+            matrix[:, n, n] = (along * read[some]).real
+            return left, matrix * units[some, None]
+
+        left, matrix = at(np.arange(f.size), x, f)
+        merit, damping = np.linalg.norm(left, axis=1), np.ones(f.size)
+        for _ in range(_HELD_STEPS):
+            todo = np.flatnonzero((merit > _HELD) & (damping > _HELD_DAMPED))
+            if not todo.size:
+                break
+            change = -damping[todo, None] * units[todo] * _solved(matrix[todo], left[todo])
+            there = x[todo] + change[:, :n], f[todo] + change[:, n]
+            new_left, new_matrix = at(todo, *there)
+            new = np.linalg.norm(new_left, axis=1)
+            better = new < merit[todo]
+            damping[todo] = np.where(better, np.minimum(2.0 * damping[todo], 1.0), 0.25 * damping[todo])
+            good = todo[better]
+            x[good], f[good] = there[0][better], there[1][better]
+            merit[good], left[good], matrix[good] = new[better], new_left[better], new_matrix[better]
+        return np.asarray((merit <= _HELD) & (f > 0.0))
+
+    def _by_force(self, omegas: FloatArray) -> FloatArray:
+        """Linear motion of the ports under a unit force, as the balance's unknowns, shape (frequency, unknown)."""
+        poles, drives, shapes = self._system
+        residues = shapes * drives[:, 0]
+        up, down = (residues @ (0.5 / (s - poles[:, None])) for s in (1j * omegas, -1j * omegas))
+        h = up + down.conj()
+        out = np.zeros((omegas.size, self.ports, self.width))
+        out[:, :, self.first], out[:, :, self.first + 1] = h.T.real, -h.T.imag
+        return out.reshape(omegas.size, -1)
+
+    def _fundamental(self, forces: FloatArray) -> ComplexArray:
+        """Fundamentals of harmonics of the laws' forces, shape (frequency, port)."""
+        own = forces.reshape(len(forces), self.ports, self.width)
+        return np.asarray(own[:, :, self.first] - 1j * own[:, :, self.first + 1])
+
+    def _fundamental_slopes(self, slopes: FloatArray) -> ComplexArray:
+        """Derivatives of the fundamentals to the unknowns, shape (frequency, port, unknown)."""
+        out = np.zeros((len(slopes), self.ports, self.size), dtype=np.complex128)
+        for i in range(self.ports):
+            at = slice(i * self.width, (i + 1) * self.width)
+            out[:, i, at] = slopes[:, i, self.first] - 1j * slopes[:, i, self.first + 1]
+        return out
+
     def fundamentals(self, omegas: FloatArray, motions: FloatArray) -> ComplexArray:
         """Fundamentals of the laws' forces, shape (frequency, port), under motions of shape (frequency, port · unknown)."""
-        forces = self._compiled.balances(motions, omegas, self._system, self._laws, self._tables)[2]
-        own = forces.reshape(omegas.size, self.ports, self.width)[:, :, self.first : self.first + 2]
-        return np.asarray(own[:, :, 0] - 1j * own[:, :, 1])
+        return self._fundamental(self._compiled.balances(motions, omegas, self._system, self._laws, self._tables)[2])
 
     def slopes(
         self, omegas: FloatArray, motions: FloatArray
@@ -119,6 +242,14 @@ class PortMotion:
                 pushed = np.linalg.solve(inner, (r2 - r)[:, rest, None])
                 by_parameter[i, name] = ((f2 - f)[:, own] - (to_rest @ pushed)[..., 0]) / h
         return by_motion, by_parameter
+
+
+def _solved(matrices: FloatArray, right: FloatArray) -> FloatArray:
+    """Solutions of many small systems; nothing where one is singular."""
+    try:
+        return np.asarray(np.linalg.solve(matrices, right[..., None])[..., 0])
+    except np.linalg.LinAlgError:
+        return np.array([np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(matrices, right, strict=True)])
 
 
 def harmonic_tables(numbers: np.ndarray, samples: int) -> Tables:

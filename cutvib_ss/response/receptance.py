@@ -21,9 +21,8 @@ import numpy as np
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.elements import Element, SpringDamperMass, SprungMass
-from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.rail import rail_point
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.batched import dot, inverse
 from cutvib_ss.response.rail_receptance import RailField, RailReceptance
 from cutvib_ss.response.twist_receptance import TwistReceptance
@@ -35,7 +34,7 @@ Row: TypeAlias = FloatArray | ComplexArray
 class CondensedModel:
     """A model at given positions and frequencies."""
 
-    def __init__(self, model: Machine | Structure, positions: FloatArray, s: ComplexArray) -> None:
+    def __init__(self, model: Model, positions: FloatArray, s: ComplexArray) -> None:
         self.model, self.positions, self.s = model, np.atleast_1d(positions), s
         self._answers: dict[str, Answer] = {}
         self.assembly = model.assembly

@@ -18,9 +18,8 @@ from numpy.typing import ArrayLike
 from scipy import optimize
 
 from cutvib_ss.errors import ConvergenceError, ParameterError
-from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.restoring_forces import packed
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import names_of
 from cutvib_ss.response.compiled import interact
 from cutvib_ss.response.compiled_modes import advance
@@ -47,7 +46,7 @@ _NEWTON: Any = optimize.root  # its annotations know less than it can do
 
 
 def time_response(
-    machine: Machine | Structure,
+    machine: Model,
     position: float | None,
     force: ArrayLike,
     fs: float,
@@ -146,7 +145,7 @@ class _Run:
 
     def __init__(
         self,
-        machine: Machine | Structure,
+        machine: Model,
         position: float | None,
         viscous_at: float | None,
         names: Sequence[str],

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.parameters import names_of
+from cutvib_ss.parameters import names_of, position_named
 
 Quantity: TypeAlias = Literal["displacement", "velocity", "acceleration"]
 Form: TypeAlias = Literal["receptance", "mobility", "accelerance"]
@@ -57,12 +57,13 @@ def label_indices(labels: tuple[str, ...], wanted: str | Sequence[str] | None, w
     return [labels.index(name) for name in names_of(wanted)]
 
 
-def position_indices(positions: FloatArray, wanted: float | Sequence[float] | None) -> NDArray[np.intp]:
+def position_indices(positions: FloatArray, wanted: float | str | Sequence[float | str] | None) -> NDArray[np.intp]:
     """Indices of wanted positions (to 1e-9), all by default."""
     if wanted is None:
         return np.arange(positions.size)
     rows: list[np.intp] = []
-    for value in np.atleast_1d(np.asarray(wanted, dtype=float)):
+    for given in np.asarray(wanted, dtype=object).ravel():
+        value = position_named(given) if isinstance(given, str) else float(given)
         hits = np.flatnonzero(np.abs(positions - value) < 1e-9)
         if hits.size == 0:
             raise ParameterError(f"no position {value:g}; there are {positions.tolist()}")

@@ -50,7 +50,7 @@ def features(folder: Path) -> FloatArray:
     """Features of a campaign on the cutting machine."""
     campaign = read_campaign(folder)
     machine = campaign.machine
-    if not isinstance(machine, Machine):
+    if machine.rail is None:
         raise ParameterError(
             f"{folder}: features are those of a cutting machine; this campaign is of another structure"
         )

@@ -85,7 +85,7 @@ def band_of(model: Model, records: Sequence[RecordSummary]) -> tuple[float, floa
     """The band of all records [Hz]; of a cutting machine not far beyond the second harmonic of the tool's force."""
     low = min((r.band_hz[0] for r in records), default=5.0)
     high = max((r.band_hz[1] for r in records), default=_HIGHEST)
-    return low, min(high, max(_HIGHEST, 2 * low)) if isinstance(model, Machine) else high
+    return low, min(high, max(_HIGHEST, 2 * low)) if model.has_position else high
 
 
 def measured_curves(
@@ -191,7 +191,7 @@ def modified(model: Model, position: float | None, output: str, change: Change, 
         freq = np.union1d(freq, lines_of(damped, position, *band))
         found = frequency_response(damped, _at(position), freq, outputs=output)
         curves.append(Curve("with the absorber", freq, found.data[0, 0, 0], "absorber", found.units[0]))
-    if change.controller is None or not isinstance(damped, Machine) or position is None:
+    if change.controller is None or damped.rail is None or position is None:
         return Modified(tuple(curves), None)
     return _controlled(model, damped, position, output, change.controller, curves)
 
@@ -220,7 +220,7 @@ def _closed(model: Model, damped: Machine, position: float, wanted: Controller) 
 
     kind, sampling = prototype(wanted.name), Sampling()
     hardware = kind.hardware(kind.port, sampling)
-    assert isinstance(model, Machine)
+    assert model.rail is not None
     controller = _scaled(designed(model, wanted.name, wanted.designed_at), wanted.gain)
     return Loop(control_plant(damped, position, hardware, delayed=False), controller, sampling)
 
@@ -240,7 +240,7 @@ def controlled_along_the_rail(model: Model, output: str, change: Change, freq: f
     from cutvib_ss.control_design.hardware import MOTIONS
 
     damped = model if change.absorber is None else attach_absorber(model, change.absorber, change.port)
-    if change.controller is None or output not in MOTIONS or not isinstance(damped, Machine):
+    if change.controller is None or output not in MOTIONS or damped.rail is None:
         return None
     values = np.full(_CONTROLLED.size, np.nan, dtype=np.complex128)
     for k, position in enumerate(_CONTROLLED):
@@ -286,7 +286,7 @@ def _scaled(controller: control.StateSpace, gain: float) -> control.StateSpace:
     )  # fmt: skip
 
 
-def along_the_rail(model: Machine, output: str, change: Change, freq: float) -> list[Curve]:
+def along_the_rail(model: Model, output: str, change: Change, freq: float) -> list[Curve]:
     """Modulus at one frequency over all positions of the head, as it is and with the absorber; positions for frequencies."""
     found = frequency_response(model, _ALONG, [freq], outputs=output)
     curves = [Curve("the model", _ALONG, found.data[:, 0, 0, 0], "nominal", found.units[0])]
@@ -306,7 +306,7 @@ def at_frequency(curve: Curve, freq: float) -> float | None:
 
 def default_absorber(model: Model) -> AbsorberParameters:
     """Where the absorber's sliders start: Table 7's of a cutting machine, else a fiftieth of the mass at the first mode."""
-    if isinstance(model, Machine):
+    if model.head is not None:
         return replace(table_7(), source="", caveat="")
     first = float(modes(model, None).natural_freq[0])
     return AbsorberParameters(max(first, 0.1), 0.05, 0.02 * float(np.mean(np.diag(model.system.mass))))
@@ -314,7 +314,7 @@ def default_absorber(model: Model) -> AbsorberParameters:
 
 def absorber_port(model: Model) -> str:
     """Where the absorber sits: at the tool in X, or where the force acts."""
-    return "tool_x" if isinstance(model, Machine) else model.input_port
+    return model.input_port
 
 
 def response_channels(model: Model) -> list[str]:

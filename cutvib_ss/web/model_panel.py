@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from nicegui import background_tasks, run, ui
 
 from cutvib_ss.errors import CutvibError
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.plot.style import unit_text
 from cutvib_ss.web import curves, figures
@@ -38,18 +37,18 @@ class ModelPanel:
         model = self.model
         self.band = curves.band_of(model, opened.summary.records)
         with ui.element("section").classes("card"):
-            parts = "position, absorber, controller" if isinstance(model, Machine) else "absorber"
+            parts = "position, absorber, controller" if model.has_position else "absorber"
             ui.html(f"<h2>Model: {parts}</h2>", sanitize=False)
             with ui.element("div").classes("beside"):
                 with ui.element("div").classes("sliders"):
                     self._build_choices(model)
                     self._build_absorber(model)
-                    if isinstance(model, Machine):
+                    if model.has_position:
                         self._build_controller()
                 with ui.element("div").classes("pictures"):
                     self.plot = ui.plotly({"data": [], "layout": {}}).classes("plot").props('data-plot="model"')
                     self.figures = ui.label().classes("facts-line").props('data-facts="model"')
-                    if isinstance(model, Machine):
+                    if model.has_position:
                         self.rail = ui.plotly({"data": [], "layout": {}}).classes("plot").props('data-plot="rail"')
         self.draw()
 
@@ -81,7 +80,7 @@ class ModelPanel:
         start = curves.default_absorber(model)
         self.absorber = ui.switch(f"absorber at {curves.absorber_port(model)}", on_change=self.draw)
         self.absorber.props('data-act="absorber"')
-        low, high = (100.0, 350.0) if isinstance(model, Machine) else (self.band[0], self.band[1])
+        low, high = (100.0, 350.0) if model.has_position else (self.band[0], self.band[1])
         with ui.element("div").classes("group").bind_visibility_from(self.absorber, "value"):
             self.frequency, _ = self._slider(
                 "frequency",
@@ -132,7 +131,7 @@ class ModelPanel:
     async def _design(self, position: float) -> None:
         """Design off the page's own thread: some prototypes take seconds."""
         model, name = self.model, str(self.controller.value)
-        assert isinstance(model, Machine)
+        assert model.rail is not None
         self.design_note.text = "designing …"
         try:
             await run.io_bound(curves.designed, model, name, position)
@@ -159,7 +158,7 @@ class ModelPanel:
                 float(self.frequency.value), float(self.damping.value), float(self.mass.value)
             )
         controller = None
-        if isinstance(self.model, Machine) and self.controller.value != _NONE:
+        if self.model.has_position and self.controller.value != _NONE:
             controller = Controller(str(self.controller.value), float(self.gain.value), self.designed_at)
         return Change(absorber, curves.absorber_port(self.model), controller)
 
@@ -170,7 +169,7 @@ class ModelPanel:
         begun = time.perf_counter()
         found = curves.modified(model, position, output, self.change, self.band)
         took = time.perf_counter() - begun
-        mark = curves.WORKING_FREQUENCY if isinstance(model, Machine) else None
+        mark = curves.WORKING_FREQUENCY if model.has_position else None
         self.plot.update_figure(
             figures.response_figure(
                 [*found.curves, *self._measured_here(position, output)], dark=dark, width=self.width,
@@ -182,10 +181,10 @@ class ModelPanel:
         self.figures.classes(
             add="unstable" if found.stable is False else "", remove="" if found.stable is False else "unstable"
         )
-        if isinstance(model, Machine) and position is not None:
+        if model.rail is not None and position is not None:
             self._draw_rail(model, output, position, found.curves[-1])
 
-    def _draw_rail(self, model: Machine, output: str, position: float, last: Curve) -> None:
+    def _draw_rail(self, model: Model, output: str, position: float, last: Curve) -> None:
         """The response at the working frequency over the rail; the controlled one follows, which takes some tenths of a second."""
         change, frequency = self.change, curves.WORKING_FREQUENCY
         along = curves.along_the_rail(model, output, change, frequency)

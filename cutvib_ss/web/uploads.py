@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
 
-from cutvib_ss.errors import CutvibError, DataFormatError
+from cutvib_ss.errors import DataFormatError
 
 CAMPAIGN_FILE = "campaign.toml"
 MOST_BYTES = 2 * 1024**3
@@ -127,8 +127,3 @@ def _references(file: Path) -> list[str]:
         files = record.get("file") if isinstance(record, dict) else None
         named += files if isinstance(files, list) else [files]
     return [name for name in named if isinstance(name, str) and name]
-
-
-def is_input_error(error: BaseException) -> bool:
-    """Whether an error says what is wrong with the input, rather than being a fault of the program."""
-    return isinstance(error, CutvibError)

@@ -7,12 +7,13 @@ import pytest
 from scipy import stats
 
 from cutvib_ss.diagnosis import cross_validation
-from cutvib_ss.diagnosis.discrepancy import LENGTH, smooth_shapes
+from cutvib_ss.diagnosis.discrepancy import smooth_shapes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Directions, Quadratic, Sizes
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.model.structure import Structure
 from tests.unit.diagnosis_example import example_structure
 
@@ -51,7 +52,7 @@ def test_shapes_are_those_of_the_process() -> None:
     freq = np.geomspace(15.0, 450.0, 40)
     shapes = smooth_shapes(freq, (15.0, 450.0))
     u = np.log(freq)
-    kernel = np.exp(-0.5 * ((u[:, None] - u) / LENGTH) ** 2)
+    kernel = np.exp(-0.5 * ((u[:, None] - u) / SETTINGS.discrepancy_length) ** 2)
     np.testing.assert_allclose(shapes.T @ shapes, kernel, atol=0.01)
 
 
@@ -138,7 +139,9 @@ class Dense:
             alone = sizes.drift * self.plain * (np.arange(2) == channel)[:, None]
             self.drift += [alone, 1j * alone]
         u = np.log(FREQ)
-        factor = np.linalg.cholesky(np.exp(-0.5 * ((u[:, None] - u) / LENGTH) ** 2) + 1e-10 * np.eye(u.size))
+        factor = np.linalg.cholesky(
+            np.exp(-0.5 * ((u[:, None] - u) / SETTINGS.discrepancy_length) ** 2) + 1e-10 * np.eye(u.size)
+        )
         self.wrong = [part * sizes.nominal * by["k"] * shape for shape in factor.T for part in (1.0, 1j)]
 
     def left(self, known: Entry, other: Entry, same_session: bool) -> np.ndarray:

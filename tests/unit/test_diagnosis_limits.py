@@ -12,7 +12,8 @@ from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.posterior import Counts
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.result import PRIORS, Limit
+from cutvib_ss.diagnosis.result import Limit
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.model.machine import published_machine
@@ -87,7 +88,7 @@ def test_a_mass_is_named_from_what_is_visible(found: dict[tuple[str, str], Limit
         records, _ = measured(3e-3, mass)
         with_mass = fit(MACHINE, records, Hypothesis((AddedMass("tool", mass),)))
         gain = with_mass.log_evidence - fit(MACHINE, records, Hypothesis()).log_evidence
-        return gain + np.log(PRIORS["known"] / COUNTS.known / PRIORS["none"])
+        return gain + np.log(SETTINGS.priors["known"] / COUNTS.known / SETTINGS.priors["none"])
 
     visible = found["added_mass", "tool"].visible
     assert odds(visible / 1.3) < np.log(9.0) < odds(1.3 * visible)

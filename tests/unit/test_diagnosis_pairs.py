@@ -8,10 +8,10 @@ import pytest
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.problem import WITHIN
 from cutvib_ss.diagnosis.ranking import cost, on_all_lines
 from cutvib_ss.diagnosis.records import Entry, Records
 from cutvib_ss.diagnosis.scan import Scan
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.bilinear_stiffness import BilinearStiffness
 from cutvib_ss.effects.end_fixity import EndFixity
@@ -66,7 +66,7 @@ def test_a_strained_tuning_counts_its_way_back():
     # So little askew that no unknown is held by an end of its range: freed, those would gain too.
     records = clamped_and_crossed(0.02)
     first = fit(OFF, records, Hypothesis((EndFixity("rail_ends", 5e4, 9e4),)))
-    assert np.all(np.abs(first.x[: first.first_effect]) < WITHIN)
+    assert np.all(np.abs(first.x[: first.first_effect]) < SETTINGS.fit_within)
     scan = Scan(OFF, records, first.hypothesis, first.x, {}, apart=False)
     # At the best fit its own unknowns gain nothing, the priors counted; drift and discrepancy have taken their part in both.
     strain = float(first.x[: first.first_effect] @ first.x[: first.first_effect])

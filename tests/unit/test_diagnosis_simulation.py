@@ -12,7 +12,8 @@ from cutvib_ss.diagnosis.likelihood import Directions
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.scan import Scan
-from cutvib_ss.diagnosis.simulation import FORCE_SCALE, SimulatedProblem, _window, problem_for, simulated
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import SimulatedProblem, _window, problem_for, simulated
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.freeplay import Freeplay
@@ -101,7 +102,7 @@ def test_a_guessed_force_is_found_with_the_law():
     assert found.reduced < 1.05
     # The law's size and all forces together cannot be told apart; their ratio can.
     x = found.x[found.first_effect - 2 : found.first_effect]
-    assert FORCE_SCALE * (x[0] - x[1]) == pytest.approx(np.log(scales[0] / scales[1]), abs=0.02)
+    assert SETTINGS.simulation_force_scale * (x[0] - x[1]) == pytest.approx(np.log(scales[0] / scales[1]), abs=0.02)
     assert found.hypothesis.effects[0].stiffness3 == pytest.approx(4e9, rel=0.35)
     assert abs(found.hypothesis.effects[0].stiffness3 - 4e9) < 4 * found.stds["0.stiffness3"]
 
@@ -139,7 +140,7 @@ def test_forces_belong_to_their_records_however_these_are_grouped():
         unknowns[problem.first_effect - 4 : problem.first_effect] = x
         factors = problem._force_scales(unknowns)
         found = {problem.groups[i].entries[row][0].record: factors[i][row] for i, row in problem.force_scaled}
-        assert [found[k] for k in range(4)] == pytest.approx(np.exp(FORCE_SCALE * x))
+        assert [found[k] for k in range(4)] == pytest.approx(np.exp(SETTINGS.simulation_force_scale * x))
 
 
 def test_the_second_cause_promises_most():

@@ -9,6 +9,7 @@ from cutvib_ss.diagnosis import cross_validation, where
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.records import Entry, Group, merged
 from cutvib_ss.diagnosis.result import Cause
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.verdict import ambiguity_set, verdict
 
 FREQ = np.arange(10.0, 200.0, 0.5)
@@ -99,11 +100,11 @@ def test_levels_that_agree_and_levels_that_do_not():
     alike = [entry(i, level=10.0 * (i + 1)) for i in range(3)]
     assert where.level_dependence(alike) == pytest.approx(1.0, abs=0.1)
     apart = [entry(i, level=10.0 * (i + 1), scale=1.0 + 0.1 * i) for i in range(3)]
-    assert where.level_dependence(apart) > where.LEVEL_EXCESS
+    assert where.level_dependence(apart) > SETTINGS.level_excess
     assert np.isnan(where.level_dependence([entry(0)]))
     # Two sessions between which the machine has moved are not two levels.
     moved = [entry(i, scale=1.0 + 0.1 * (i // 2)) for i in range(4)]
-    assert where.level_dependence(moved) > where.LEVEL_EXCESS
+    assert where.level_dependence(moved) > SETTINGS.level_excess
     named = [dataclasses.replace(e, session=("first", "second")[e.record // 2]) for e in moved]
     assert where.level_dependence(named) == pytest.approx(1.0, abs=0.1)
 

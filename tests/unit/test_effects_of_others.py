@@ -172,7 +172,7 @@ def test_the_diagnosis_finds_and_the_report_names_it(by_entry_point: None, by_ca
     assert any(e.effect == "belt" for e in found.evidence)
     page = report_html(found)
     assert "a damper with a soft mount holds top" in page
-    assert "To look at: look for a shock absorber or a hose on top" in page
+    assert "Inspect: look for a shock absorber or a hose on top" in page
 
 
 def test_a_plan_counts_them_in(by_entry_point: None, by_call: None, tmp_path: Path) -> None:

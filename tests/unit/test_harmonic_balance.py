@@ -242,3 +242,85 @@ def test_impossible_sweeps_are_refused(more: dict[str, object], match: str) -> N
     asked: dict[str, object] = {"freq": [40.0, 41.0], "amplitude": 1.0, **more}
     with pytest.raises(ParameterError, match=match):
         sine_response(duffing(1e9), None, **asked)  # type: ignore[arg-type]
+
+
+# --- force line by line, and a held response ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_a_force_that_varies_along_the_sweep_follows_duffing(direction: str) -> None:
+    freq = np.linspace(42.0, 62.0, 401)
+    force = 8.0 * (1.0 + 0.6 * np.sin(freq / 3.0 + 2.5))
+    shown = sine_response(duffing(1e9), None, freq, force, direction=direction, harmonics=1)  # type: ignore[arg-type]
+    size = np.abs(shown.data[0, 0, 0]) * force
+    roots = [amplitudes(2 * np.pi * f, float(p), 1e9) for f, p in zip(freq, force, strict=True)]
+    nearest = np.array([r[np.argmin(np.abs(r - a))] for r, a in zip(roots, size, strict=True)])
+    assert size == pytest.approx(nearest, rel=1e-7)
+    assert max(r.size for r in roots) == 3
+    constant = sine_response(duffing(1e9), None, freq, np.full(freq.size, 8.0), harmonics=1).data
+    assert np.array_equal(constant, sine_response(duffing(1e9), None, freq, 8.0, harmonics=1).data)
+
+
+@pytest.mark.parametrize("stiffness3", [1e9, -1e9])
+def test_a_held_response_is_duffing_on_its_backbone(stiffness3: float) -> None:
+    # At a held amplitude A the cubic spring is one of k + ¾ k3 A²: H is that of a linear oscillator, without folds.
+    freq, held = np.linspace(42.0, 62.0, 81), 2.5e-3
+    shown = sine_response(duffing(stiffness3), None, freq, held, harmonics=1, controlled="response").data[0, 0, 0]
+    w = 2 * np.pi * freq
+    expected = 1.0 / (W0**2 + 0.75 * stiffness3 * held**2 - w**2 + 2j * ZETA * W0 * w)
+    assert np.abs(shown - expected).max() < 1e-7 * np.abs(expected).max()
+    # The shift is many times the width of the resonance.
+    assert abs(0.375 * stiffness3 * held**2 / W0**2) > 2 * ZETA
+
+
+def test_a_held_response_is_what_the_force_it_needs_comes_to() -> None:
+    model, freq = two_masses("cubic_stiffness", "dry_friction"), np.arange(30.0, 60.0, 0.5)
+    held = 20.0
+    shown = sine_response(model, None, freq, held, harmonics=9, controlled="response")
+    force = held / np.abs(shown.data[0, 0, 0])
+    # Where the force alone has one answer, it is the same.
+    there = sine_response(model, None, freq, force, harmonics=9)
+    alike = np.abs(there.data - shown.data)[0, :, 0].max(axis=0) < 1e-6 * np.abs(shown.data).max()
+    assert alike.mean() > 0.9
+    for f in (38.0, 41.0):
+        expected = by_stepping(model, f, float(force[freq == f][0]))
+        assert (np.abs(shown.data[0, :, 0, freq == f][0] - expected) < 0.03 * np.abs(expected)).all()
+
+
+@pytest.mark.parametrize("law", ["cubic_stiffness", "joint_slip"])
+def test_derivatives_of_a_held_response_and_of_a_varying_force(law: str) -> None:
+    model = two_masses(law)
+    freq = np.arange(30.0, 60.0, 1.0)
+    for asked in ({"controlled": "response", "amplitude": 40.0}, {"amplitude": 40.0 + freq}):
+
+        def at(m: Structure, asked: dict[str, object] = asked) -> SineSweep:
+            return SineSweep(m, None, freq, harmonics=5, **asked)  # type: ignore[arg-type]
+
+        sweep = at(model)
+        for path in [("scales", 2), ("scales", 0), *(("nonlinear", 0, "parameters", n) for n in LAWS[law])]:
+            value = value_at(model, path)
+            h = 1e-5 * abs(value)
+            moved = [at(with_value(model, path, value + d)).data for d in (h, -h)]
+            expected = (moved[0] - moved[1]) / (2 * h)
+            assert np.abs(sweep.derivative(path) - expected).max() < 0.02 * np.abs(expected).max()
+
+
+def test_a_sweep_from_another_port() -> None:
+    freq = np.arange(30.0, 60.0, 1.0)
+    model = two_masses("cubic_stiffness")
+    plain = replace(model, nonlinear=())
+    linear = frequency_response(plain, None, freq, inputs=["link"]).data
+    assert (
+        np.abs(sine_response(model, None, freq, 1e-3, input="link").data - linear).max() < 1e-6 * np.abs(linear).max()
+    )
+    hit = replace(model, input_port="link")
+    one, other = (sine_response(model, None, freq, 300.0, input="link"), sine_response(hit, None, freq, 300.0))
+    assert np.abs(one.data - other.data).max() < 1e-9 * np.abs(one.data).max()
+    assert np.abs(one.data - linear).max() > 0.05 * np.abs(linear).max()
+
+
+def test_amplitudes_that_fit_no_line_are_refused() -> None:
+    with pytest.raises(ParameterError, match="each of the 2 lines"):
+        sine_response(duffing(1e9), None, [40.0, 41.0], [1.0, 2.0, 3.0])
+    with pytest.raises(ParameterError, match="controlled"):
+        sine_response(duffing(1e9), None, [40.0, 41.0], 1.0, controlled="voltage")  # type: ignore[arg-type]

@@ -93,7 +93,7 @@ def test_labels_are_json_and_say_how_large_the_gap_is() -> None:
     def label(case: Case) -> dict[str, object]:
         read: dict[str, object] = json.loads(json.dumps(case.label, allow_nan=False))
         named = {"effect", "place", "parameters", "severity", "kind", "gap_sigma", "conditions"}
-        assert set(read) == named | {"machine", "form", "grade", "equivalent_places"}
+        assert set(read) == named | {"machine", "form", "grade", "equivalent_places", "unstable_blows"}
         return read
 
     assert label(draw_case(5, "none", conditions=SMALL))["gap_sigma"] == 0.0

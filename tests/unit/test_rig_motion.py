@@ -7,10 +7,12 @@ pytest.importorskip("exudyn")
 
 from cutvib_ss.validation.rig import motion
 from cutvib_ss.validation.rig.blows import FINE, FS, Blow, Pulse, antialiased
+from cutvib_ss.validation.rig.cases import draw_case
 from cutvib_ss.validation.rig.direct import stepped
 from cutvib_ss.validation.rig.fittings import Law, Oscillator, Spring, Supports, Twist
 from cutvib_ss.validation.rig.motion import (
     CONVERGED,
+    SENSITIVE,
     NotConvergedError,
     converged_answer,
     frequency_response,
@@ -156,8 +158,10 @@ def test_friction_beside_a_compliant_guide_is_integrated_where_a_fixed_point_div
     # what a force does to its own port within a step, times the slope of the force: 1.9, so f <- F(y + A f) runs away
     rig = Rig().fitted(guide=(5e7, 1e3), laws=(Law("joint1", "jenkins", (3.0, 60 * Head().k1)),))
     machine = linearise(build(rig, POSITION))
-    response, fine, error = converged_answer(rig, machine, HARD, NOISE)
-    assert error <= CONVERGED
+    found = converged_answer(rig, machine, HARD, NOISE)
+    response, fine = found.response, found.steps
+    assert found.error <= CONVERGED
+    assert found.sensitivity == 0.0
     finest = antialiased(nonlinear_answer(rig, machine, HARD.force(8 * fine), FS * 8 * fine), 8 * fine)
     assert np.sqrt(np.mean((response - finest) ** 2)) < CONVERGED * NOISE[0]
     alone = rig.fitted(laws=())
@@ -171,6 +175,31 @@ def test_a_blow_that_has_not_converged_is_refused(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(motion, "STEPS", (16, 32))
     with pytest.raises(NotConvergedError, match=r"freeplay: at steps of 1/128000 s \d.* of the noise is still wrong"):
         converged_answer(rig, machine, HARD, (1e-7,) * 3)
+
+
+@pytest.mark.slow
+def test_a_joint_that_rests_in_its_clearance_is_unstable_and_not_badly_integrated() -> None:
+    # Resonators keep joint 1 moving within its clearance: what two runs differ by grows there by a factor of 1e5.
+    case = draw_case(1226124233, "pair", "freeplay+local_resonator", traits=("varied",))
+    level = int(np.argmax(case.conditions.levels))
+    rig, machine = case.campaign.machine(level)
+    blow, noise = case.campaign.blows[level][0], case.conditions.noise
+    fine = 32
+    runs = [
+        antialiased(nonlinear_answer(rig, machine, blow.force(fine) * (1 + change), FS * fine), fine)
+        for change in (0.0, 1e-8, SENSITIVE)
+    ]
+    first, least, little = ((run - runs[0]) / np.array(noise)[:, None] for run in runs)
+    assert not first.any()
+    early = slice(0, round(0.25 * FS))
+    # Right after the blow a hundredth of the change has a hundredth of the effect, far below the noise ...
+    assert np.abs(little[:, early]).max() < 0.01
+    assert np.abs(little[:, early]).max() / np.abs(least[:, early]).max() == pytest.approx(100.0, rel=0.05)
+    # ... and a second later a hundred millionth of the force shows.
+    grown = np.sqrt(np.mean(least**2, axis=1)).max()
+    assert grown > 1e3 * np.sqrt(np.mean(least[:, early] ** 2, axis=1)).max()
+    found = converged_answer(rig, machine, blow, noise)
+    assert found.sensitivity > found.error > CONVERGED
 
 
 def test_modes_give_what_the_matrices_give() -> None:

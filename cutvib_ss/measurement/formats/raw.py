@@ -48,7 +48,6 @@ class RawResponse:
     coherence: FloatArray | None = None  # Ordinary coherence, where the file has it
     # Node and signed direction of response and input, where the format numbers nodes; signs are already applied
     dof: tuple[int, int] | None = None
-    # Node and signed direction of response and input, where the format numbers nodes; signs are already applied
     ref: tuple[int, int] | None = None
     quantity: str | None = None  # What the response measures, where the format says so apart from the unit
     freq: FloatArray | None = None  # Frequency [Hz], where it is not that of the others

@@ -48,6 +48,11 @@ def _mesh(length: float, points: tuple[float, ...], shear: bool) -> tuple[Array,
     return length * np.append(within.ravel(), 1.0), inner.size - 1
 
 
+def rail_nodes(length: float, points: tuple[float, ...]) -> Array:
+    """Nodes [m] along a slender rail, some of them at the given y / L."""
+    return _mesh(length, points, shear=False)[0]
+
+
 def _slender_element(h: float, ei: float, mu: float) -> tuple[Array, Array]:
     """Mass and stiffness over (w, s) at both ends: Hermite's shapes."""
     k = [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h]]
@@ -114,7 +119,7 @@ def _node_at(nodes: Array, position: float) -> int:
     return int(np.argmin(np.abs(nodes - position * nodes[-1])))
 
 
-def _twisting(twist: Twist, nodes: Array) -> tuple[Array, Array, Array]:
+def twisting(twist: Twist, nodes: Array) -> tuple[Array, Array, Array]:
     """Mass, damping and stiffness of the shaft over the twists of its nodes, of the inner ones where its ends are held."""
     length = nodes[-1]
     density = twist.inertia / length
@@ -193,7 +198,7 @@ def rail_matrices(
     names = ("base", *ports)
     front = np.searchsorted(kept, [base, *(dofs[name] for name in ports)])
     if fittings.twist:
-        parts = [block_diag(a, b) for a, b in zip(parts, _twisting(fittings.twist, nodes), strict=True)]
+        parts = [block_diag(a, b) for a, b in zip(parts, twisting(fittings.twist, nodes), strict=True)]
         front = np.insert(front, 1, kept.size + _node_at(nodes, position) - (1 if np.isinf(fittings.twist.ends) else 0))
         names = ("base", "twist", *ports)
     mass, damping, stiffness = parts

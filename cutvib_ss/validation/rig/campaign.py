@@ -98,6 +98,15 @@ class Campaign:
     def _answers(self) -> dict[tuple[int, int], tuple[Array, Array]]:
         return {}
 
+    @cached_property
+    def _unstable(self) -> dict[tuple[int, int], float]:
+        return {}
+
+    @property
+    def unstable_blows(self) -> int:
+        """Blows so far whose motion is unstable: a part in a million of the force shows, see `motion.converged_answer`."""
+        return sum(size > 0.0 for size in self._unstable.values())
+
     def answer(self, record: int, blow: int) -> tuple[Array, Array]:
         """Force and accelerations of one blow, filtered, at FS, before sensors."""
         key = (record, blow)
@@ -109,11 +118,11 @@ class Campaign:
                 response = linear_answer(rig, machine, force[None], FS)[0]
             else:
                 begin = self._steps.get("needed", STEPS[0])
-                response, fine, _ = converged_answer(
-                    rig, machine, struck, self.conditions.resolved or self.conditions.noise, begin
-                )
+                found = converged_answer(rig, machine, struck, self.conditions.resolved or self.conditions.noise, begin)
+                response = found.response
+                self._unstable[key] = found.sensitivity
                 # the next blow begins where this one could have, and is checked by halving all the same
-                self._steps["needed"] = max(fine // 2, STEPS[0])
+                self._steps["needed"] = max(found.steps // 2, STEPS[0])
             self._answers[key] = (force, response)
         return self._answers[key]
 

@@ -156,6 +156,7 @@ class Case:
             "grade": max((f.grade for f in faults), default=0),
             "equivalent_places": sorted({place for f in faults for place in f.same}),
             "gap_sigma": self.gap_sigma,
+            "unstable_blows": self.campaign.unstable_blows,
             "conditions": dict(conditions_label(self.campaign)) | {"n_modes": self.nominal.n_modes},
         }
 

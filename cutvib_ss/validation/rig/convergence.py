@@ -29,11 +29,12 @@ LINEAR = ("guide_compliance", "support_compliance", "local_resonator", "added_ma
 
 @dataclass(frozen=True)
 class Found:
-    """One blow: steps to a sample that were taken, and what steps a quarter as long change over the noise; None where refused."""
+    """One blow."""
 
     name: str
-    steps: int | None
-    error: float
+    steps: int | None  # Steps to a sample that were taken; None where it is refused
+    error: float  # What steps a quarter as long change, over the noise
+    unstable: bool = False  # Whether its motion is, so that a part in a million of the force shows
 
 
 def studied(name: str, case: Case) -> Found | None:
@@ -45,9 +46,12 @@ def studied(name: str, case: Case) -> Found | None:
     rig, machine = campaign.machine(level)
     blow, noise = campaign.blows[level][0], np.array(case.conditions.noise)[:, None]
     try:
-        answer, fine, _ = converged_answer(rig, machine, blow, case.conditions.noise)
+        found = converged_answer(rig, machine, blow, case.conditions.noise)
     except NotConvergedError:
         return Found(name, None, np.nan)
+    answer, fine = found.response, found.steps
+    if found.sensitivity:
+        return Found(name, fine, found.error, unstable=True)
     finer = antialiased(nonlinear_answer(rig, machine, blow.force(4 * fine), FS * 4 * fine), 4 * fine)
     error = float(np.sqrt(np.mean(((answer - finer) / noise) ** 2, axis=1)).max())
     return Found(name, fine, error)
@@ -103,15 +107,17 @@ def grouped(name: str) -> str:
 def table(rows: Mapping[str, list[Found]]) -> str:
     """The study as a table in Markdown."""
     lines = [
-        "| what | blows | refused | steps to a sample | still wrong, of the noise |",
-        "| --- | --- | --- | --- | --- |",
+        "| what | blows | refused | unstable | steps to a sample | still wrong, of the noise |",
+        "| --- | --- | --- | --- | --- | --- |",
     ]
     for name, group in rows.items():
         taken = [f for f in group if f.steps is not None]
         counts = Counter(f.steps for f in taken if f.steps is not None)
         steps = ", ".join(f"{n} ({counts[n]})" for n in sorted(counts))
-        worst = f"{100 * max(f.error for f in taken):.2g} %" if taken else "-"
-        lines.append(f"| {name} | {len(group)} | {len(group) - len(taken)} | {steps} | {worst} |")
+        errors = [f.error for f in taken if not f.unstable]
+        worst = f"{100 * max(errors):.2g} %" if errors else "-"
+        unstable = len(taken) - len(errors)
+        lines.append(f"| {name} | {len(group)} | {len(group) - len(taken)} | {unstable} | {steps} | {worst} |")
     return "\n".join(lines)
 
 

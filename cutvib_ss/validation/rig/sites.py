@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from cutvib_ss.validation.rig.structure import JOINTS, Channel, Rig
 
 Parameters: TypeAlias = Mapping[str, float | str]
 AnyMachine: TypeAlias = Rig | Frame
-MachineT = TypeVar("MachineT", Rig, Frame)
 Made: TypeAlias = tuple[AnyMachine, str, Parameters]
 Maker: TypeAlias = Callable[[AnyMachine, float, np.random.Generator], Made]
 

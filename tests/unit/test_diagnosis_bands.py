@@ -1,0 +1,172 @@
+"""Bands that stand out of noise and drift; FRAC and MAC; single blows that order with their force."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutvib_ss.diagnosis import where
+from cutvib_ss.diagnosis.correlation import frac, mac, mode_pairs
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.likelihood import Sizes
+from cutvib_ss.diagnosis.linearity import blows_order, level_stands_out
+from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.effects.local_resonator import LocalResonator
+from cutvib_ss.measurement.records import Campaign, History, Record
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.paths import with_values
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
+from cutvib_ss.response.frequency import frequency_response
+from tests.unit.measurement_rig import FS, blow
+
+W0, ZETA = 2 * np.pi * 60.0, 0.02
+FREQ = np.arange(30.0, 150.0, 0.5)
+S = 2j * np.pi * FREQ
+NOISE = 0.02
+
+
+def oscillator() -> Structure:
+    """A mass of 1 kg on a spring, drive point accelerance."""
+    system = SecondOrder(np.eye(1), [[2 * ZETA * W0]], [[W0**2]], ("x",), {"x": np.ones(1)})
+    return Structure(system, {"a": Channel("x", "acceleration")}, "x")
+
+
+def sessions(drift, bump=0.0, count=8):
+    """A record a session: its stiffness drifts, and a resonance that the model lacks is there or not."""
+    rng, out = np.random.default_rng(3), []
+    for k in range(count):
+        stiffness = W0**2 * (1.0 + drift * rng.standard_normal())
+        data = S**2 / (S**2 + 2 * ZETA * W0 * S + stiffness)
+        data = data * (1.0 + bump * S**2 / (S**2 + 20.0 * S + (2 * np.pi * 110.0) ** 2))
+        variance = (NOISE * np.abs(data)) ** 2
+        data = data + np.sqrt(variance / 2) * (rng.standard_normal(S.size) + 1j * rng.standard_normal(S.size))
+        out.append(
+            Entry(k, np.nan, np.nan, data[None], variance[None], FREQ, ("a",), ("acceleration",), np.inf, np.nan, 0.0,
+                  False)
+        )  # fmt: skip
+    return out
+
+
+def stand_out(entries, sizes=None):
+    problem = Problem(oscillator(), merged(entries), Hypothesis())
+    x = problem.start()
+    predictions, residuals, _ = problem.residuals(x)
+    drifts = None if sizes is None else where.drift_squares(problem, x, predictions, sizes)
+    return where.bands(list(zip(problem.groups, residuals, strict=True)), 5.0, drifts)
+
+
+def test_a_band_that_drift_explains_does_not_stand_out():
+    entries = sessions(0.01)
+    assert any(low < 60.0 < high for low, high in stand_out(entries))
+    assert stand_out(entries, Sizes(drift=0.01)) == ()
+    # A drift that is stated far too small explains nothing.
+    assert any(low < 60.0 < high for low, high in stand_out(entries, Sizes(drift=1e-4)))
+
+
+def test_an_error_beside_the_drift_still_stands_out():
+    found = stand_out(sessions(0.01, bump=0.01), Sizes(drift=0.01))
+    assert found
+    assert all(90.0 < low < 110.0 < high < 130.0 for low, high in found)
+
+
+def test_squares_of_drift_are_what_draws_of_it_come_to():
+    problem = Problem(oscillator(), merged(sessions(0.0, count=1)), Hypothesis())
+    x = problem.start()
+    predictions, _, _ = problem.residuals(x)
+    (told,) = where.drift_squares(problem, x, predictions, Sizes(drift=1e-3))
+    rng, size, weight = np.random.default_rng(5), 1e-3, np.sqrt(2.0 / problem.groups[0].variance[0])
+    plain = S**2 / (S**2 + 2 * ZETA * W0 * S + W0**2)
+    total, draws = np.zeros(S.size), 4000
+    for _ in range(draws):
+        # Stiffness and gain drift alike; damping by its tolerance over that of the stiffness.
+        k, gain, c = rng.standard_normal(), rng.standard_normal(2), rng.standard_normal()
+        more = oscillator().tolerance.damping / oscillator().tolerance.stiffness
+        moved = S**2 / (S**2 + 2 * ZETA * W0 * np.exp(more * size * c) * S + W0**2 * np.exp(size * k))
+        total += np.abs(weight[0] * (moved * (1.0 + size * (gain[0] + 1j * gain[1])) - plain)) ** 2
+    assert told[0, 0] == pytest.approx(total / draws, rel=0.12)
+
+
+# --- correlation ------------------------------------------------------------------------------------------------------
+
+
+def test_frac_and_mac_know_no_scale():
+    rng = np.random.default_rng(1)
+    a = rng.standard_normal((5, 3)) + 1j * rng.standard_normal((5, 3))
+    turned = a * np.array([2.0, -1.0j, 0.3 + 0.1j])
+    np.testing.assert_allclose(np.diag(mac(a, turned)), 1.0)
+    orthogonal, _ = np.linalg.qr(a)
+    np.testing.assert_allclose(mac(orthogonal, orthogonal), np.eye(3), atol=1e-12)
+    assert frac(a[:, 0], (1 + 2j) * a[:, 0]) == pytest.approx(1.0)
+    assert frac(a[:, 0], np.zeros(5)) == 0.0
+
+
+def test_modes_are_followed_from_the_nominal_to_the_corrected_machine():
+    machine = published_machine()
+    softer = with_values(machine, {("head", "k2"): 0.9 * machine.head.k2})
+    pairs = mode_pairs(machine, softer, (0.3, 0.5), (15.0, 450.0))
+    assert {p.position for p in pairs} == {0.3, 0.5}
+    assert all(p.mac > 0.9 and 0.9 < p.corrected_hz / p.nominal_hz < 1.001 for p in pairs)
+    assert min(p.corrected_hz / p.nominal_hz for p in pairs) < 0.97
+    # A panel adds a mode of its own, which continues none.
+    panel = LocalResonator("head", 0.8, 120.0, 0.02).apply(machine)
+    more = mode_pairs(machine, panel, (0.5,), (15.0, 450.0))
+    alone = [p for p in more if p.nominal_hz is None]
+    assert len(alone) == 1
+    assert alone[0].mac is None
+    assert abs(alone[0].corrected_hz - 120.0) < 15.0
+    assert len(more) == len(mode_pairs(machine, machine, (0.5,), (15.0, 450.0))) + 1
+
+
+def test_modes_of_a_structure():
+    (pair,) = mode_pairs(oscillator(), oscillator(), (None,), (15.0, 150.0))
+    assert (pair.mac, pair.position) == (pytest.approx(1.0), None)
+    assert pair.corrected_hz == pytest.approx(60.0)
+    assert pair.corrected_damping == pytest.approx(ZETA)
+
+
+# --- single blows -----------------------------------------------------------------------------------------------------
+
+
+def blows(law, seed=0):
+    """Four blows of one record, of a mode that softens with the peak of the force, or does not."""
+    rng, histories = np.random.default_rng(seed), []
+    for k, peak in enumerate((30.0, 45.0, 60.0, 75.0)):
+        force, _ = blow(peak, 0.25, 4.0)
+        freq = np.fft.rfftfreq(force.size, 1.0 / FS)
+        s = 2j * np.pi * freq
+        w = W0 * (1.0 - law * peak)
+        motion = np.fft.irfft(np.fft.rfft(force) * s**2 / (s**2 + 2 * 0.02 * w * s + w**2), force.size)
+        histories.append(
+            History(
+                FS,
+                force + 0.02 * rng.standard_normal(force.size),
+                (motion + 0.02 * rng.standard_normal(motion.size))[None],
+                ("a",),
+                str(k),
+            )
+        )
+    record = Record("r", "impact", None, 50.0, None, ("a",), ("acceleration",), tuple(histories), band_hz=(30.0, 150.0))
+    return Campaign("c", ".", oscillator(), (record,))
+
+
+def test_blows_that_order_with_their_force_are_nonlinearity_at_one_level():
+    curved, straight = (observe(blows(law), oscillator()).entries for law in (1e-4, 0.0))
+    assert blows_order(Records(curved))
+    assert level_stands_out(Records(curved))
+    assert not blows_order(Records(straight))
+    assert not level_stands_out(Records(straight))
+    # Levels that were compared and agree know better.
+    agree = (curved[0], replace(curved[0], record=1, level=150.0))
+    assert not level_stands_out(Records(tuple(replace(e, session="day") for e in agree)))
+
+
+def test_what_orders_with_the_force_is_no_noise():
+    (curved,), (straight,) = (observe(blows(law), oscillator()).entries for law in (1e-4, 0.0))
+    at = np.abs(curved.freq - 60.0) < 5.0
+    # Near its peak the response moves with the force by many times the noise of its sensors.
+    assert np.median(curved.variance[0, at] / straight.variance[0, at]) < 3.0
+    plain = frequency_response(oscillator(), None, straight.freq).data[0, :, 0]
+    assert np.mean(np.abs(straight.data - plain) ** 2 / straight.variance) == pytest.approx(1.0, abs=0.3)

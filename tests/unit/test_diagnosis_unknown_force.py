@@ -1,0 +1,84 @@
+"""An unknown restoring force at a port: recovered by level, derivatives, and told from one that is the same at all levels."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.ranking import some
+from cutvib_ss.diagnosis.records import Entry, Records
+from cutvib_ss.diagnosis.simulation import problem_for
+from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce
+from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.response.frequency import frequency_response
+
+FREQ = np.linspace(100.0, 300.0, 60)
+LEVELS = (10.0, 100.0)
+
+
+def records(by_level: dict[float, float]) -> Records:
+    """Two positions, two levels; a joint whose stiffness differs by level, with noise of half a percent."""
+    machine, rng, entries = published_machine(), np.random.default_rng(3), []
+    for i, position in enumerate((0.3, 0.6)):
+        for j, level in enumerate(LEVELS):
+            true = machine.replace(k2=machine.head.k2 * (1.0 + by_level[level]))
+            data = frequency_response(true, [position], FREQ, outputs=["tool_x"]).data[0, :, 0]
+            size = 0.005 * np.abs(data)
+            noise = size / np.sqrt(2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
+            entries.append(
+                Entry(2 * i + j, position, level, data + noise, size**2, FREQ, ("tool_x",), ("acceleration",),
+                      np.inf, 0.0, 0.0, False)
+            )  # fmt: skip
+    return Records(tuple(entries))
+
+
+def element(kind: type) -> Hypothesis:
+    machine = published_machine()
+    return Hypothesis((kind("joint2", "joint2", 0.03 * machine.head.k2, 100.0, 300.0),))
+
+
+def test_derivatives_are_differences() -> None:
+    problem = problem_for(published_machine(), records({10.0: 0.0, 100.0: 0.05}), element(UnknownForce))
+    assert isinstance(problem, UnknownForceProblem)
+    x = 0.3 * np.random.default_rng(0).standard_normal(problem.size)
+    p = problem.predictions(x)[0]
+    slopes = problem._slopes(x, p)
+    for i in (0, problem.first_effect, problem.first_effect + 5, problem.size - 1):
+        moved = x.copy()
+        moved[i] += 1e-5
+        change = (problem.predictions(moved)[0].data - p.data) / 1e-5
+        at = i if i < problem.n_tuning else i - problem.n_calibration
+        assert slopes[at] == pytest.approx(change, rel=1e-3, abs=1e-3 * np.abs(change).max() + 1e-9)
+
+
+def test_it_takes_up_what_differs_by_level_and_nothing_else_does() -> None:
+    apart = records({10.0: 0.0, 100.0: 0.05})
+    by_level, alike = (fit(published_machine(), apart, element(kind)) for kind in (UnknownForce, UnknownElement))
+    assert by_level.reduced < 1.1
+    assert by_level.log_evidence > alike.log_evidence + 100.0
+    problem = problem_for(published_machine(), apart, by_level.hypothesis)
+    stiffness = []
+    for group in problem.groups[:2]:
+        attached = problem.model_of(by_level.x, group).attachments[-1].element
+        stiffness.append(attached.dynamic_stiffness(np.array([2j * np.pi * 215.0]))[0])
+    own = published_machine().head.k2
+    assert (stiffness[1] - stiffness[0]).real == pytest.approx(0.05 * own, rel=0.1)
+
+
+def test_where_levels_agree_it_pays_for_its_freedom() -> None:
+    same = records({10.0: 0.05, 100.0: 0.05})
+    by_level, alike = (fit(published_machine(), same, element(kind)) for kind in (UnknownForce, UnknownElement))
+    assert alike.log_evidence > by_level.log_evidence
+
+
+def test_records_of_all_levels_are_scanned() -> None:
+    apart = records({10.0: 0.0, 100.0: 0.05}).entries
+    more = tuple(replace(e, record=4 + e.record, position=e.position + 0.1) for e in apart)
+    kept = some(Records(apart + more))
+    assert sorted(e.level for e in kept.entries) == [10.0, 10.0, 100.0, 100.0]
+    assert len({e.position for e in kept.entries}) == 4
