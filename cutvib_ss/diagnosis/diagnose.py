@@ -12,6 +12,7 @@ from cutvib_ss.diagnosis import cross_validation, where
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Sizes
 from cutvib_ss.diagnosis.limits import limits
@@ -126,14 +127,12 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     ranked = search(nominal, records, observed, lambda r: judged(r).reduced, workers)
     none, causes = ranked[0], ranked[1:]
     problem = Problem(nominal, records.merged, Hypothesis())
-    known = {
-        (r.fit.hypothesis.effect, r.fit.hypothesis.place): 0 for r in ranked if kind_of(r.fit.hypothesis) == "known"
-    }
-    for r in ranked:
-        if kind_of(r.fit.hypothesis) == "known":
-            known[r.fit.hypothesis.effect, r.fit.hypothesis.place] += 1
+    known = considered(nominal, observed.band, observed.channels)
     ports = list(ports_of(nominal).values())
-    variants = {**known, **{("unknown", p): len(SETTINGS.unknown_amplitudes) * ports.count(p) for p in ports}}
+    # At each port an element of every amplitude, and where the level matters as many restoring forces.
+    kinds = len({type(e) for r in ranked for e in r.fit.hypothesis.effects if e.effect == "unknown"})
+    of_each = len(SETTINGS.unknown_amplitudes) * max(kinds, 1)
+    variants = {**known, **{("unknown", p): of_each * ports.count(p) for p in ports}}
     counts = Counts(len(known), len(set(ports)))
     odds = probabilities(ranked, counts, variants)
     shown = sorted(causes, key=lambda r: -odds[r.name])
@@ -145,8 +144,14 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     for r in shown[: 1 if no_gap else SETTINGS.verdict_judged]:
         if odds[r.name] > 1e-3 or (r is shown[0] and not no_gap):
             held[r.name] = judged(r)
+    nameless = kind_of(shown[0].fit.hypothesis) == "unknown"
     other = next(
-        (r for r in shown if not _same_cause(r, shown[0]) and (r.name in held or r.fit.hypothesis.linear)), None
+        (
+            r
+            for r in shown
+            if not _same_cause(r, shown[0]) and (nameless or r.name in held or r.fit.hypothesis.linear) and r.refined
+        ),
+        None,
     )
     if no_gap:
         other = next((r for r in shown if r.name in held), None)
@@ -199,6 +204,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         title=campaign.title,
         warnings=(
             *campaign.warnings,
+            *observed.warnings,
             *([] if interference is None else [MAINS_INTERFERENCE.format(interference)]),
             *at_their_ends(chosen),
         ),

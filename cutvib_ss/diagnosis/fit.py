@@ -209,12 +209,17 @@ class _Search:
         at = _At(
             problem, x, drift, each, predictions, residuals, squares, squares, squares + float(self.precision @ x**2)
         )
-        if self.spread and np.isfinite(squares):
+        if squares > SETTINGS.fit_run_away * self.count:
+            # What drift and discrepancy leave of such squares is rounding error.
+            at.objective = np.inf
+        elif self.spread and np.isfinite(squares):
             self._linearise(at)
         return at
 
     def _linearise(self, at: _At) -> None:
-        """The quadratic there; none where a restoring force has run away."""
+        """The quadratic there; none where the model has run away."""
+        if at.squares > SETTINGS.fit_run_away * self.count:
+            return
         x = at.x
         directions = Directions(at.problem, at.each, at.predictions, self.spread)
         matrix, gradient = directions.normal(at.residuals)

@@ -36,6 +36,18 @@ def nonlinear_candidates(model: Model, motions: Mapping[str, Motion]) -> tuple[C
     return tuple(_found(model, Measured(motions=motions), linear=False))
 
 
+def considered(model: Model, band: tuple[float, float], channels: Sequence[str]) -> dict[tuple[str, str], int]:
+    """Effect and place of every cause of the catalogue that a model can have, with its number of variants."""
+    found: dict[tuple[str, str], int] = {}
+    for candidate in candidates(model, band, channels):
+        key = (candidate.starts[0].effect, candidate.starts[0].place)
+        found[key] = found.get(key, 0) + 1
+    found.update(
+        {(kind.effect, place): 1 for kind in EFFECTS.values() if not kind.linear for place in kind.places(model)}
+    )
+    return found
+
+
 def _found(model: Model, measured: Measured, linear: bool) -> list[Candidate]:
     out = []
     for kind in EFFECTS.values():

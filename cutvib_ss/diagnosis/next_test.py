@@ -75,15 +75,17 @@ def _shown(model: Model, positions: FloatArray, levels: FloatArray, like: Entry)
         out: ComplexArray = np.broadcast_to(linear[:, None], (linear.shape[0], levels.size, *linear.shape[1:]))
         return out
     first = like.replay.only(1)
+    # Records that state no level are planned as loud as they were.
+    louder = np.where(np.isfinite(levels), levels / like.level, 1.0)
     planned = [
         replace(
             like,
             record=k,
             position=position_at(y),
             level=float(level),
-            replay=replace(first, forces=tuple(f * (level / like.level) for f in first.forces), measured=()),
+            replay=replace(first, forces=tuple(f * factor for f in first.forces), measured=()),
         )
-        for k, (y, level) in enumerate((y, level) for y in positions for level in levels)
+        for k, (y, level, factor) in enumerate((y, *row) for y in positions for row in zip(levels, louder, strict=True))
     ]
     (group,) = merged(planned, apart=True)
     data: ComplexArray = simulated(model, group).data.reshape(positions.size, levels.size, *like.data.shape)

@@ -9,16 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.ranking import Ranked, first_steps, on_all_lines, ranked_by_gain, some
+from cutvib_ss.diagnosis.ranking import Ranked, first_steps, on_all_lines, ranked_by_gain, refit, some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
-from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
 
 
@@ -187,10 +186,8 @@ def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ra
         for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
             # A law's range goes by the motion that the pair's hypothesis holds.
             hypothesis = replace(best.fit.hypothesis, effects=(effect,))
-            try:
-                alone = fit(nominal, records, hypothesis, best.fit.x[: best.fit.first_effect], steps)
-            except CutvibError:
-                # Without the other it runs away.
-                continue
-            out.append(Ranked(name, alone, True))
+            alone = refit(nominal, records, hypothesis, best.fit.x[: best.fit.first_effect], steps)
+            # Without the other it may run away.
+            if alone is not None:
+                out.append(Ranked(name, alone, True))
     return out

@@ -61,9 +61,9 @@ def on_all_lines(
     steps = [SETTINGS.search_most_steps if f.hypothesis.linear else SETTINGS.search_most_law_steps for _, f in chosen]
     starts = [f for _, f in chosen]
     fits = workers.map(
-        partial(fit, nominal, records, near=near), [f.hypothesis for f in starts], [f.x for f in starts], steps
+        partial(refit, nominal, records, near=near), [f.hypothesis for f in starts], [f.x for f in starts], steps
     )
-    ranked = [Ranked(c.name, f, True) for (c, _), f in zip(chosen, fits, strict=True)]
+    ranked = [Ranked(c.name, f, True) for (c, _), f in zip(chosen, fits, strict=True) if f is not None]
     best = max((r.fit.log_evidence for r in ranked), default=rival[1])
     # Few lines and a widened noise understate how far behind a cause is, by as much as for the rival.
     lead = rival[0] - ahead
@@ -73,6 +73,16 @@ def on_all_lines(
         bound = best - each * (cost(start) - front)
         ranked.append(Ranked(candidate.name, replace(start, log_evidence=bound), False))
     return ranked
+
+
+def refit(
+    nominal: Model, records: Records, hypothesis: Hypothesis, x: FloatArray, steps: int, near: Fit | None = None
+) -> Fit | None:
+    """A fit on all lines; None where it runs away."""
+    try:
+        return fit(nominal, records, hypothesis, x, steps, near=near)
+    except CutvibError:
+        return None
 
 
 def cost(fitted: Fit) -> float:

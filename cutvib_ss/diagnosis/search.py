@@ -21,7 +21,7 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import level_stands_out, levels_compared, motions
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
-from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, ranked_by_gain, some
+from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, ranked_by_gain, refit, some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -145,8 +145,9 @@ def _unknown(
         for f in sorted(found, key=cost)[: SETTINGS.search_unknown_refined]:
             ports = [getattr(e, "port", e.place) + f" {getattr(e, 'scale', 0.0):.3g}" for e in f.hypothesis.effects]
             name = " + ".join(f"{e.effect} {p}" for e, p in zip(f.hypothesis.effects, ports, strict=True))
-            again = fit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
-            out.append(Ranked(name, again, True))
+            again = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
+            if again is not None:
+                out.append(Ranked(name, again, True))
     return out
 
 
@@ -161,7 +162,9 @@ def _unknown_forces(
     out = []
     for f in sorted((f for f in tried if f is not None), key=cost)[: SETTINGS.search_unknown_refined]:
         [own] = f.hypothesis.effects
-        again = fit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
+        again = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
+        if again is None:
+            continue
         out.append(Ranked(f"unknown force {own.port} {own.scale:.3g}", again, True))  # type: ignore[attr-defined]
     return out
 

@@ -134,6 +134,7 @@ class Settings:
     fit_start_gain: float = _of(1e-2, "1", "Relative gain at which those steps end", "rougher starts", _TIME)
     fit_hopeless: float = _of(5.0, "χ² a datum", "From which a fit is not worth small steps", "longer", _TIME)
     fit_hopeless_gain: float = _of(5e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
+    fit_run_away: float = _of(1e12, "χ² a datum", "From which a model has run away", "-", _NUMERICAL)
     fit_most_damping: float = _of(0.9, "1", "Damping ratio of the rail beyond which none is followed", "-", _NUMERICAL)
     fit_within: float = _of(8.0, "std", "How far a tuned value or calibration error is followed", "-",
         "its prior holds it long before")
@@ -178,7 +179,7 @@ class Settings:
     level_blows: int = _of(3, "blows", "Of a record that are compared one by one", "fewer such comparisons",
         "a mean, what orders with the force, and one to judge it by")
     level_ordered: float = _of(1e-4, "probability",
-        "Of blows that order with their force by chance as much as they do, from which it is nonlinearity and no noise",
+        "Of blows that order with their force by chance as much as they do, from which it is nonlinearity",
         "more records are called nonlinear", _STATISTICS)
     comparison_common_lines: int = _of(8, "lines", "That two records must share to be compared", "fewer comparisons",
         _JUDGEMENT)

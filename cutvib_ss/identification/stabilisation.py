@@ -20,7 +20,7 @@ class Stabilisation:
     """
     Poles by model order, and how far each agrees with one of the order before.
 
-    Attributes
+    Parameters
     ----------
     order : ndarray of int, shape (pole,)
         Model order that gave the pole.

@@ -1,7 +1,8 @@
 """
 Pictures of results: each function takes a result, draws it and computes nothing else.
 
-Functions of one axes take ``ax`` and return it; those of several panels return the figure. No window is opened and pyplot is
+Functions take a result and ``ax``, the axes to draw on, an array of them for several panels, and return it. Without it they
+make a figure: functions of one axes return the axes, those of several panels the figure. No window is opened and pyplot is
 never imported; `save` and `png` turn what was drawn into a file or into bytes.
 """
 
@@ -13,6 +14,7 @@ from cutvib_ss.diagnosis.result import Diagnosis
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.identification import IdentificationResult, Stabilisation
 from cutvib_ss.plot.absorber import absorber_front, absorber_study, absorbers_over_the_rail
+from cutvib_ss.plot.blind import confusion_map, reliability_diagram, risk_curve, severity_curve, shrinkage_scatter
 from cutvib_ss.plot.control import controller_overview, controller_responses
 from cutvib_ss.plot.diagnosis import cause_bars, comparison_grid, error_map
 from cutvib_ss.plot.moving import travel_histories
@@ -21,6 +23,7 @@ from cutvib_ss.plot.response import absorber_effect, bode, fitted_response, magn
 from cutvib_ss.plot.schedule import bode_map, interpolation_error, pole_map, schedule
 from cutvib_ss.plot.shapes import animate_mode, mode_shapes
 from cutvib_ss.plot.stabilisation import stabilisation_diagram
+from cutvib_ss.plot.stiffness import stiffness_grid
 from cutvib_ss.plot.style import png, save
 from cutvib_ss.plot.time import time_histories
 from cutvib_ss.results import AbsorberCheck, FrequencyResponse, Modes, MovingResponse, TimeResponse, TrackedModes
@@ -35,6 +38,7 @@ __all__ = [
     "bode_map",
     "cause_bars",
     "comparison_grid",
+    "confusion_map",
     "controller_overview",
     "controller_responses",
     "draw",
@@ -47,10 +51,15 @@ __all__ = [
     "pole_map",
     "poles_over_position",
     "png",
+    "reliability_diagram",
+    "risk_curve",
     "s_plane",
     "save",
     "schedule",
+    "severity_curve",
+    "shrinkage_scatter",
     "stabilisation_diagram",
+    "stiffness_grid",
     "time_histories",
     "travel_histories",
 ]

@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import PowerNorm
-from matplotlib.figure import Figure
 
-from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, NOMINAL, TUNED, drawing
+from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, NOMINAL, TUNED, on_grid
 from cutvib_ss.validation.score import Confusion, Score
 
 _LEAST = 1e-3
 """What is left of an error below this part of it is drawn there."""
 
 
-def reliability_diagram(score: Score) -> Figure:
-    """How often answers were right against how sure they were, with the number of answers below."""
-    with drawing(4.6, 4.6) as figure:
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3.2, 1])
+def reliability_diagram(score: Score, *, ax: Any = None) -> Any:
+    """
+    How often answers were right against how sure they were, with the number of answers below.
+
+    Parameters
+    ----------
+    score : Score
+        Score of a sealed trial.
+    ax : sequence of two Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Figure or sequence of Axes
+        The axes that were given, else the figure; bars are 95 % intervals.
+    """
+    with on_grid(ax, 2, 1, 4.6, 4.6, sharex=True, height_ratios=[3.2, 1]) as grid:
+        upper, lower = grid.axes[:, 0]
         upper.plot([0, 1], [0, 1], color=GREY, lw=0.8, ls=(0, (4, 2)), label="stated = true")
         shown = [b for b in score.bins if b.right.cases]
         x = np.array([b.confidence for b in shown])
@@ -31,26 +46,54 @@ def reliability_diagram(score: Score) -> Figure:
         counts = [b.right.cases for b in score.bins]
         lower.bar([(b.low + b.high) / 2 for b in score.bins], counts, 0.9 * width, color=MEASURED)
         lower.set(xlim=(0, 1), xlabel="stated probability of the first answer [-]", ylabel="answers")
-    return figure
+    return grid.drawn
 
 
-def risk_curve(score: Score) -> Figure:
-    """Part of wrong answers among the surest, against how many are counted in."""
-    with drawing(4.6, 3.2, "") as figure:
-        axes = figure.subplots()
+def risk_curve(score: Score, *, ax: Axes | None = None) -> Any:
+    """
+    Part of wrong answers among the surest, against how many are counted in.
+
+    Parameters
+    ----------
+    score : Score
+        Score of a sealed trial.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Figure or Axes
+        The axes that were given, else the figure.
+    """
+    with on_grid(ax, 1, 1, 4.6, 3.2) as grid:
+        axes = grid.axes[0, 0]
         axes.step(score.coverage, score.risk, where="post", color=CORRECTED)
         axes.set(xlim=(0, 1), ylim=(0, max(0.05, 1.15 * float(np.max(score.risk, initial=0.0)))))
         axes.set(
             xlabel="answers counted, the surest first [-]", ylabel="wrong among them [-]", title="Risk and coverage"
         )
-    return figure
+    return grid.drawn
 
 
-def severity_curve(score: Score) -> Figure:
-    """Right answers by size of the gap, for cases with one cause."""
+def severity_curve(score: Score, *, ax: Axes | None = None) -> Any:
+    """
+    Right answers by size of the gap, for cases with one cause.
+
+    Parameters
+    ----------
+    score : Score
+        Score of a sealed trial.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Figure or Axes
+        The axes that were given, else the figure.
+    """
     groups = score.by_severity
-    with drawing(4.6, 3.2) as figure:
-        axes = figure.subplots()
+    with on_grid(ax, 1, 1, 4.6, 3.2) as grid:
+        axes = grid.axes[0, 0]
         x = np.arange(len(groups))
         y = np.array([g.right.value for g in groups])
         spread = [y - [g.right.low for g in groups], np.array([g.right.high for g in groups]) - y]
@@ -61,17 +104,32 @@ def severity_curve(score: Score) -> Figure:
         axes.set_xticks(x, [f"{g.name}\n{g.right.cases} cases" for g in groups])
         axes.set(ylim=(0, 1.02), xlabel="gap over noise", ylabel="[-]", title="By size of the gap, one cause")
         axes.grid(axis="x", visible=False)
-        handles, labels = axes.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=2)
-    return figure
+        grid.legend(axes, "outside lower center", ncols=2)
+    return grid.drawn
 
 
-def confusion_map(confusion: Confusion, title: str) -> Figure:
-    """Truths against names: shares of each row as colours, cases as figures."""
+def confusion_map(confusion: Confusion, title: str, *, ax: Axes | None = None) -> Any:
+    """
+    Truths against names: shares of each row as colours, cases as figures.
+
+    Parameters
+    ----------
+    confusion : Confusion
+        How often each truth got each name: ``score.causes`` or ``score.places``.
+    title : str
+        Title of the picture.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Figure or Axes
+        The axes that were given, else the figure.
+    """
     counts = confusion.counts
     rows, columns = counts.shape
-    with drawing(3.2 + 0.3 * columns, 2.4 + 0.22 * rows) as figure:
-        axes = figure.subplots()
+    with on_grid(ax, 1, 1, 3.2 + 0.3 * columns, 2.4 + 0.22 * rows) as grid:
+        axes = grid.axes[0, 0]
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         axes.imshow(share, cmap="Blues", norm=PowerNorm(0.6, 0.0, 1.0), aspect="auto")
         axes.set_xticks(np.arange(columns), confusion.named, rotation=90, fontsize=7)
@@ -82,7 +140,7 @@ def confusion_map(confusion: Confusion, title: str) -> Figure:
         for r, c in np.argwhere(counts > 0):
             colour = "white" if share[r, c] > 0.55 else INK
             axes.text(c, r, str(counts[r, c]), ha="center", va="center", fontsize=7, color=colour)
-    return figure
+    return grid.drawn
 
 
 def _outline_right(axes: Axes, confusion: Confusion) -> None:
@@ -94,10 +152,24 @@ def _outline_right(axes: Axes, confusion: Confusion) -> None:
             axes.plot(x, y, color=INK if confusion.counts[r, c] else NOMINAL, lw=0.9)
 
 
-def shrinkage_scatter(score: Score) -> Figure:
-    """Part of the error that is closed, as stated with its interval, against what is achieved on fresh records."""
-    with drawing(4.6, 4.2) as figure:
-        axes = figure.subplots()
+def shrinkage_scatter(score: Score, *, ax: Axes | None = None) -> Any:
+    """
+    Part of the error that is closed, as stated with its interval, against what is achieved on fresh records.
+
+    Parameters
+    ----------
+    score : Score
+        Score of a sealed trial.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Figure or Axes
+        The axes that were given, else the figure.
+    """
+    with on_grid(ax, 1, 1, 4.6, 4.2) as grid:
+        axes = grid.axes[0, 0]
         axes.plot([_LEAST, 2], [_LEAST, 2], color=GREY, lw=0.8, ls=(0, (4, 2)))
         for right, colour, label in ((True, CORRECTED, "right first"), (False, NOMINAL, "wrong")):
             shown = [s for s in score.shrinkage if s.right is right]
@@ -113,4 +185,4 @@ def shrinkage_scatter(score: Score) -> Figure:
         )
         axes.set(xlabel="on fresh records [-]", ylabel="as stated, with its 95 % interval [-]")
         axes.legend(loc="upper left")
-    return figure
+    return grid.drawn

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from cutvib_ss.control_design.result import ControllerCheck
-from cutvib_ss.plot.style import CORRECTED, GREY, NOMINAL, drawing, legend_outside, modulus_limits, unit_text
+from cutvib_ss.plot.style import CORRECTED, GREY, NOMINAL, modulus_limits, on_grid, unit_text
 
 _LINES: tuple[tuple[str, Any], ...] = (
     ("#1f6f8f", "-"), ("#c8553d", "-"), ("#d9a441", "-"), ("#5fae8b", "-"), ("#27426b", "--"), ("#8a5a83", "--"),
@@ -22,7 +21,7 @@ _BAND = (120.0, 350.0)
 """Frequencies that are drawn [Hz]."""
 
 
-def controller_overview(checks: Sequence[ControllerCheck]) -> Figure:
+def controller_overview(checks: Sequence[ControllerCheck], *, ax: Any = None) -> Any:
     """
     What is left at the working frequency, disk margin and effort over the rail, a column for each machine.
 
@@ -30,16 +29,18 @@ def controller_overview(checks: Sequence[ControllerCheck]) -> Figure:
     ----------
     checks : sequence of ControllerCheck
         Checks on the same machines.
+    ax : array of Axes, shape (3, machine), optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        Three rows; a cross on the upper edge marks a position where a loop is unstable.
+    Figure or array of Axes
+        The axes that were given, else the figure. Three rows; a cross on the upper edge marks a position where a loop is unstable.
     """
     first = checks[0]
     n = len(first.machines)
-    with drawing(2.6 + 3.6 * n, 6.4) as figure:
-        rows = figure.subplots(3, n, sharex=True, sharey="row", squeeze=False)
+    with on_grid(ax, 3, n, 2.6 + 3.6 * n, 6.4, sharex=True, sharey="row") as grid:
+        rows = grid.axes
         for m, machine in enumerate(first.machines):
             for k, check in enumerate(checks):
                 colour, stroke = _LINES[k % len(_LINES)]
@@ -59,11 +60,11 @@ def controller_overview(checks: Sequence[ControllerCheck]) -> Figure:
         rows[1, 0].set_ylim(bottom=0.0)
         rows[2, 0].set_yscale("log")
         rows[2, 0].set_ylabel("command per force [N/N]")
-        legend_outside(figure, rows[0, 0], title="controller")
-    return figure
+        grid.legend(rows[0, 0], title="controller")
+    return grid.drawn
 
 
-def controller_responses(checks: Sequence[ControllerCheck]) -> Figure:
+def controller_responses(checks: Sequence[ControllerCheck], *, ax: Any = None) -> Any:
     """
     The largest response over all positions, open and closed: a row for each controller, a column for each machine.
 
@@ -71,15 +72,18 @@ def controller_responses(checks: Sequence[ControllerCheck]) -> Figure:
     ----------
     checks : sequence of ControllerCheck
         Checks on the same machines.
+    ax : array of Axes, shape (controller, machine), optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        A panel says so where a position is unstable; its curve is that of the others.
+    Figure or array of Axes
+        The axes that were given, else the figure. A panel says so where a position is unstable; its curve is that of the others.
     """
     n = len(checks[0].machines)
-    with drawing(2.0 + 3.4 * n, 0.9 + 1.7 * len(checks)) as figure:
-        panels = figure.subplots(len(checks), n, sharex=True, sharey=True, squeeze=False)
+    size = 2.0 + 3.4 * n, 0.9 + 1.7 * len(checks)
+    with on_grid(ax, len(checks), n, *size, sharex=True, sharey=True) as grid:
+        panels = grid.axes
         shown = [_largest(f.data) for check in checks for f in (*check.open, *check.closed)]
         for row, check in zip(panels, checks, strict=True):
             for m, axes in enumerate(row):
@@ -95,8 +99,8 @@ def controller_responses(checks: Sequence[ControllerCheck]) -> Figure:
         panels[0, 0].set_xlim(*_BAND)
         for axes in panels[-1]:
             axes.set_xlabel("frequency [Hz]")
-        legend_outside(figure, panels[0, 0], title="largest over y/L")
-    return figure
+        grid.legend(panels[0, 0], title="largest over y/L")
+    return grid.drawn
 
 
 def _mark_unstable(axes: Axes, check: ControllerCheck, machine: int, colour: str, row: int) -> None:

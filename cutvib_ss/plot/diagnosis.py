@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from cutvib_ss.diagnosis.result import Cause, Comparison
@@ -19,8 +19,8 @@ from cutvib_ss.plot.style import (
     NOMINAL,
     TUNED,
     colour_bar,
-    drawing,
     modulus_limits,
+    on_grid,
     position_name,
     unit_text,
 )
@@ -31,7 +31,7 @@ _LINES = 260
 """Bands of frequency in an error map: finer ones would only show the estimator's scatter."""
 
 
-def comparison_grid(comparisons: Sequence[Comparison], channels: Sequence[str] | None = None) -> Figure:
+def comparison_grid(comparisons: Sequence[Comparison], channels: Sequence[str] | None = None, *, ax: Any = None) -> Any:
     """
     Measured FRF, nominal and corrected model: a row for each comparison, a column for each channel.
 
@@ -41,16 +41,18 @@ def comparison_grid(comparisons: Sequence[Comparison], channels: Sequence[str] |
         What to show.
     channels : sequence of str, optional
         Which channels; all of the first comparison by default.
+    ax : array of Axes, shape (comparison, channel), optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        Moduli on logarithmic axes, the measurement's noise as a band.
+    Figure or array of Axes
+        Moduli on logarithmic axes, the measurement's noise dotted; the axes that were given, else the figure.
     """
     names = list(comparisons[0].measured.outputs if channels is None else channels)
     rows, columns = len(comparisons), len(names)
-    with drawing(0.9 + 3.3 * columns, 0.7 + 1.75 * rows) as figure:
-        panels = figure.subplots(rows, columns, sharex=True, sharey="col", squeeze=False)
+    with on_grid(ax, rows, columns, 0.9 + 3.3 * columns, 0.7 + 1.75 * rows, sharex=True, sharey="col") as grid:
+        panels = grid.axes
         for r, comparison in enumerate(comparisons):
             for c, name in enumerate(names):
                 if name in comparison.measured.outputs:
@@ -74,9 +76,8 @@ def comparison_grid(comparisons: Sequence[Comparison], channels: Sequence[str] |
         for axes in panels.flat:
             # Fifteen panels of minor ticks cost more to draw than the curves do.
             axes.yaxis.set_minor_locator(NullLocator())
-        handles, labels = panels[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
-    return figure
+        grid.legend(panels[0, 0], "outside upper left", ncols=5)
+    return grid.drawn
 
 
 def _compare(axes: Axes, comparison: Comparison, channel: str) -> None:
@@ -99,7 +100,7 @@ def _scale(unit: str) -> tuple[float, str]:
     return (1.0 / STANDARD_GRAVITY, "g/N") if unit == "m/s^2/N" else (1.0, unit_text(unit))
 
 
-def error_map(comparisons: Sequence[Comparison], which: str = "tuned") -> Figure:
+def error_map(comparisons: Sequence[Comparison], which: str = "tuned", *, ax: Any = None) -> Any:
     """
     Error over position and frequency, as a multiple of the noise, one panel a channel.
 
@@ -109,18 +110,21 @@ def error_map(comparisons: Sequence[Comparison], which: str = "tuned") -> Figure
         One or more a position.
     which : {"nominal", "tuned", "corrected"}
         Whose error.
+    ax : sequence of Axes, one a channel, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        Panels that share their colours; 1 is noise.
+    Figure or sequence of Axes
+        Panels that share their colours, 1 is noise; the axes that were given, else the figure.
     """
     channels = list(dict.fromkeys(name for c in comparisons for name in c.measured.outputs))
     freq = comparisons[0].measured.freq
     edges = np.linspace(freq[0], freq[-1], min(_LINES, freq.size) + 1)
     rows = _rows(comparisons)
-    with drawing(9.6, 0.8 + len(channels) * (0.75 + 0.17 * len(rows))) as figure:
-        panels = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
+    height = 0.8 + len(channels) * (0.75 + 0.17 * len(rows))
+    with on_grid(ax, len(channels), 1, 9.6, height, sharex=True) as grid:
+        panels = grid.axes[:, 0]
         norm = LogNorm(1.0, 100.0)
         for axes, channel in zip(panels, channels, strict=True):
             ratios = [error_over_noise(members, which, channel, edges) for members in rows.values()]
@@ -133,8 +137,8 @@ def error_map(comparisons: Sequence[Comparison], which: str = "tuned") -> Figure
             axes.set_ylabel("y/L" if not np.isnan(comparisons[0].measured.positions[0]) else "record")
             axes.grid(False)
         panels[-1].set_xlabel("frequency [Hz]")
-        colour_bar(figure, list(panels), "YlOrRd", norm, "error / noise [-]")
-    return figure
+        colour_bar(grid.figure, list(panels), "YlOrRd", norm, "error / noise [-]")
+    return grid.drawn
 
 
 def _rows(comparisons: Sequence[Comparison]) -> dict[str, list[Comparison]]:
@@ -164,7 +168,7 @@ def error_over_noise(comparisons: Sequence[Comparison], which: str, channel: str
     return out
 
 
-def cause_bars(causes: Sequence[Cause], names: Sequence[str], highest: int = 6) -> Figure:
+def cause_bars(causes: Sequence[Cause], names: Sequence[str], highest: int = 6, *, ax: Axes | None = None) -> Any:
     """
     Probabilities of the causes as bars, the most probable on top.
 
@@ -176,19 +180,21 @@ def cause_bars(causes: Sequence[Cause], names: Sequence[str], highest: int = 6) 
         What to call each.
     highest : int
         How many to show; the others are summed up in one bar.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        One axes.
+    Figure or Axes
+        The axes that were given, else the figure.
     """
     values = [c.probability for c in causes[:highest]]
     labels = list(names[:highest])
     if len(causes) > highest:
         values.append(sum(c.probability for c in causes[highest:]))
         labels.append(f"{len(causes) - highest} more")
-    with drawing(7.2, 0.6 + 0.34 * len(values)) as figure:
-        axes = figure.subplots()
+    with on_grid(ax, 1, 1, 7.2, 0.6 + 0.34 * len(values)) as grid:
+        axes = grid.axes[0, 0]
         rows = np.arange(len(values))
         axes.barh(rows, values, color=[CORRECTED] + [GREY] * (len(values) - 1), height=0.62)
         for row, value in enumerate(values):
@@ -199,7 +205,7 @@ def cause_bars(causes: Sequence[Cause], names: Sequence[str], highest: int = 6) 
         axes.set_xticks(np.linspace(0.0, 1.0, 6))
         axes.set_xlabel("probability [-]")
         axes.grid(axis="y", visible=False)
-    return figure
+    return grid.drawn
 
 
 def probability_text(value: float) -> str:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
-from matplotlib.figure import Figure
+from typing import Any
 
-from cutvib_ss.plot.style import CORRECTED, GREY, drawing
+import numpy as np
+
+from cutvib_ss.plot.style import CORRECTED, GREY, on_grid
 from cutvib_ss.results import MovingResponse
 
 _COLUMNS = 240
 """Columns of a history: of each the lowest and the highest value are drawn."""
 
 
-def travel_histories(response: MovingResponse, title: str = "") -> Figure:
+def travel_histories(response: MovingResponse, title: str = "", *, ax: Any = None) -> Any:
     """
     The head's path, and what the outputs do on the way.
 
@@ -22,15 +23,19 @@ def travel_histories(response: MovingResponse, title: str = "") -> Figure:
         The response.
     title : str
         Title of the picture.
+    ax : sequence of Axes, one for the path and one an output, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        An axes for the path, then one for each output: its lowest and highest values, and its RMS between.
+    Figure or sequence of Axes
+        The axes that were given, else the figure. An axes for the path, then one for each output: its lowest and highest
+        values, and its RMS between.
     """
     n = len(response.outputs)
-    with drawing(8.2, 1.6 + 1.9 * n, title) as figure:
-        panels = figure.subplots(n + 1, 1, sharex=True, squeeze=False, height_ratios=[0.7] + [1.0] * n)[:, 0]
+    heights = [0.7] + [1.0] * n
+    with on_grid(ax, n + 1, 1, 8.2, 1.6 + 1.9 * n, title, sharex=True, height_ratios=heights) as grid:
+        panels = grid.axes[:, 0]
         panels[0].plot(response.time, response.path, color=GREY)
         panels[0].set_ylabel("position y/L [-]")
         width = max(1, response.time.size // _COLUMNS)
@@ -45,7 +50,7 @@ def travel_histories(response: MovingResponse, title: str = "") -> Figure:
         panels[-1].set_xlabel("time [s]")
         panels[-1].legend(loc="upper right")
         panels[-1].set_xlim(0.0, response.time[-1])
-    return figure
+    return grid.drawn
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:

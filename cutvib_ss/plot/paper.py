@@ -126,7 +126,8 @@ def figure_20(curves: PaperCurves) -> Figure:
         names.append(
             f"{'lateral' if place.endswith('R') else 'central'} ({place}), y/L = {PAPER_POSITIONS[place]:.3g} {said}"
         )
-    return absorber_effect(curves.absorber, names)
+    drawn: Figure = absorber_effect(curves.absorber, names)
+    return drawn
 
 
 FIGURES: dict[str, Callable[[PaperCurves], Figure]] = {

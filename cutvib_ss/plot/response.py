@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from cutvib_ss.identification import IdentificationResult
 from cutvib_ss.plot.style import (
@@ -15,10 +15,9 @@ from cutvib_ss.plot.style import (
     MEASURED,
     NOMINAL,
     WORKING_FREQUENCY,
-    drawing,
-    legend_outside,
     modulus_limits,
     on_axes,
+    on_grid,
     position_colours,
     position_name,
     unit_text,
@@ -30,7 +29,7 @@ FORM_OF_QUANTITY = {"displacement": "receptance", "velocity": "mobility", "accel
 """What the response of each motion quantity to a force is called."""
 
 
-def bode(frf: FrequencyResponse, input: str | None = None, title: str = "") -> Figure:
+def bode(frf: FrequencyResponse, input: str | None = None, title: str = "", *, ax: Any = None) -> Any:
     """
     Magnitude and phase of every output over frequency, a curve for each position.
 
@@ -42,16 +41,18 @@ def bode(frf: FrequencyResponse, input: str | None = None, title: str = "") -> F
         Which input; the first by default.
     title : str
         Title of the picture.
+    ax : array of Axes, shape (2, output), optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        A column of two axes for each output.
+    Figure or array of Axes
+        A column of two axes for each output; the axes that were given, else the figure.
     """
     shown = frf.sel(input=frf.inputs[0] if input is None else input)
     n = len(shown.outputs)
-    with drawing(1.6 + 4.2 * n, 5.2, title) as figure:
-        axes = figure.subplots(2, n, sharex=True, squeeze=False, height_ratios=[2, 1])
+    with on_grid(ax, 2, n, 1.6 + 4.2 * n, 5.2, title, sharex=True, height_ratios=[2, 1]) as panels:
+        axes = panels.axes
         colours = position_colours(shown.positions.tolist())
         for k, (output, unit) in enumerate(zip(shown.outputs, shown.units, strict=True)):
             upper, lower = axes[0, k], axes[1, k]
@@ -72,8 +73,8 @@ def bode(frf: FrequencyResponse, input: str | None = None, title: str = "") -> F
                 for axes_ in (upper, lower):
                     axes_.axvline(WORKING_FREQUENCY, color=GREY, linestyle=":", linewidth=0.9)
         if not np.isnan(shown.positions).all():
-            legend_outside(figure, axes[0, 0], title="head at")
-    return figure
+            panels.legend(axes[0, 0], title="head at")
+    return panels.drawn
 
 
 def magnitude(
@@ -171,7 +172,7 @@ def nyquist(
     return axes
 
 
-def absorber_effect(check: AbsorberCheck, names: Sequence[str] | None = None) -> Figure:
+def absorber_effect(check: AbsorberCheck, names: Sequence[str] | None = None, *, ax: Any = None) -> Any:
     """
     Driving-point accelerance without and with an absorber, one panel a position (Fig. 20).
 
@@ -181,17 +182,19 @@ def absorber_effect(check: AbsorberCheck, names: Sequence[str] | None = None) ->
         What the absorber does.
     names : sequence of str, optional
         What the positions are called; y/L by default.
+    ax : sequence of Axes, one a position, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        One panel for each position.
+    Figure or sequence of Axes
+        One panel for each position; the axes that were given, else the figure.
     """
     n = check.positions.size
     absorber = check.absorber
     title = f"Absorber of {absorber.mass:g} kg at {absorber.frequency:g} Hz, damping ratio {absorber.damping_ratio:g}"
-    with drawing(1.8 + 3.4 * n, 3.6, title) as figure:
-        panels = figure.subplots(1, n, sharey=True, squeeze=False)[0]
+    with on_grid(ax, 1, n, 1.8 + 3.4 * n, 3.6, title, sharey=True) as grid:
+        panels = grid.axes[0]
         top = 1.08 * max(float(np.abs(f.data).max()) for f in (check.frf_before, check.frf_after))
         for k, axes in enumerate(panels):
             for frf, colour, label in (
@@ -207,11 +210,11 @@ def absorber_effect(check: AbsorberCheck, names: Sequence[str] | None = None) ->
             axes.set_xlim(check.frf_before.freq[0], check.frf_before.freq[-1])
             axes.set_ylim(0.0, top)
         panels[0].set_ylabel(f"accelerance XX [{unit_text(check.frf_before.unit)}]")
-        legend_outside(figure, panels[0])
-    return figure
+        grid.legend(panels[0])
+    return grid.drawn
 
 
-def fitted_response(result: IdentificationResult, *, title: str = "") -> Figure:
+def fitted_response(result: IdentificationResult, *, title: str = "", ax: Any = None) -> Any:
     """
     Measured and fitted responses XX and ZX of an identification (Fig. 15).
 
@@ -221,16 +224,18 @@ def fitted_response(result: IdentificationResult, *, title: str = "") -> Figure:
         The identification.
     title : str
         Title of the picture.
+    ax : sequence of Axes, one an output, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        One panel for each output.
+    Figure or sequence of Axes
+        One panel for each output; the axes that were given, else the figure.
     """
     measured, fitted = result.measured, result.fitted
     n = len(measured.outputs)
-    with drawing(1.6 + 4.0 * n, 3.4, title) as figure:
-        panels = figure.subplots(1, n, squeeze=False)[0]
+    with on_grid(ax, 1, n, 1.6 + 4.0 * n, 3.4, title) as grid:
+        panels = grid.axes[0]
         for axes, k in zip(panels, range(n), strict=True):
             axes.plot(measured.freq, np.abs(measured.data[0, k, 0]), color=MEASURED, linewidth=2.4, label="measured")
             axes.plot(fitted.freq, np.abs(fitted.data[0, k, 0]), color=CORRECTED, label="fitted")
@@ -238,8 +243,8 @@ def fitted_response(result: IdentificationResult, *, title: str = "") -> Figure:
                 xlim=(measured.freq[0], measured.freq[-1]), ylim=(0.0, None), xlabel="frequency [Hz]",
                 ylabel=f"{_form(measured, k)} [{unit_text(measured.units[k])}]", title=measured.outputs[k],
             )  # fmt: skip
-        legend_outside(figure, panels[0])
-    return figure
+        grid.legend(panels[0])
+    return grid.drawn
 
 
 def _form(frf: FrequencyResponse, output: int) -> str:

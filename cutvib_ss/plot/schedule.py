@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,11 +19,11 @@ from cutvib_ss.plot.style import (
     POSITIONS,
     WORKING_FREQUENCY,
     colour_bar,
-    drawing,
     figure_of,
     legend_beside,
     modulus_limits,
     on_axes,
+    on_grid,
     unit_text,
 )
 from cutvib_ss.results import FrequencyResponse, TrackedModes
@@ -76,7 +77,9 @@ def schedule(
     frf: FrequencyResponse | None = None,
     title: str = "",
     marks: Sequence[float] = (WORKING_FREQUENCY,),
-) -> Figure:
+    *,
+    ax: Any = None,
+) -> Any:
     """
     Natural frequencies over the rail, coloured by damping; beside them the map of a response over the rail.
 
@@ -90,16 +93,18 @@ def schedule(
         Title of the picture.
     marks : sequence of float
         Frequencies to mark [Hz]: the tool's, by default its fundamental.
+    ax : Axes, or sequence of two with a response, optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        One or two axes that share the frequency axis.
+    Figure, Axes or sequence of Axes
+        One or two axes that share the frequency axis; the axes that were given, else the figure.
     """
     highest = None if frf is None else float(frf.freq[-1])
     shown = _below(tracked, highest)
-    with drawing(5.6 if frf is None else 10.4, 4.6, title) as figure:
-        panels = figure.subplots(1, 1 if frf is None else 2, sharey=True, squeeze=False)[0]
+    with on_grid(ax, 1, 1 if frf is None else 2, 5.6 if frf is None else 10.4, 4.6, title, sharey=True) as grid:
+        panels, figure = grid.axes[0], grid.figure
         _frequencies(figure, panels[0], tracked, shown)
         if frf is not None:
             _map(figure, panels[1], frf)
@@ -107,10 +112,10 @@ def schedule(
         for axes in panels:
             for mark in marks:
                 axes.axhline(mark, color=NOMINAL, linestyle=":", linewidth=1.0)
-    return figure
+    return grid.drawn
 
 
-def bode_map(frf: FrequencyResponse, input: str | None = None, title: str = "") -> Figure:
+def bode_map(frf: FrequencyResponse, input: str | None = None, title: str = "", *, ax: Any = None) -> Any:
     """
     Magnitude and phase of every output over position and frequency.
 
@@ -122,16 +127,18 @@ def bode_map(frf: FrequencyResponse, input: str | None = None, title: str = "") 
         Which input; the first by default.
     title : str
         Title of the picture.
+    ax : array of Axes, shape (2, output), optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        Two axes for each output, magnitude above phase.
+    Figure or array of Axes
+        Two axes for each output, magnitude above phase; the axes that were given, else the figure.
     """
     shown = frf.sel(input=frf.inputs[0] if input is None else input)
     n = len(shown.outputs)
-    with drawing(1.4 + 4.0 * n, 7.0, title) as figure:
-        panels = figure.subplots(2, n, sharex=True, sharey=True, squeeze=False)
+    with on_grid(ax, 2, n, 1.4 + 4.0 * n, 7.0, title, sharex=True, sharey=True) as grid:
+        panels, figure = grid.axes, grid.figure
         turn = Normalize(-180.0, 180.0)
         for k, name in enumerate(shown.outputs):
             _map(figure, panels[0, k], shown.sel(output=name))
@@ -145,7 +152,7 @@ def bode_map(frf: FrequencyResponse, input: str | None = None, title: str = "") 
             colour_bar(figure, panels[1, k], _PHASE_COLOURS, turn, "phase [°]")
         for axes in panels[:, 0]:
             axes.set_ylabel("frequency [Hz]")
-    return figure
+    return grid.drawn
 
 
 def interpolation_error(

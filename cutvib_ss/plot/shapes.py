@@ -16,7 +16,7 @@ from PIL import Image
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.files import staged
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, drawing, legend_outside
+from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, drawing, on_grid
 from cutvib_ss.results import FloatArray, Modes
 
 _SIZE = 0.12
@@ -24,7 +24,9 @@ _SIZE = 0.12
 _POINTS = np.linspace(0.0, 1.0, 201)
 
 
-def mode_shapes(machine: Machine, modes: Modes, *, highest: float | None = None, title: str = "") -> Figure:
+def mode_shapes(
+    machine: Machine, modes: Modes, *, highest: float | None = None, title: str = "", ax: Any = None
+) -> Any:
     """
     Every mode as a drawing: the rail's deflection in the plane X-Y, and the head's two links in the plane X-Z.
 
@@ -38,22 +40,24 @@ def mode_shapes(machine: Machine, modes: Modes, *, highest: float | None = None,
         Highest natural frequency shown [Hz]; all by default.
     title : str
         Title of the picture.
+    ax : array of Axes, shape (mode, 2), optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        A row for each mode: rail, head.
+    Figure or array of Axes
+        A row for each mode, rail and head; the axes that were given, else the figure.
     """
     shown = [k for k, f in enumerate(modes.natural_freq) if highest is None or f <= highest]
-    with drawing(8.4, 0.6 + 1.5 * len(shown), title) as figure:
-        panels = figure.subplots(len(shown), 2, squeeze=False, width_ratios=[2.6, 1.0])
+    with on_grid(ax, len(shown), 2, 8.4, 0.6 + 1.5 * len(shown), title, width_ratios=[2.6, 1.0]) as grid:
+        panels = grid.axes
         for row, k in zip(panels, shown, strict=True):
             _draw(row, machine, modes, k, 1.0)
             row[0].set_title(f"{k + 1}: {modes.natural_freq[k]:.1f} Hz, {100 * modes.damping_ratio[k]:.2f} %")
-        legend_outside(figure, panels[0, 0])
+        grid.legend(panels[0, 0])
         panels[-1, 0].set_xlabel("y/L [-]")
         panels[-1, 1].set_xlabel("Z")
-    return figure
+    return grid.drawn
 
 
 def animate_mode(

@@ -6,6 +6,7 @@ import io
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
@@ -17,6 +18,7 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from PIL import Image
 
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.files import check_picture, staged
 
 INK, GREY, GRID = "#1d2733", "#6b7683", "#dfe4e9"
@@ -97,6 +99,52 @@ def on_panels(ax: Any, columns: int, width: float, height: float, title: str = "
         yield np.asarray(ax, dtype=object).ravel()
 
 
+@dataclass(frozen=True)
+class Panels:
+    """Axes of a picture in rows and columns: those that were given, or those of a figure of its own."""
+
+    axes: np.ndarray
+    figure: Figure
+    given: Any = None
+
+    @property
+    def own(self) -> bool:
+        """Whether the figure was made for this picture."""
+        return self.given is None
+
+    @property
+    def drawn(self) -> Any:
+        """What a plot function returns: the axes that it was given, else the figure."""
+        return self.figure if self.own else self.given
+
+    def legend(self, axes: Axes, loc: Any = "outside right upper", **options: Any) -> None:
+        """A legend outside of the axes in a figure of one's own, inside of them in another's."""
+        if not self.own:
+            axes.legend(**{k: v for k, v in options.items() if k == "title"})
+            return
+        handles, labels = axes.get_legend_handles_labels()
+        if handles:
+            self.figure.legend(handles, labels, loc=loc, **options)
+
+
+@contextmanager
+def on_grid(
+    ax: Any, rows: int, columns: int, width: float, height: float, title: str = "", **layout: Any
+) -> Iterator[Panels]:
+    """Panels in rows and columns: axes that were given, so many, or those of a new figure laid out as asked."""
+    if ax is None:
+        with drawing(width, height, title) as figure:
+            yield Panels(figure.subplots(rows, columns, squeeze=False, **layout), figure)
+        return
+    given = np.asarray(ax, dtype=object)
+    if given.size != rows * columns:
+        raise ParameterError(
+            f"ax: {given.size} axes were given; this picture needs {rows * columns}, in {rows} rows of {columns}"
+        )
+    with mpl.rc_context(_STYLE):
+        yield Panels(given.reshape(rows, columns), figure_of(given), ax)
+
+
 def figure_of(drawn: Any) -> Figure:
     """The figure behind what a plot function returned: a figure, axes, or an array of axes."""
     if isinstance(drawn, Figure):
@@ -165,14 +213,6 @@ def png(figure: Figure | Axes | np.ndarray, dpi: float = 150.0, colours: int = 2
     small = io.BytesIO()
     image.quantize(colours, dither=Image.Dither.NONE).save(small, format="PNG", optimize=True)
     return small.getvalue()
-
-
-def svg(figure: Figure) -> str:
-    """A figure as SVG for a page: sharp at any size, and small where it has few lines."""
-    text = io.StringIO()
-    with mpl.rc_context(_STYLE):
-        figure.savefig(text, format="svg", metadata={"Date": None})
-    return text.getvalue()
 
 
 def position_colours(positions: Sequence[float]) -> list[Any]:

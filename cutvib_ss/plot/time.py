@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from cutvib_ss.plot.style import CORRECTED, GREY, drawing, unit_text
+from cutvib_ss.plot.style import CORRECTED, GREY, on_grid, unit_text
 from cutvib_ss.results import FloatArray, TimeResponse
 
 _COLUMNS = 1200
@@ -15,7 +16,7 @@ _CLOSE = 0.025
 """Length of the part that is shown close up [s]."""
 
 
-def time_histories(response: TimeResponse, highest: float = 2000.0, title: str = "") -> Figure:
+def time_histories(response: TimeResponse, highest: float = 2000.0, title: str = "", *, ax: Any = None) -> Any:
     """
     Force and outputs: the whole history, its end close up, and its amplitude spectrum.
 
@@ -27,11 +28,14 @@ def time_histories(response: TimeResponse, highest: float = 2000.0, title: str =
         Highest frequency of the spectra [Hz].
     title : str
         Title of the picture.
+    ax : array of Axes, shape (1 + output, 3), optional
+        Where to draw; a new figure by default.
 
     Returns
     -------
-    Figure
-        A row for the force and for each output. Of one period of a steady state, several are drawn in place of the end.
+    Figure or array of Axes
+        The axes that were given, else the figure. A row for the force and for each output. Of one period of a steady
+        state, several are drawn in place of the end.
     """
     shown = response.in_g()
     rows = np.vstack([shown.force, shown.data])
@@ -43,8 +47,9 @@ def time_histories(response: TimeResponse, highest: float = 2000.0, title: str =
     )
     lines = np.vstack([weight.spectrum()[1], lines])
     kept = freq <= min(highest, shown.fs / 2)
-    with drawing(11.5, 1.3 + 1.7 * len(rows), title) as figure:
-        panels = figure.subplots(len(rows), 3, squeeze=False, sharex="col", width_ratios=[1.4, 1.0, 1.2])
+    height = 1.3 + 1.7 * len(rows)
+    with on_grid(ax, len(rows), 3, 11.5, height, title, sharex="col", width_ratios=[1.4, 1.0, 1.2]) as grid:
+        panels = grid.axes
         for k, (name, unit, values) in enumerate(zip(names, units, rows, strict=True)):
             whole, close, spectrum = panels[k]
             colour = CORRECTED if k else GREY
@@ -64,8 +69,8 @@ def time_histories(response: TimeResponse, highest: float = 2000.0, title: str =
         panels[0, 1].set_title("several periods" if shown.periodic else "its end")
         panels[0, 2].set_title("amplitude")
         panels[0, 2].set_xlim(0.0, min(highest, shown.fs / 2))
-        figure.align_ylabels(panels)
-    return figure
+        grid.figure.align_ylabels(panels)
+    return grid.drawn
 
 
 def _history(axes: Axes, time: FloatArray, values: FloatArray, colour: str) -> None:

@@ -11,6 +11,7 @@ from nicegui import background_tasks, run, ui
 
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.parameters import AbsorberParameters
+from cutvib_ss.plot.style import unit_text
 from cutvib_ss.web import curves, figures
 from cutvib_ss.web.curves import Change, Controller, Curve, Model
 from cutvib_ss.web.session import Opened
@@ -172,7 +173,7 @@ class ModelPanel:
         self.plot.update_figure(
             figures.response_figure(
                 [*found.curves, *self._measured_here(position, output)], dark=dark, width=self.width,
-                title=f"{output} [{found.curves[0].unit}]", phase=bool(self.phase.value), mark=mark, span=self.band,
+                title=f"{output} [{unit_text(found.curves[0].unit)}]", phase=bool(self.phase.value), mark=mark, span=self.band,
                 revision=f"{output}{self.phase.value}",
             )
         )  # fmt: skip
@@ -195,7 +196,7 @@ class ModelPanel:
             self.rail.update_figure(
                 figures.rail_figure(
                     [*along, *more], position, dark=self.page.dark, width=self.width,
-                    title=f"at {frequency:g} Hz [{along[0].unit}]", extra=None if extra is None else (extra, last.name),
+                    title=f"at {frequency:g} Hz [{unit_text(along[0].unit)}]", extra=None if extra is None else (extra, last.name),
                 )
             )  # fmt: skip
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from nicegui import events, run, ui
 
+from cutvib_ss.plot.style import unit_text
 from cutvib_ss.web import curves, figures
 from cutvib_ss.web.diagnosis_panel import DiagnosisPanel
 from cutvib_ss.web.model_panel import ModelPanel
@@ -181,7 +182,7 @@ class MeasuredPanel:
             if wanted and model is not None and output in model.channels:
                 drawn += curves.model_curves(model, opened.campaign, summary.records, chosen, output, kind)
         return figures.response_figure(
-            drawn, dark=self.page.dark, width=self.page.width, title=f"{output} [{unit}]", phase=bool(self.phase.value),
+            drawn, dark=self.page.dark, width=self.page.width, title=f"{output} [{unit_text(unit)}]", phase=bool(self.phase.value),
             coherence=curves.coherence_curves(summary.frfs, summary.records, chosen, output) if self.coherence.value else (),
             span=curves.band_of(opened.campaign.machine, summary.records),
             revision=f"{output}{self.phase.value}{self.coherence.value}",

@@ -195,6 +195,19 @@ def seen(**keys) -> SimpleNamespace:
     return entry
 
 
+def test_a_force_that_is_not_known_is_said():
+    for keys, told in (
+        ({}, "state peak_force"),
+        ({"controlled": "response", "peak_force": 4.0}, "state peak_response"),
+    ):
+        made = campaign(**keys)
+        (line,) = observe(made, made.machine).warnings
+        assert line.startswith("r: causes that depend on the level are not tried")
+        assert told in line
+    made = campaign(peak_force=4.0)
+    assert observe(made, made.machine).warnings == ()
+
+
 def test_what_a_record_states_of_its_sine():
     column = np.linspace(2.0, 3.0, FREQ.size)
     gain = np.abs(duffing(1e-3))

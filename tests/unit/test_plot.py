@@ -1,6 +1,9 @@
 """Pictures: they show the numbers they are given, with units, and open no window."""
 
+import inspect
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +22,7 @@ from cutvib_ss.plot.shapes import deflections
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.modes import modes, track_modes
 from tests.unit.diagnosis_example import example_diagnosis, example_structure
+from tests.unit.test_blind_score import example_score
 
 FREQ = np.arange(20.0, 400.0, 1.0)
 
@@ -202,3 +206,46 @@ def test_a_mode_moves_in_a_gif_and_impossible_ones_are_refused(tmp_path: Path) -
 def test_a_result_without_a_picture_says_so() -> None:
     with pytest.raises(ParameterError, match="no picture of a int"):
         plot.draw(3)
+
+
+def _pictures() -> dict[str, tuple[int, int, Callable[..., object]]]:
+    """Plot functions of several panels, or that make their own figure: rows, columns, and the call."""
+    machine = published_machine()
+    frf = frequency_response(machine, [0.2, 0.5], FREQ)
+    tracked = track_modes(machine, np.linspace(0.1, 0.9, 9))
+    found = modes(machine, 0.3)
+    check = check_absorber(machine, table_7())
+    diagnosis = example_diagnosis(lines=40, records=2)
+    score = example_score(30)
+    return {
+        "bode": (2, 3, partial(plot.bode, frf)),
+        "bode_map": (2, 3, partial(plot.bode_map, frf)),
+        "schedule": (1, 2, partial(plot.schedule, tracked, frf)),
+        "absorber_effect": (1, 2, partial(plot.absorber_effect, check)),
+        "comparison_grid": (2, 3, partial(plot.comparison_grid, diagnosis.comparisons)),
+        "error_map": (3, 1, partial(plot.error_map, diagnosis.comparisons)),
+        "cause_bars": (1, 1, partial(plot.cause_bars, diagnosis.causes, [c.effect for c in diagnosis.causes])),
+        "mode_shapes": (6, 2, partial(plot.mode_shapes, machine, found)),
+        "reliability_diagram": (2, 1, partial(plot.reliability_diagram, score)),
+        "risk_curve": (1, 1, partial(plot.risk_curve, score)),
+        "severity_curve": (1, 1, partial(plot.severity_curve, score)),
+        "shrinkage_scatter": (1, 1, partial(plot.shrinkage_scatter, score)),
+        "confusion_map": (1, 1, partial(plot.confusion_map, score.causes, "Causes")),
+    }
+
+
+def test_pictures_are_drawn_on_the_axes_that_are_given_and_return_them() -> None:
+    for name, (rows, columns, draw) in _pictures().items():
+        figure = Figure()
+        ax = figure.subplots(rows, columns)
+        assert draw(ax=ax) is ax, name
+        panels = np.asarray(ax, dtype=object).ravel()
+        assert all(a.has_data() for a in panels), name
+        assert not figure.legends, f"{name}: the figure is another's"
+        with pytest.raises(ParameterError, match=f"this picture needs {rows * columns}, in {rows} rows of {columns}"):
+            draw(ax=np.append(panels, panels[:1]))
+
+
+def test_every_picture_takes_axes_and_shows_nothing() -> None:
+    for name in set(plot.__all__) - {"animate_mode", "draw", "png", "save"}:
+        assert "ax" in inspect.signature(getattr(plot, name)).parameters, name

@@ -202,6 +202,11 @@ def test_load_slide_diagnose_read_and_download(browser: Any, server: str) -> Non
     _until("choices", lambda: len(_all(browser, ".q-menu .q-item")) == 7)
     next(e for e in _all(browser, ".q-menu .q-item") if "position feedback" in e.text).click()
     _until("controller", lambda: "with the controller" in _curves(browser, "model"))
+    longest = (
+        "const e = document.querySelector('[data-plot=rail]'); const p = e?.data ? e : e?.querySelector('.js-plotly-plot');"
+        "return Math.max(0, ...(p?.data ?? []).filter(t => t.name === 'with the controller').map(t => t.y.length))"
+    )
+    _until("controller over the rail", lambda: browser.execute_script(longest) > 10)
 
     # The diagnosis runs in the background, can be cancelled, and begun again.
     _click(browser, "[data-act=diagnose]")
@@ -226,6 +231,13 @@ def test_load_slide_diagnose_read_and_download(browser: Any, server: str) -> Non
     browser.switch_to.frame(_one(browser, "iframe.report"))
     assert "Demonstration campaign" in _one(browser, "h1").text
     browser.switch_to.default_content()
+
+    # The report in its frame turns dark with the page.
+    theme = "return document.querySelector('iframe.report').contentDocument.documentElement.dataset.theme"
+    assert browser.execute_script(theme) == "light"
+    for wanted in ("light", "dark"):  # from that of the system, in this order
+        _click(browser, "[aria-label='light or dark']")
+        _until(f"{wanted} report", lambda wanted=wanted: browser.execute_script(theme) == wanted)
 
     result = json.loads(_downloaded(browser, "diagnosis.json").read_text(encoding="utf-8"))
     assert result["schema"] == "cutvib-diagnosis/1"

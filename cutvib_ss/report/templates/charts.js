@@ -59,7 +59,7 @@
       colorscale: [[0, css("--paper")], [0.15, css("--heat1")], [0.5, css("--heat2")], [1, css("--heat3")]],
       colorbar: { ...(narrow() ? { orientation: "h", y: -0.32, yanchor: "top" } : {}), tickvals: [0, 0.5, 1, 1.5, 2], ticktext: ["1", "3", "10", "30", "100"], title: { text: "error / noise", side: narrow() ? "bottom" : "right" }, thickness: 12, outlinewidth: 0 },
       hovertemplate: "%{x:.4g} Hz, %{y}: %{customdata:.3g} times the noise<extra></extra>",
-    }], layout((narrow() ? 190 : 130) + 34 * m.rows.length, { margin: { l: 58, r: 12, t: 34, b: 44 }, hovermode: "closest", ...marked(data.mark, m.freq[0], m.freq[m.freq.length - 1]), xaxis: axis("frequency [Hz]"), yaxis: axis("", { autorange: "reversed", type: "category" }) }));
+    }], layout((narrow() ? 190 : 130) + 34 * m.rows.length, { margin: { l: 58, r: 12, t: 34, b: 44 }, hovermode: "closest", ...marked(data.mark, m.freq[0], m.freq[m.freq.length - 1], true), xaxis: axis("frequency [Hz]"), yaxis: axis("", { autorange: "reversed", type: "category" }) }));
   }
 
   function stiffness(k) {

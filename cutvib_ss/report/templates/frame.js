@@ -52,9 +52,9 @@ const draw = (id, traces, shape) => {
 };
 
 // A line at the frequency of the tool's force, where the axis reaches it.
-const marked = (mark, x0, x1) => mark === null || mark <= x0 || mark >= x1 ? {} : {
-  shapes: [{ type: "line", xref: "x", yref: "paper", x0: mark, x1: mark, y0: 0, y1: 1, line: { color: css("--soft"), width: 1, dash: "dot" }, layer: "below" }],
-  annotations: [{ x: mark, xref: "x", y: 0, yref: "paper", xanchor: "left", yanchor: "bottom", text: `${mark} Hz`, showarrow: false, font: { size: 11, color: css("--soft") } }],
+const marked = (mark, x0, x1, over) => mark === null || mark <= x0 || mark >= x1 ? {} : {
+  shapes: [{ type: "line", xref: "x", yref: "paper", x0: mark, x1: mark, y0: 0, y1: 1, line: { color: css(over ? "--ink" : "--soft"), width: 1, dash: "dot" }, layer: over ? "above" : "below" }],
+  annotations: [{ x: mark, xref: "x", y: over ? 1 : 0, yref: "paper", xanchor: over ? "center" : "left", yanchor: "bottom", text: `${mark} Hz`, showarrow: false, font: { size: 11, color: css("--soft") } }],
 };
 // Draw now, and again where colours or widths change: another scheme, a turned phone, a scroll bar, the paper.
 const keepDrawn = (all) => {
