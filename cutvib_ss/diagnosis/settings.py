@@ -1,8 +1,4 @@
-"""
-Every number of judgement of the diagnosis, in one place: unit, meaning, effect of a larger value, and where it comes from.
-
-Fields are named after the module or the step that reads them. `docs/settings.md` is the table of this class.
-"""
+"""Every number of judgement of the diagnosis: unit, meaning, effect of a larger value, source; shown in `docs/settings.md`."""
 
 # ruff: noqa: RUF009 - the call makes a field
 from __future__ import annotations
@@ -40,8 +36,7 @@ class Settings:
     record_median_lines: int = _of(7, "lines", "Lines over whose median a response's power is compared with the noise",
         "narrow dips are kept", _STATISTICS)
     record_heard: float = _of(4.0, "1",
-        "Response power over noise power below which a line is left out: noise in a control loop or on the "
-        "force biases an estimate by as much as the response is",
+        "Response power over noise power below which a line is left out: noise on the force biases the estimate",
         "fewer lines", _JUDGEMENT)
     record_fewest_lines: int = _of(8, "lines", "Lines that a record needs", "short records are refused",
         "a resonance has four unknowns, a complex line tells two; as many again judge the fit")
@@ -167,11 +162,9 @@ class Settings:
         "Difference of two branches, of the largest response, from which a line lies between folds", "-", _NUMERICAL)
     simulation_static_above: float = _of(5.0, "band", "Modes so far above the band yield statically to nonlinear forces",
         "longer", _NUMERICAL)
-    simulation_classical_above: float = _of(20.0, "band", "Damping couples no modes so far above the band", "longer",
-        _NUMERICAL)
+    simulation_classical_above: float = _of(20.0, "band", "Damping couples no mode so far above the band", "longer", _NUMERICAL)
     simulation_steps: float = _of(20.0, "steps a period",
-        "Of a simulation on all lines: χ² errs by 1e-6 of a degree of freedom "
-        "for smooth laws, 3e-4 for friction, which takes twice as many",
+        "On all lines: χ² errs by 1e-6 of a degree of freedom for smooth laws, 3e-4 for friction, which takes twice as many",
         "longer", _NUMERICAL)
     simulation_rough_steps: float = _of(10.0, "steps a period", "The same on few lines: 1e-3 and 1e-2", "longer", _NUMERICAL)
     simulation_hysteresis_at: float = _of(100.0, "Hz", "Where hysteretic damping is made viscous for stepping in time", "-",
