@@ -23,7 +23,6 @@ import numpy as np
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.measurement.records import Campaign, Record
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.results import FloatArray
 from cutvib_ss.validation.files import packed
 from cutvib_ss.validation.measured import DocumentedCause, add_element, read_label
@@ -110,7 +109,7 @@ def made(data: Path, seed: int, request: Request) -> Made:
     folder = data / where
     campaign = read_campaign(folder)
     documented = _documented(folder, campaign)
-    if documented is None or not isinstance(campaign.machine, Structure):
+    if documented is None or campaign.machine.has_position:
         raise ParameterError(
             f"{folder}: has no documented cause; the measured rigs have changed since the trial was planned"
         )
@@ -148,7 +147,7 @@ def _documented(folder: Path, campaign: Campaign) -> DocumentedCause | None:
 def _one_coordinate(campaign: Campaign) -> bool:
     """Whether the one channel reads the drive point of a structure of one coordinate under a force."""
     machine = campaign.machine
-    if not isinstance(machine, Structure) or machine.input_quantity != "force" or len(machine.system.mass) != 1:
+    if machine.has_position or machine.input_quantity != "force" or len(machine.system.mass) != 1:
         return False
     return all(len(r.channels) == 1 for r in campaign.records)
 
