@@ -8,8 +8,6 @@ A strong example of each effect (that of the conformance suite) is applied to th
 effects by frequency responses over the rail; laws by sine sweeps at two levels of force.
 """
 
-# ruff: noqa: E501 - lines of a page
-
 import sys
 from dataclasses import fields
 from pathlib import Path
