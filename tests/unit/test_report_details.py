@@ -17,6 +17,7 @@ from cutvib_ss.diagnosis.findings import (
     NuGap,
     PlaceScore,
 )
+from cutvib_ss.plot import stiffness_grid
 from cutvib_ss.report import details, report_html
 from tests.unit.diagnosis_example import example_diagnosis
 
@@ -104,6 +105,15 @@ def test_unstable_loop_is_said():
     consequences = replace(FINDINGS.consequences, loops=(Loop(0.5, False, 1.4, 0.0, 12.0, float("nan")),))
     assert "unstable at 1 of 1" in details.consequences_sentence(consequences)
     assert details.loop_rows(consequences.loops)[0][-2:] == ("unstable", "-")
+
+
+def test_picture_shows_each_level_and_the_law():
+    [real, imaginary] = stiffness_grid([stiffness()]).axes
+    assert len(real.lines) == len(imaginary.lines) == 3  # zero, the function, the law
+    np.testing.assert_allclose(imaginary.lines[2].get_ydata(), 150 * 2 * np.pi * FREQ)
+    value = np.array([[1.0], [2.0]]) * stiffness().value
+    two = stiffness(levels=(15.0, 60.0), value=value, std=np.full(value.shape, 1e4), element_type=None)
+    assert [line.get_label() for line in stiffness_grid([two]).axes[0].lines[1:]] == ["at 15 N", "at 60 N"]
 
 
 def test_json_has_it_all_and_no_nan():
