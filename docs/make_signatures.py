@@ -8,8 +8,6 @@ A strong example of each effect (that of the conformance suite) is applied to th
 effects by frequency responses over the rail; laws by sine sweeps at two levels of force.
 """
 
-# ruff: noqa: E501 - lines of a page
-
 import sys
 from dataclasses import fields
 from pathlib import Path
@@ -33,6 +31,23 @@ SWEEP_RAIL = np.array([0.1, 0.3, 0.5])
 SWEEP = np.arange(150.0, 350.5, 1.0)
 JOINT_MOTION = 1e-4
 """Largest rotation of the law's joint in the louder sweep of the linear machine [rad]."""
+
+
+INTRODUCTION = """\
+# What each effect does to the responses
+
+Computed by `docs/make_signatures.py` on the published machine, force on the tool in X: a strong example of each effect at
+its first place. {doc}`effects` derives them. Percent are root mean squares of the change over those of the response, over
+the whole rail and 15 to 450 Hz; of laws, over three positions and 150 to 350 Hz, at a force that turns the linear joint by
+0.1 mrad at most. *Bands* are the fewest steps of 10 Hz that carry four fifths of the change. *Positions*: where along the
+rail it shows most and least (*alike*: less than half as much again). An effect of other size or place has another
+signature; the pattern is what tells.
+"""
+PICTURES = """\
+Below: left, the channel that changes most where it changes most, without (grey) and with the effect, of a law at the
+quieter level too (dashed); right, for linear effects, the change of that channel over its response, |H' - H|/|H|, over rail
+and frequency.
+"""
 
 
 class Signature(NamedTuple):
@@ -89,7 +104,8 @@ def positions_text(s: Signature) -> str:
     size = np.sqrt(np.mean(parts(s), axis=(1, 2)))
     if size.max() < 1.5 * size.min():
         return "alike"
-    return f"most {s.positions[size.argmax()]:.2f}, least {s.positions[size.argmin()]:.2f} ({size.max() / max(size.min(), 1e-300):.1f} x)"
+    most, least = s.positions[size.argmax()], s.positions[size.argmin()]
+    return f"most {most:.2f}, least {least:.2f} ({size.max() / max(size.min(), 1e-300):.1f} x)"
 
 
 def bands_text(s: Signature) -> str:
@@ -139,13 +155,7 @@ def values_text(effect: Effect) -> str:
 def page(signatures: dict[str, Signature]) -> str:
     """The page's text."""
     lines = [
-        "# What each effect does to the responses",
-        "",
-        "Computed by `docs/make_signatures.py` on the published machine, force on the tool in X: a strong example of each effect at its",
-        "first place. {doc}`effects` derives them. Percent are root mean squares of the change over those of the response, over the whole",
-        "rail and 15 to 450 Hz; of laws, over three positions and 150 to 350 Hz, at a force that turns the linear joint by 0.1 mrad at",
-        "most. *Bands* are the fewest steps of 10 Hz that carry four fifths of the change. *Positions*: where along the rail it shows most",
-        "and least (*alike*: less than half as much again). An effect of other size or place has another signature; the pattern is what tells.",
+        *INTRODUCTION.splitlines(),
         "",
         "| effect | place | example | `tool_x` | `tool_z` | `base_x` | positions, y/L | bands [Hz] | depends on the level |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -161,8 +171,7 @@ def page(signatures: dict[str, Signature]) -> str:
         lines.append("| " + " | ".join(cells) + " |")
     lines += [
         "",
-        "Below: left, the channel that changes most where it changes most, without (grey) and with the effect, of a law at the quieter level",
-        "too (dashed); right, for linear effects, the change of that channel over its response, |H' - H|/|H|, over rail and frequency.",
+        *PICTURES.splitlines(),
         "",
     ]
     for name, s in signatures.items():

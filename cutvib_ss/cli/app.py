@@ -13,7 +13,7 @@ import typer
 
 from cutvib_ss.cli.absorber_design import absorber_design_command
 from cutvib_ss.cli.absorbers import absorber_check_command
-from cutvib_ss.cli.blind import blind_real_command, blind_run_command, blind_score_command
+from cutvib_ss.cli.blind import blind_measured_command, blind_real_command, blind_run_command, blind_score_command
 from cutvib_ss.cli.campaign_files import campaign_init_command, campaign_show_command
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.control import control_check_command, control_design_command
@@ -131,6 +131,9 @@ app.add_typer(blind, name="blind")
 blind.command("run", epilog="Example: cutvib blind run --cases 12 --seed 1 --out my-trial --jobs 2")(blind_run_command)
 blind.command("score", epilog="Example: cutvib blind score my-trial --json score.json --report score.html")(
     blind_score_command
+)
+blind.command("measured", epilog="Example: cutvib blind measured measured-rigs --out added --seed 1 --jobs 2")(
+    blind_measured_command
 )
 blind.command("real", epilog="Example: cutvib blind real measured-rigs --json table.json")(blind_real_command)
 

@@ -84,6 +84,12 @@ def blind_score_command(
             help="Opened trial from which simpler methods learn, to be scored beside; may be repeated.",
         ),
     ] = None,
+    measured: Annotated[
+        Path | None,
+        typer.Option(
+            "--measured", metavar="FILE", help="Table of `cutvib blind real --json`, for the rows of measured rigs."
+        ),
+    ] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time.")] = 1,
 ) -> None:
     """Open the seal, once, and score the diagnoses."""
@@ -92,10 +98,11 @@ def blind_score_command(
         if page.suffix.lower() not in (".html", ".md"):
             raise ParameterError(f"--report {page}: {_SuffixError}")
     check_outputs(json, *pages)
+    from cutvib_ss.validation.measured import read_table
     from cutvib_ss.validation.trial_score import score_trials
 
     with working("scoring"):
-        found = score_trials(trials, jobs)
+        found = score_trials(trials, jobs, () if measured is None else read_table(measured))
     if train:
         from cutvib_ss.validation.baselines import with_baselines
 
@@ -109,6 +116,32 @@ def blind_score_command(
         write_all({page: _writer(text) for page, text in texts.items()})
     if not give_json(found.to_dict(), json):
         _print_score(found, results())
+
+
+def blind_measured_command(
+    data: Annotated[
+        Path, typer.Argument(metavar="DATA", help="Folder that holds measured campaigns with documented causes.")
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of the trial; the labels go to DIR.sealed beside it.")
+    ],
+    seed: Annotated[int, typer.Option("--seed", metavar="S", help="Of the elements' sizes.")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Cases at a time.")] = 1,
+    timeout: Annotated[
+        float, typer.Option("--timeout", min=1.0, metavar="S", help="A diagnosis of more seconds has failed.")
+    ] = 1800.0,
+) -> None:
+    """Add elements of known kind, place and size to measured campaigns, seal what they are, diagnose. The same command resumes."""
+    from cutvib_ss.validation.measured_set import measured_trial
+    from cutvib_ss.validation.trial import run_trial
+
+    if not data.is_dir():
+        raise ParameterError(f"{data}: is not a folder; give one that holds measured campaigns")
+    asked, tools = measured_trial(data, seed)
+    trial = run_trial(asked, out, tools, jobs, None, timeout, _progress)
+    console = results()
+    say(console, f"{asked.cases} cases diagnosed; sealed by {trial.commitment}")
+    say(console, f"labels: {trial.sealed}; open them with `cutvib blind score {out}`")
 
 
 def blind_real_command(
@@ -174,7 +207,7 @@ def _writer(text: str) -> Callable[[Path], object]:
 
 
 def _print_score(found: Score, console: Console) -> None:
-    from cutvib_ss.report.blind import group_cells, heading, row_cells, wrong_cells
+    from cutvib_ss.report.blind import GROUP_HEAD, WRONG_HEAD, group_cells, heading, row_cells, wrong_cells
 
     for line in heading(found):
         say(console, line)
@@ -184,15 +217,16 @@ def _print_score(found: Score, console: Console) -> None:
     columns = ["figure", "goal", "measured", "95 % interval", "cases", "met", *methods]
     show(console, "Score", columns, table, "llrrrl")
     say(console, "")
-    show(console, "By size of the gap, one cause", ["gap", "right", "95 % interval", "cases"],
-         [group_cells(g) for g in found.by_severity], "l")  # fmt: skip
-    say(console, "")
-    show(
-        console, "By cause", ["truth", "right", "95 % interval", "cases"], [group_cells(g) for g in found.by_cause], "l"
-    )
-    say(console, "")
+    groups = {
+        "By size of the gap, one cause": found.by_severity,
+        **{title.capitalize(): own for title, own in found.groups.items()},
+        "By cause": found.by_cause,
+    }
+    for title, own in groups.items():
+        show(console, title, list(GROUP_HEAD), [group_cells(g) for g in own], "lrrrrr")
+        say(console, "")
     wrong = [wrong_cells(c) for c in found.sure_and_wrong]
     if wrong:
-        show(console, "Sure and wrong", ["campaign", "truth", "named", "stated", "gap [σ]"], wrong, "lll")
+        show(console, "Sure and wrong", list(WRONG_HEAD), wrong, "llllrrr")
     else:
         say(console, "No case was sure and wrong.")

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage, stats
 
 from cutvib_ss.diagnosis.cross_validation import Judged
-from cutvib_ss.diagnosis.findings import Band
+from cutvib_ss.diagnosis.findings import Band, finite_or_none
 from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.records import measured_at
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -36,8 +36,8 @@ def bands(
             for side in (sides.before, tuned, sides.after, sides.second)
         )
         noise = np.mean([np.sqrt(np.pi * j.entry.variance[:, m]).mean() / 2 for j, m in zip(tuned, inside) if m.any()])
-        by_position = _centres(tuned, inside, lambda j: float(np.nan_to_num(j.entry.position, nan=-1.0)))
-        by_level = _centres(tuned, inside, lambda j: float(np.nan_to_num(j.entry.level, nan=-1.0)))
+        by_position = _centres(tuned, inside, lambda j: j.entry.position)
+        by_level = _centres(tuned, inside, lambda j: finite_or_none(j.entry.level))
         out.append(
             Band(
                 low=low,
@@ -48,7 +48,7 @@ def bands(
                 noise=float(noise) / per_unit,
                 second=second,
                 stands_out=stands_out,
-                centres=tuple((p, c) for p, c, _ in by_position if p >= 0) if stands_out else (),
+                centres=tuple((p, c) for p, c, _ in by_position if p is not None) if stands_out else (),
                 moves_with_position=stands_out and _moves(by_position),
                 moves_with_level=stands_out and _moves(by_level),
                 coherence=_coherence(tuned, inside),
@@ -95,16 +95,16 @@ def _mean_error(records: Sequence[Judged], inside: Sequence[np.ndarray]) -> floa
 
 
 def _centres(
-    records: Sequence[Judged], inside: Sequence[np.ndarray], key: Callable[[Judged], float]
-) -> list[tuple[float, float, float]]:
+    records: Sequence[Judged], inside: Sequence[np.ndarray], key: Callable[[Judged], float | None]
+) -> list[tuple[float | None, float, float]]:
     """Key, centre of the error's excess over the noise, and the centre's standard deviation."""
-    groups: dict[float, list[tuple[FloatArray, FloatArray]]] = {}
+    groups: dict[float | None, list[tuple[FloatArray, FloatArray]]] = {}
     for j, m in zip(records, inside, strict=True):
         if m.any():
             excess = np.mean(np.abs(j.entry.data - j.predicted)[:, m] ** 2 / j.entry.variance[:, m], axis=0) - 1.0
             groups.setdefault(key(j), []).append((j.entry.freq[m], np.maximum(excess, 0.0)))
     out = []
-    for value, parts in sorted(groups.items()):
+    for value, parts in sorted(groups.items(), key=lambda item: (item[0] is not None, item[0] or 0.0)):
         freq, weight = (np.concatenate(side) for side in zip(*parts, strict=True))
         total = weight.sum()
         if total > 0:
@@ -116,17 +116,17 @@ def _centres(
     return out
 
 
-def _moves(centres: Sequence[tuple[float, float, float]]) -> bool:
+def _moves(centres: Sequence[tuple[float | None, float, float]]) -> bool:
     if len(centres) < 2:
         return False
-    _, centre, spread = (np.array(side) for side in zip(*centres, strict=True))
+    centre, spread = (np.array(side) for side in tuple(zip(*centres, strict=True))[1:])
     mean = np.average(centre, weights=spread**-2)
     return bool(stats.chi2.sf(np.sum(((centre - mean) / spread) ** 2), len(centres) - 1) < SETTINGS.band_moves)
 
 
 def _coherence(records: Sequence[Judged], inside: Sequence[np.ndarray]) -> float:
     """What records of one position share of their errors' power above the noise."""
-    places: dict[tuple[float, str], list[tuple[ComplexArray, FloatArray]]] = {}
+    places: dict[tuple[float | None, str], list[tuple[ComplexArray, FloatArray]]] = {}
     for j, m in zip(records, inside, strict=True):
         error = (j.entry.data - j.predicted)[:, m]
         places.setdefault(measured_at(j.entry), []).append((error, j.entry.variance[:, m]))

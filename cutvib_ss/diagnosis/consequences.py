@@ -15,7 +15,6 @@ import numpy as np
 from cutvib_ss.absorber import WORKING_FREQUENCY
 from cutvib_ss.control_design import check_controller, prototype, schedule
 from cutvib_ss.diagnosis.consequence_result import Consequence, Consequences, Loop
-from cutvib_ss.diagnosis.findings import finite_or_none
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.linearity import motions
 from cutvib_ss.diagnosis.observations import Observations
@@ -31,6 +30,7 @@ from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.harmonic_balance import sine_response
 from cutvib_ss.results import FloatArray
+from cutvib_ss.results.arrays import position_at, positions_given
 
 CONTROLLER = "resonant"
 """The prototype that is designed on the nominal model."""
@@ -65,7 +65,7 @@ def consequences(
         now, fixed = (scale * pairs[:, side, i] for side in (0, 1))
         vibration.append(
             Consequence(
-                position=finite_or_none(position),
+                position=position_at(position),
                 now=float(now[0]),
                 now_interval=_interval(now[1:]),
                 fixed=float(fixed[0]),
@@ -92,7 +92,7 @@ def _loudest(model: Model, channel: str, band: tuple[float, float]) -> float:
 
 
 def _places(records: Records, most: int) -> FloatArray:
-    places = np.unique([e.position for e in records.entries if np.isfinite(e.position)])
+    places = np.unique([e.position for e in records.entries if e.position is not None])
     if not places.size:
         return np.array([np.nan])
     few: FloatArray = places[np.unique(np.linspace(0, places.size - 1, min(most, places.size)).round().astype(int))]
@@ -124,7 +124,7 @@ def _force(fit: Fit, records: Records, positions: FloatArray, frequency: float) 
     port = fit.model.nonlinear[0].port
     plain = replace(fit.model, nonlinear=())
     moved = motions(plain, records).get(port)
-    places = None if np.isnan(positions).all() else positions
+    places = positions_given(positions)
     per_newton = np.abs(frequency_response(plain, places, [frequency], form="receptance", outputs=[port]).data).mean()
     return float(np.sqrt(moved.low * moved.high) / per_newton) if moved is not None else 1.0
 
@@ -147,7 +147,7 @@ def _pair(
 ) -> FloatArray:
     """Modulus at the working frequency now and with the effects taken off, shape (2, position); no sensor's fault in either."""
     out = []
-    places = None if np.isnan(positions).all() else positions
+    places = positions_given(positions)
     for model in (problem.applied(x), problem.tuned(x)):
         bare = replace(model, chain=MeasurementChain())
         if bare.nonlinear:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import optimize
 
-from cutvib_ss.diagnosis.findings import Correlation, ModePair, finite_or_none
+from cutvib_ss.diagnosis.findings import Correlation, ModePair
 from cutvib_ss.diagnosis.records import measured_at
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
@@ -45,13 +45,13 @@ def mac(first: ComplexArray, second: ComplexArray) -> FloatArray:
 
 def correlations(sides: Sides) -> tuple[Correlation, ...]:
     """FRAC of each channel at each position and input, all its records together."""
-    found: dict[tuple[tuple[float, str], str], list[int]] = {}
+    found: dict[tuple[tuple[float | None, str], str], list[int]] = {}
     for i, j in enumerate(sides.before):
         for channel in j.entry.channels:
             found.setdefault((measured_at(j.entry), channel), []).append(i)
     return tuple(
         Correlation(
-            finite_or_none(sides.before[members[0]].entry.position),
+            place[0],
             None if place[1] == FORCE else place[1],
             channel,
             *(_pooled(side, members, channel) for side in (sides.before, sides.tuned, sides.after)),
@@ -78,8 +78,7 @@ def mode_pairs(
         alike = mac(shapes, others)
         freq, freq_other = np.abs(poles) / (2 * np.pi), np.abs(other) / (2 * np.pi)
         cost = 1.0 - alike + np.abs(np.log(freq[:, None] / freq_other))
-        rows, columns = optimize.linear_sum_assignment(cost.T)
-        before = dict(zip(rows.tolist(), columns.tolist(), strict=True))
+        before = {int(k): int(i) for k, i in zip(*optimize.linear_sum_assignment(cost.T), strict=True)}
         for k, f in enumerate(freq_other):
             if not band[0] <= f <= band[1]:
                 continue

@@ -72,7 +72,7 @@ def folds(observations: Observations, fraction: float | None, seed: int) -> tupl
 
 
 def _key(e: Entry, entries: Sequence[Entry]) -> float:
-    if len({x.position for x in entries if not np.isnan(x.position)}) > 1:
+    if e.position is not None and len({x.position for x in entries}) > 1:
         return e.position
     if len({x.level for x in entries if not np.isnan(x.level)}) > 1:
         return e.level

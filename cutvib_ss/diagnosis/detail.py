@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from cutvib_ss.diagnosis.bands import bands
 from cutvib_ss.diagnosis.consequences import consequences
 from cutvib_ss.diagnosis.correlation import correlations, mode_pairs
@@ -49,7 +47,7 @@ def found(
 
 def _some(records: Records) -> tuple[float | None, ...]:
     """The first, middle and last measured position; None of a structure."""
-    places = sorted({e.position for e in records.entries if np.isfinite(e.position)})
+    places = sorted({e.position for e in records.entries if e.position is not None})
     if not places:
         return (None,)
     return tuple(dict.fromkeys((places[0], places[len(places) // 2], places[-1])))

@@ -22,7 +22,7 @@ from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.place import Located, locate
-from cutvib_ss.diagnosis.posterior import Counts, probabilities
+from cutvib_ss.diagnosis.posterior import Counts, kind_of, probabilities
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
@@ -39,6 +39,7 @@ from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.measurement.records import FORCE, Campaign
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
+from cutvib_ss.results.arrays import position_array
 
 MAINS_INTERFERENCE = "the re-tuned model's residual lies on multiples of {:g} Hz: mains interference in the measurement"
 
@@ -203,6 +204,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         title=campaign.title,
         warnings=(
             *campaign.warnings,
+            *observed.warnings,
             *([] if interference is None else [MAINS_INTERFERENCE.format(interference)]),
             *at_their_ends(chosen),
         ),
@@ -336,7 +338,7 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
         (none.model, start.blow_at(none.x), start, none.x),
         (chosen.model, end.blow_at(chosen.x), end, chosen.x),
     ]
-    seen: set[tuple[float, str]] = set()
+    seen: set[tuple[float | None, str]] = set()
     for e in entries:
         here = measured_at(e)
         if here in seen:
@@ -346,7 +348,7 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
         (group, *_) = merged(same)
         unit = "N" if nominal.input_quantity == "force" else "m/s^2"
         measured = MeasuredFrequencyResponse(
-            group.data[:1, :, None], group.freq, np.array([e.position]), group.channels, (e.input,), group.quantities,
+            group.data[:1, :, None], group.freq, position_array([e.position]), group.channels, (e.input,), group.quantities,
             input_unit=unit, variance=group.variance[:1, :, None], averages=len(same),
         )  # fmt: skip
         computed = []
@@ -359,7 +361,7 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
                     value, group.freq, measured.positions, group.channels, (e.input,), group.quantities, input_unit=unit
                 )
             )
-        told = ["" if here[0] < 0 else f"position {here[0]:.3g}", "" if e.input == FORCE else f"force at {e.input}"]
+        told = ["" if here[0] is None else f"position {here[0]:.3g}", "" if e.input == FORCE else f"force at {e.input}"]
         label = ", ".join(part for part in told if part)
         out.append(Comparison(label, measured, *computed))
     return tuple(out)

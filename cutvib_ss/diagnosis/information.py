@@ -21,6 +21,7 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.results.arrays import position_at
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,8 @@ class Space:
     def __init__(self, model: Model, group: Group, error: float) -> None:
         self.model, self.group = model, group
         (self.sites,) = merged([same[0] for same in group.entries])
-        at = {float(np.nan_to_num(y, nan=-1.0)): k for k, y in enumerate(self.sites.positions)}
-        self.row = np.array([at[float(np.nan_to_num(y, nan=-1.0))] for y in group.positions])
+        at = {position_at(y): k for k, y in enumerate(self.sites.positions)}
+        self.row = np.array([at[position_at(y)] for y in group.positions])
         shown = Prediction(model, self.sites)
         self.plain = shown.data
         self.peak = np.abs(self.plain).max(axis=(0, 2))

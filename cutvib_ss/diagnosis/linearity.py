@@ -12,6 +12,7 @@ from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step
 from cutvib_ss.results import FloatArray
+from cutvib_ss.results.arrays import position_at
 
 
 def levels_compared(records: Records, model: Model | None = None, blow_at: float = 0.0) -> bool:
@@ -63,7 +64,7 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
     rates: list[np.ndarray] = []
     for g in merged(records.simulable, apart=True):
         for position, struck, (entry, *_) in zip(g.positions, g.inputs, g.entries, strict=True):
-            at = None if np.isnan(position) else float(position)
+            at = position_at(position)
             forces.append(_holding(model, at, g.freq, places, struck) * _peak(entry))
             if entry.sine is not None:
                 sweep = frequency_response(

@@ -137,7 +137,7 @@ def metrics(sides: Sides, per_unit: float, scales: Mapping[str, float]) -> tuple
                 other = _distances(j.entry, sides.second[i].predicted, index, scale, per_unit)
             out.append(
                 Metric(
-                    position=finite_or_none(j.entry.position),
+                    position=j.entry.position,
                     level=finite_or_none(j.entry.level),
                     channel=channel,
                     input=None if j.entry.input == FORCE else j.entry.input,

@@ -14,6 +14,7 @@ from cutvib_ss.diagnosis.simulation import simulated
 from cutvib_ss.effects.base import Model
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.results.arrays import position_at, positions_given
 
 
 def next_test(
@@ -69,7 +70,7 @@ def _levels(entries: Sequence[Entry]) -> FloatArray:
 def _shown(model: Model, positions: FloatArray, levels: FloatArray, like: Entry) -> ComplexArray:
     """Responses that records like one would show, shape (position, level, channel, frequency)."""
     if not model.nonlinear or like.replay is None:
-        places = None if np.isnan(positions).all() else positions
+        places = positions_given(positions)
         linear = frequency_response(model, places, like.freq, inputs=[like.input], outputs=like.channels).data[:, :, 0]
         out: ComplexArray = np.broadcast_to(linear[:, None], (linear.shape[0], levels.size, *linear.shape[1:]))
         return out
@@ -80,7 +81,7 @@ def _shown(model: Model, positions: FloatArray, levels: FloatArray, like: Entry)
         replace(
             like,
             record=k,
-            position=float(y),
+            position=position_at(y),
             level=float(level),
             replay=replace(first, forces=tuple(f * factor for f in first.forces), measured=()),
         )

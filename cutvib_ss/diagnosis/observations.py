@@ -21,8 +21,15 @@ from cutvib_ss.measurement.estimation import estimate
 from cutvib_ss.measurement.records import FORCE, Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
+from cutvib_ss.results.arrays import position_at
 from cutvib_ss.units import STANDARD_GRAVITY
 
+LACKING = {
+    "impact": "state peak_force, or give the histories of the blows",
+    "sine": "state peak_force, or give a column `force amplitude`",
+    "held": "state peak_response, or give a column `force amplitude`",
+}
+"""What tells the force of a record."""
 ADVICE = {
     "impact": "measure longer, with a harder tip, or with more blows",
     "timeseries": "record longer, or with a stronger excitation",
@@ -41,6 +48,7 @@ class Observations:
     channels: tuple[str, ...]  # All response channels
     unit: str  # Unit in which errors are reported
     per_unit: float  # SI value of that unit
+    warnings: tuple[str, ...] = ()  # What the records lack for some causes
 
 
 def observe(campaign: Campaign, machine: Model) -> Observations:
@@ -72,7 +80,24 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
     per_newton = acceleration and machine.input_quantity == "force"
     unit = "g/N" if per_newton else campaign_unit(cut, machine)
     hull = (min(float(e.freq[0]) for e in cut), max(float(e.freq[-1]) for e in cut))
-    return Observations(tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0)
+    return Observations(
+        tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0, _without_force(cut, campaign.records)
+    )
+
+
+def _without_force(entries: Sequence[Entry], records: Sequence[Record]) -> tuple[str, ...]:
+    """One line for the records whose force no simulation can tell, with what each kind would have to state."""
+    lacking: dict[str, list[str]] = {}
+    for e in entries:
+        record = records[e.record]
+        if e.replay is None and e.sine is None and (kind := _kind(record)) in LACKING:
+            held = kind == "sine" and record.controlled == "response"
+            lacking.setdefault("held" if held else kind, []).append(record.name)
+    return tuple(
+        f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: causes that depend on the level are not tried, "
+        f"for the force is not known; {LACKING[kind]}"
+        for kind, names in lacking.items()
+    )
 
 
 def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
@@ -105,7 +130,7 @@ def _entry(index: int, record: Record) -> Entry:
     sine = _sine(record)
     return Entry(
         record=index,
-        position=float(frf.positions[0]),
+        position=position_at(frf.positions[0]),
         level=_level(record, sine),
         data=np.array(frf.data[0, :, 0]),
         variance=np.array(frf.variance[0, :, 0]),
@@ -145,17 +170,12 @@ def _by_blows(e: Entry, record: Record) -> Entry:
     """
     A record of blows with how surely they order with their force.
 
-    What orders is nonlinearity, which a law or the levels have to explain: where it is beyond doubt it is no noise. The rest, which
-    the hand leaves, stays in the variance.
+    The variance keeps what orders: a hand may hit elsewhere when it hits harder.
     """
     if record.kind != "impact" or len(record.histories) < SETTINGS.level_blows:
         return e
     found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])))
-    variance = np.array(e.variance)
-    for k, chance in enumerate(found.significance):
-        if chance < SETTINGS.level_ordered and found.rest.shape == variance.shape:
-            variance[k] = np.minimum(variance[k], found.rest[k] / len(record.histories))
-    return replace(e, variance=variance, ordering=tuple(float(p) for p in found.significance))
+    return replace(e, ordering=tuple(float(p) for p in found.significance))
 
 
 def _level(record: Record, sine: SineTest | None) -> float:
@@ -165,8 +185,8 @@ def _level(record: Record, sine: SineTest | None) -> float:
     return np.nan if sine is None else float(np.median(sine.force))
 
 
-def _lowest_frequency(machine: Model, positions: Sequence[float]) -> float:
-    places = sorted({p for p in positions if not np.isnan(p)})
+def _lowest_frequency(machine: Model, positions: Sequence[float | None]) -> float:
+    places = sorted({p for p in positions if p is not None})
     lowest = [float(modes(machine, p).natural_freq[0]) for p in places] or [float(modes(machine).natural_freq[0])]
     return max(min(lowest), 0.0)
 

@@ -230,7 +230,7 @@ def _entries(model: Model, c: PlannedCampaign) -> list[Entry]:
     quantities: tuple[Quantity, ...] = tuple(model.channels[n].quantity for n in c.channels)
     nothing = np.zeros((len(c.channels), freq.size), dtype=np.complex128)
     out: list[Entry] = []
-    for position in c.positions or (np.nan,):
+    for position in c.positions or (None,):
         for level in c.levels:
             replay = (
                 assumed_blow(freq, c.block, SETTINGS.plan_blow_at, level) if model.input_quantity == "force" else None
@@ -241,7 +241,7 @@ def _entries(model: Model, c: PlannedCampaign) -> list[Entry]:
             out.append(
                 Entry(
                     record=len(out),
-                    position=float(position),
+                    position=position,
                     level=level,
                     data=nothing,
                     variance=np.tile(variance, (len(c.channels), 1)),

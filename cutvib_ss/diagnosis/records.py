@@ -17,6 +17,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.measurement.records import FORCE, Sweep
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
+from cutvib_ss.results.arrays import position_array
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Entry:
     """One record: its responses within the band, and the estimator's block."""
 
     record: int  # Index of the record in the campaign
-    position: float  # y_b / L; NaN for a structure
+    position: float | None  # y_b / L; None for a structure
     level: float  # Peak force [N]; NaN where not stated
     data: ComplexArray  # Responses and E|ΔH|²
     variance: FloatArray
@@ -168,9 +169,9 @@ def merged(entries: Sequence[Entry], apart: bool = False, by_session: bool = Fal
     return tuple(_group(members, apart) for members in kinds.values())
 
 
-def measured_at(e: Entry) -> tuple[float, str]:
-    """Position, -1 where there is none, and input: records that share them show the same responses."""
-    return float(np.nan_to_num(e.position, nan=-1.0)), e.input
+def measured_at(e: Entry) -> tuple[float | None, str]:
+    """Position and input: records that share them show the same responses."""
+    return e.position, e.input
 
 
 def estimator_of(e: Entry) -> tuple[object, ...]:
@@ -179,7 +180,7 @@ def estimator_of(e: Entry) -> tuple[object, ...]:
     return (e.channels, e.quantities, *lines, round(e.block, 9), round(e.decay_rate, 9))
 
 
-def site(e: Entry) -> tuple[float | str, ...]:
+def site(e: Entry) -> tuple[float | str | None, ...]:
     """What records must share to be merged: input, session, position, and a block that loses the same tails."""
     return (*measured_at(e), round(e.block, 9), round(e.decay_rate, 9), *session_of(e))
 
@@ -188,7 +189,7 @@ def session_of(e: Entry) -> tuple[float | str, ...]:
     """The session of a record, whose records share their drift."""
     if e.session is not None:
         return (e.session,)
-    return (float(e.position),) if np.isfinite(e.position) else (float(e.record), "record")
+    return (e.position,) if e.position is not None else (float(e.record), "record")
 
 
 def one_blow(e: Entry) -> Entry:
@@ -201,7 +202,7 @@ def one_blow(e: Entry) -> Entry:
 
 
 def _group(members: list[Entry], apart: bool) -> Group:
-    places: dict[tuple[float | str, ...], list[Entry]] = {}
+    places: dict[tuple[float | str | None, ...], list[Entry]] = {}
     for e in members:
         places.setdefault((float(e.record),) if apart else site(e), []).append(e)
     data, variance = [], []
@@ -212,7 +213,7 @@ def _group(members: list[Entry], apart: bool) -> Group:
         variance.append(1.0 / total)
     first = [same[0] for same in places.values()]
     return Group(
-        positions=np.array([e.position for e in first]),
+        positions=position_array([e.position for e in first]),
         freq=first[0].freq,
         channels=first[0].channels,
         quantities=first[0].quantities,

@@ -179,7 +179,7 @@ class Settings:
     level_blows: int = _of(3, "blows", "Of a record that are compared one by one", "fewer such comparisons",
         "a mean, what orders with the force, and one to judge it by")
     level_ordered: float = _of(1e-4, "probability",
-        "Of blows that order with their force by chance as much as they do, from which it is nonlinearity and no noise",
+        "Of blows that order with their force by chance as much as they do, from which it is nonlinearity",
         "more records are called nonlinear", _STATISTICS)
     comparison_common_lines: int = _of(8, "lines", "That two records must share to be compared", "fewer comparisons",
         _JUDGEMENT)

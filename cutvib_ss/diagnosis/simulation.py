@@ -29,6 +29,7 @@ from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.response.receptance import CondensedModel
 from cutvib_ss.response.stepping import ModalForm, modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.results.arrays import position_at
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 
@@ -66,8 +67,7 @@ def simulated(
         data[row] = sweep.data
     forms: dict[tuple[float | None, str], ModalForm] = {}
     for rows in _batches(group, wanted):
-        at = float(group.positions[rows[0]])
-        position = None if np.isnan(at) else at
+        position = position_at(group.positions[rows[0]])
         replays = [_replay(group, row) for row in rows]
         struck = group.inputs[rows[0]]
         if (position, struck) not in forms:
@@ -123,11 +123,11 @@ def _replay(group: Group, row: int) -> Replay:
 
 def _batches(group: Group, wanted: np.ndarray | None) -> list[list[int]]:
     """Rows at one position and input whose histories have one length and clock."""
-    found: dict[tuple[float, str, float, int], list[int]] = {}
+    found: dict[tuple[float | None, str, float, int], list[int]] = {}
     for row, position in enumerate(group.positions):
         if group.entries[row][0].sine is None and (wanted is None or wanted[row]):
             replay = _replay(group, row)
-            key = (float(np.nan_to_num(position, nan=-1.0)), group.inputs[row], replay.fs, replay.forces[0].size)
+            key = (position_at(position), group.inputs[row], replay.fs, replay.forces[0].size)
             found.setdefault(key, []).append(row)
     return list(found.values())
 

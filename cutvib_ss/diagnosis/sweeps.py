@@ -20,6 +20,7 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.model.paths import Path
 from cutvib_ss.response.harmonic_balance import SineSweep
 from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.results.arrays import positions_given
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ def swept(model: Model, group: Group, row: int) -> SweptRecord:
     def made(direction: Literal["up", "down"], controlled: Literal["force", "response"] = "force") -> SineSweep:
         return SineSweep(
             model,
-            None if np.isnan(position[0]) else position,
+            positions_given(position),
             group.freq,
             sine.force if sine.held is None else sine.held,
             direction,

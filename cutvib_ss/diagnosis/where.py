@@ -101,15 +101,15 @@ def level_dependence(entries: Sequence[Entry], model: Model | None = None, blow_
 
 def by_position(records: Sequence[Judged], per_unit: float) -> tuple[ErrorFigure, ...]:
     """Errors over positions."""
-    places = sorted({float(np.nan_to_num(j.entry.position, nan=-1.0)) for j in records})
+    known: list[float | None] = [*sorted({j.entry.position for j in records if j.entry.position is not None})]
     out = []
-    for place in places:
-        own = [j for j in records if float(np.nan_to_num(j.entry.position, nan=-1.0)) == place]
+    for place in known or [None]:
+        own = [j for j in records if j.entry.position == place]
         error, noise, floor = (
             float(np.mean(v)) / per_unit
             for v in zip(*((j.error.mean(), j.noise.mean(), j.noise.mean() * _wider(j)) for j in own), strict=True)
         )
-        out.append(ErrorFigure(None if place < 0 else place, error, noise, floor))
+        out.append(ErrorFigure(place, error, noise, floor))
     return tuple(out)
 
 

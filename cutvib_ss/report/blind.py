@@ -13,6 +13,18 @@ from cutvib_ss.validation.rows import Row
 from cutvib_ss.validation.score import Group, Score, case_data
 from cutvib_ss.validation.statistics import Estimate
 
+GROUP_HEAD = (
+    "cases that share it",
+    "right first",
+    "95 % interval",
+    "cases",
+    "mean stated",
+    "calibration error (if perfect)",
+)
+"""Columns of `group_cells`."""
+WRONG_HEAD = ("campaign", "truth", "form", "named", "stated", "gap [σ]", "oracle's probability of the truth")
+"""Columns of `wrong_cells`."""
+
 _MET = {True: "yes", False: "no", None: "-"}
 
 
@@ -27,6 +39,12 @@ def heading(score: Score) -> list[str]:
             f"Sealed {one['sealed'][:16]}, opened {one['opened'][:16]} (UTC); version {one['version']}, "
             f"commit {one['commit'] or 'unknown'}, code {one['code_sha256'][:12]}."
         )
+    refused = about.get("refused_draws") or {}
+    told = ", ".join(f"{n} of {name}" for name, n in refused.items()) or "none"
+    said.append(
+        f"Draws that the rig refused, and drew anew: {told}. Cases with blows whose motion is unstable: "
+        f"{about.get('cases_with_unstable_blows', 0)}."
+    )
     return said
 
 
@@ -78,15 +96,20 @@ def row_cells(score: Score, row: Row) -> list[str]:
 
 
 def group_cells(group: Group) -> list[str]:
-    """A group of cases as cells: name, right, interval, cases."""
-    return [group.name, figure(group.right.value, "%"), interval(group.right, "%"), str(group.right.cases)]
+    """A group of cases as cells, under `GROUP_HEAD`."""
+    e = group.right
+    error = f"{group.calibration_error:.3f} ({group.if_perfect:.3f})"
+    return [group.name, figure(e.value, "%"), interval(e, "%"), str(e.cases), f"{group.confidence:.3f}", error]
 
 
 def wrong_cells(case: Case) -> list[str]:
-    """A case that was sure and wrong, as cells: campaign, truth, named, stated, size of the gap."""
+    """A case that was sure and wrong, as cells, under `WRONG_HEAD`."""
     named = "-" if case.answer.first is None else name_of(case.answer.first)
     truth = case.truth.name if case.truth.kind != "outside" else f"{case.truth.name} at {'+'.join(case.truth.place)}"
-    return [case.name, truth, named, f"{case.answer.confidence:.3f}", f"{case.truth.gap_sigma:.3g}"]
+    odds = case.truth.oracle
+    known = "" if odds is None else f"{odds.get(case.truth.causes, 0.0):.3f}"
+    form = str(case.truth.label.get("form") or "")
+    return [case.name, truth, form, named, f"{case.answer.confidence:.3f}", f"{case.truth.gap_sigma:.3g}", known]
 
 
 def score_markdown(score: Score) -> str:
@@ -97,7 +120,7 @@ def score_markdown(score: Score) -> str:
     parts += _table(head, [row_cells(score, row) for row in score.rows])
     notes = [f"- {row.title}: {row.note}." for row in score.rows if row.note]
     parts += ["", "Notes:", "", *notes]
-    group_head = ["", "right", "95 % interval", "cases"]
+    group_head = ["", *GROUP_HEAD[1:]]
     parts += [
         "",
         "## By size of the gap, one cause",
@@ -109,7 +132,7 @@ def score_markdown(score: Score) -> str:
     parts += ["", "## By cause", "", *_table(group_head, [group_cells(g) for g in score.by_cause])]
     wrong = [wrong_cells(c) for c in score.sure_and_wrong]
     parts += ["", "## Sure and wrong", ""]
-    parts += _table(["campaign", "truth", "named", "stated", "gap [σ]"], wrong) if wrong else ["No case."]
+    parts += _table(WRONG_HEAD, wrong) if wrong else ["No case."]
     return "\n".join(parts) + "\n"
 
 
@@ -150,7 +173,13 @@ def score_html(score: Score) -> str:
         heading=heading(score),
         methods=list(score.baselines),
         rows=[(row_cells(score, row), row) for row in score.rows],
-        by_cause=[group_cells(g) for g in score.by_cause],
+        group_head=GROUP_HEAD,
+        groups={
+            "by size of the gap, one cause": [group_cells(g) for g in score.by_severity],
+            **{title: [group_cells(g) for g in own] for title, own in score.groups.items()},
+            "by cause": [group_cells(g) for g in score.by_cause],
+        },
+        wrong_head=WRONG_HEAD,
         wrong=[wrong_cells(c) for c in score.sure_and_wrong],
         cases=[case_data(c) for c in score.cases],
         shrinkage=bool(score.shrinkage),

@@ -57,6 +57,21 @@ def label_indices(labels: tuple[str, ...], wanted: str | Sequence[str] | None, w
     return [labels.index(name) for name in names_of(wanted)]
 
 
+def position_at(value: Any) -> float | None:
+    """A position out of an array, where NaN stands for none."""
+    return None if np.isnan(value) else float(value)
+
+
+def position_array(positions: Sequence[float | None]) -> FloatArray:
+    """Positions as an array, where NaN stands for none."""
+    return np.array([np.nan if y is None else y for y in positions])
+
+
+def positions_given(positions: FloatArray) -> FloatArray | None:
+    """An array of positions as responses take it: None of a structure, which has none."""
+    return None if np.isnan(positions).all() else positions
+
+
 def position_indices(positions: FloatArray, wanted: float | str | Sequence[float | str] | None) -> NDArray[np.intp]:
     """Indices of wanted positions (to 1e-9), all by default."""
     if wanted is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -19,6 +20,9 @@ ELEMENT: OneCause = ("unknown", "")
 
 NONE: Causes = frozenset({("none", "none")})
 UNKNOWN: Causes = frozenset({ELEMENT})
+
+LEAST = 1e-4
+"""Probability that counts for what is not listed, in log scores: one such case costs 9.2 nats."""
 
 FEW_PLACES = 3
 """A stated set of places up to this size says where to look."""
@@ -65,6 +69,24 @@ class Truth:
         """Kind of the machine."""
         return str(self.label.get("machine") or "cutting_machine")
 
+    @property
+    def oracle(self) -> Mapping[Causes, float] | None:
+        """What a method that knows the rig would state; None where the oracle does not cover the case."""
+        told = self.label.get("oracle")
+        if told is None:
+            return None
+        odds: dict[Causes, float] = {}
+        for row in told["causes"]:
+            named = causes_of(row["effect"], row["place"], {})
+            odds[named] = odds.get(named, 0.0) + float(row["probability"])
+        return odds
+
+    @property
+    def hidden(self) -> bool:
+        """Whether even the oracle takes the machine for sound: tolerance hides the gap, and to say none is no miss."""
+        odds = self.oracle
+        return odds is not None and self.kind != "none" and odds.get(NONE, 0.0) >= 0.5
+
     def holds(self, causes: Causes) -> bool:
         """
         Whether an answer that names these causes is right.
@@ -74,7 +96,18 @@ class Truth:
         """
         if self.kind == "outside":
             return ELEMENT in causes
-        return causes == self.causes or (self.grade > 0 and causes - UNKNOWN == self.causes)
+        right = (self.causes, *self.others)
+        return causes in right or (self.grade > 0 and causes - UNKNOWN in right)
+
+    @property
+    def every(self) -> Causes:
+        """Every cause that is part of a right answer."""
+        return self.causes.union(*self.others)
+
+    @property
+    def others(self) -> tuple[Causes, ...]:
+        """Other names under which the truth is right: where a measured rig's documented cause has several."""
+        return tuple(causes_of(one["effect"], one["place"], {}) for one in self.label.get("or") or ())
 
 
 @dataclass(frozen=True)
@@ -145,6 +178,14 @@ class Case:
         return self.answer.first is not None and self.truth.holds(self.answer.first)
 
     @property
+    def lost(self) -> float:
+        """Log probability that the oracle states for the truth over that of the diagnosis [nats]; NaN where there is no oracle."""
+        odds = self.truth.oracle
+        if odds is None:
+            return float("nan")
+        return _log(odds.get(self.truth.causes, 0.0)) - _log(self.answer.probability_that(self.truth))
+
+    @property
     def right_place(self) -> bool:
         """
         Whether it says where to look.
@@ -159,6 +200,10 @@ class Case:
             return True
         few = self.answer.place_set
         return 1 < len(few) <= FEW_PLACES and bool(few & true)
+
+
+def _log(probability: float) -> float:
+    return math.log(min(max(probability, LEAST), 1.0))
 
 
 def truth_of(label: Mapping[str, Any]) -> Truth:

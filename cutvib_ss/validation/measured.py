@@ -6,7 +6,7 @@ import math
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -18,6 +18,7 @@ from cutvib_ss.errors import CutvibError, DataFormatError, ParameterError
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.measurement.records import Campaign, History, Record
 from cutvib_ss.results import ComplexArray, FloatArray, MeasuredFrequencyResponse
+from cutvib_ss.validation.files import read_json
 
 SCHEMA = "cutvib-blind-real/1"
 LABEL = "label.toml"
@@ -57,6 +58,13 @@ class MeasuredRow:
     halves: tuple[str | None, str | None] | None = None
     halves_agree: bool | None = None
     error: str | None = None
+    # Probability stated for what is named first, all entries of that name together
+    confidence: float | None = None
+
+    @property
+    def sure_and_wrong(self) -> bool:
+        """Whether something else than the documented cause is named with at least 0.9."""
+        return self.effects is not None and (self.confidence or 0.0) >= 0.9 and self.rank != 1
 
 
 def diagnose_measured(
@@ -85,6 +93,20 @@ def diagnose_measured(
 def table_data(rows: Sequence[MeasuredRow]) -> dict[str, Any]:
     """The table as plain data of the schema ``cutvib-blind-real/1``."""
     return {"schema": SCHEMA, "campaigns": [asdict(row) for row in rows]}
+
+
+def read_table(file: Path) -> tuple[MeasuredRow, ...]:
+    """A table that was written as JSON."""
+    data = read_json(file)
+    if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+        raise DataFormatError(
+            f"{file}: is no table of measured rigs; write one with: cutvib blind real DIR --json {file}"
+        )
+    known = {f.name for f in fields(MeasuredRow)}
+    rows: list[dict[str, Any]] = [
+        {k: tuple(v) if isinstance(v, list) else v for k, v in row.items() if k in known} for row in data["campaigns"]
+    ]
+    return tuple(MeasuredRow(**row) for row in rows)
 
 
 def read_label(folder: Path) -> DocumentedCause | None:
@@ -185,6 +207,9 @@ def _told(row: MeasuredRow, found: Diagnosis, label: DocumentedCause | None) -> 
         named=f"{first.effect} at {first.place}",
         share=_number(first.share),
         repeatability=_number(found.repeatability),
+        confidence=float(
+            sum(c.probability for c in found.causes if (c.effect, c.place) == (first.effect, first.place))
+        ),
     )
     if label is None:
         return row

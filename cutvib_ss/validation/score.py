@@ -13,6 +13,7 @@ import numpy as np
 
 from cutvib_ss.results import FloatArray
 from cutvib_ss.validation.cases import NONE, UNKNOWN, Case, Causes, name_of
+from cutvib_ss.validation.measured import MeasuredRow
 from cutvib_ss.validation.rows import (
     LARGE,
     SMALL,
@@ -55,6 +56,9 @@ class Group:
     name: str  # What they share
     right: Estimate  # Part whose first answer is right
     probability: float  # Mean probability on the truth
+    confidence: float  # Mean probability that the first answer stated for itself
+    calibration_error: float  # Expected calibration error, and what perfect calibration would show at that many cases
+    if_perfect: float
 
 
 @dataclass(frozen=True)
@@ -133,21 +137,21 @@ class Score:
         return finite
 
 
-def scored(cases: Sequence[Case], about: Mapping[str, Any]) -> Score:
-    """The score of some cases."""
+def scored(cases: Sequence[Case], about: Mapping[str, Any], measured: Sequence[MeasuredRow] = ()) -> Score:
+    """The score of some cases, and of measured machines beside them."""
     kinds = Counter(c.truth.kind for c in cases)
     coverage, risk = risk_coverage(confidences(cases), [c.right for c in cases])
     single = [c for c in cases if c.truth.kind == "single"]
     return Score(
-        about={**about, "cases": len(cases), "kinds": dict(sorted(kinds.items()))},
-        rows=rows(cases),
+        about={**about, "cases": len(cases), "kinds": dict(sorted(kinds.items())), **_accounts(cases)},
+        rows=rows(cases, measured),
         causes=_confusion(cases, lambda c: _truth(c), _named),
         places=_confusion(cases, lambda c: "+".join(sorted(c.truth.place)), lambda c: "+".join(sorted(c.answer.place))),
         bins=reliability(confidences(cases), [c.right for c in cases]),
         coverage=coverage,
         risk=risk,
         by_severity=tuple(
-            _grouped(f"{low:g}-{high:g} σ" if math.isfinite(high) else f"≥ {low:g} σ", own)
+            _grouped(_size(low, high), own)
             for low, high in pairwise(SEVERITIES)
             if (own := [c for c in single if low <= c.truth.gap_sigma < high])
         ),
@@ -157,11 +161,28 @@ def scored(cases: Sequence[Case], about: Mapping[str, Any]) -> Score:
         groups={
             "by kind": _by(cases, lambda c: c.truth.kind),
             "by repeatability": _by(cases, _repeatability),
+            "by size of the gap, all that have one": tuple(
+                _grouped(_size(low, high), own)
+                for low, high in pairwise(SEVERITIES)
+                if (own := [c for c in cases if c.truth.kind != "none" and low <= c.truth.gap_sigma < high])
+            ),
             "by form, one cause": _by(single, lambda c: GRADES[min(c.truth.grade, len(GRADES) - 1)]),
             "by machine": _by(cases, lambda c: c.truth.machine),
         },
         cases=tuple(cases),
     )
+
+
+def _accounts(cases: Sequence[Case]) -> dict[str, Any]:
+    """What the rig refused to integrate, by kind of the case, and cases with blows whose motion is unstable."""
+    refused: Counter[str] = Counter()
+    for c in cases:
+        refused[_truth(c)] += int(c.truth.label.get("redrawn") or 0)
+    unstable = sum(bool(c.truth.label.get("unstable_blows")) for c in cases)
+    return {
+        "refused_draws": {name: n for name, n in sorted(refused.items()) if n},
+        "cases_with_unstable_blows": unstable,
+    }
 
 
 GRADES = ("0: the catalogue's", "1: near it", "2: another", "3: of its kind only")
@@ -170,6 +191,10 @@ GRADES = ("0: the catalogue's", "1: near it", "2: another", "3: of its kind only
 
 def _by(cases: Sequence[Case], name: Callable[[Case], str]) -> tuple[Group, ...]:
     return tuple(_grouped(one, [c for c in cases if name(c) == one]) for one in sorted({name(c) for c in cases}))
+
+
+def _size(low: float, high: float) -> str:
+    return f"{low:g}-{high:g} σ" if math.isfinite(high) else f"≥ {low:g} σ"
 
 
 def _repeatability(case: Case) -> str:
@@ -220,7 +245,11 @@ def _last(name: str) -> tuple[int, str]:
 
 def _grouped(name: str, cases: Sequence[Case]) -> Group:
     stated = [c.answer.probability_that(c.truth) for c in cases]
-    return Group(name, proportion([c.right for c in cases]), float(np.mean(stated)))
+    p, right = confidences(cases), [c.right for c in cases]
+    chance, _ = calibration_error_if_perfect(p)
+    return Group(
+        name, proportion(right), float(np.mean(stated)), float(np.mean(p)), calibration_error(p, right), chance
+    )
 
 
 def case_data(case: Case) -> dict[str, Any]:
@@ -247,6 +276,11 @@ def case_data(case: Case) -> dict[str, Any]:
         "probability_of_truth": case.answer.probability_that(case.truth),
         "probability_of_none": case.answer.probability_of(NONE),
         "probability_of_unknown": case.answer.probability_of(UNKNOWN),
+        "probability_of_truth_by_oracle": None
+        if case.truth.oracle is None
+        else case.truth.oracle.get(case.truth.causes, 0.0),
+        "log_score_lost": case.lost,
+        "hidden": case.truth.hidden,
         "set_size": len(case.answer.likely),
         "right": case.right,
         "reduced_chi2": left_over(case),
@@ -285,7 +319,14 @@ def _estimate(estimate: Estimate, name: str) -> dict[str, Any]:
 
 
 def _group(group: Group) -> dict[str, Any]:
-    return {"name": group.name, **_estimate(group.right, "right"), "probability": group.probability}
+    return {
+        "name": group.name,
+        **_estimate(group.right, "right"),
+        "probability": group.probability,
+        "confidence": group.confidence,
+        "calibration_error": group.calibration_error,
+        "if_perfect": group.if_perfect,
+    }
 
 
 def _finite(value: Any) -> Any:

@@ -24,6 +24,9 @@ from cutvib_ss.validation.workers import Diagnoser, Made, Rig, RigError, diagnos
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Told the stage, the cases that are done, and how many there are."""
 
+_TOLD = 200
+"""Characters of a reason that are kept."""
+
 REDRAWS = 20
 """Times that a case is drawn anew, with other seeds, where the rig's solver fails."""
 
@@ -105,12 +108,12 @@ def _make_campaigns(
     done = len(planned) - len(missing)
     progress("campaigns", done, len(planned))
     tasks = ((name, partial(_itself, request)) for name, request in missing.items())
-    for name, (made, redrawn) in spread(partial(_made, tools.rig), tasks, jobs, scheduler):
+    for name, (made, refused) in spread(partial(_made, tools.rig), tasks, jobs, scheduler):
         # The campaign comes last: its folder says that the case is made.
         fresh = None if made.fresh is None else digest(made.fresh)
         if made.fresh is not None:
             write_bytes(trial.fresh(name), made.fresh)
-        label = {**made.label, "redrawn": redrawn, "fresh_sha256": fresh}
+        label = {**made.label, "redrawn": len(refused), "refused": refused, "fresh_sha256": fresh}
         write_json(trial.sealed / "cases" / f"{name}.json", label)
         unpack(made.campaign, trial.campaigns / name)
         done += 1
@@ -128,15 +131,16 @@ def _is_made(trial: Trial, name: str) -> bool:
     return campaign.is_dir()
 
 
-def _made(rig: Rig, request: Request) -> tuple[Made, int]:
-    """A case, and how often it had to be drawn anew: no case is dropped because it is hard to simulate."""
-    for attempt in range(REDRAWS + 1):
+def _made(rig: Rig, request: Request) -> tuple[Made, list[str]]:
+    """A case, and why others were refused before it: no case is dropped because it is hard to simulate."""
+    refused: list[str] = []
+    while True:
         try:
-            return rig(Request(**{**asdict(request), "seed": request.seed + attempt})), attempt
-        except RigError:
-            if attempt == REDRAWS:
+            return rig(Request(**{**asdict(request), "seed": request.seed + len(refused)})), refused
+        except RigError as error:
+            if len(refused) == REDRAWS:
                 raise
-    raise AssertionError
+            refused.append((str(error).strip().splitlines() or [""])[-1][:_TOLD])
 
 
 def _seal(trial: Trial, asked: Settings, salt: bytes) -> None:

@@ -9,11 +9,12 @@ from typing import Any
 from cutvib_ss.validation.achieved import with_achieved
 from cutvib_ss.validation.cases import Case, read_cases
 from cutvib_ss.validation.files import read_json
+from cutvib_ss.validation.measured import MeasuredRow
 from cutvib_ss.validation.score import Score, scored
 from cutvib_ss.validation.seal import SealError, Trial, open_seal, opened
 
 
-def score_trials(folders: Sequence[Path], jobs: int = 1) -> Score:
+def score_trials(folders: Sequence[Path], jobs: int = 1, measured: Sequence[MeasuredRow] = ()) -> Score:
     """Score a trial, opening its seal where that is still closed; or several opened trials of one code, as one."""
     trials = [Trial(folder) for folder in folders]
     secrets = [open_seal(trials[0])] if len(trials) == 1 else [opened(trial) for trial in trials]
@@ -25,7 +26,7 @@ def score_trials(folders: Sequence[Path], jobs: int = 1) -> Score:
     for trial, secret in zip(trials, secrets, strict=True):
         cases += with_achieved(trial, read_cases(trial, secret["labels"]), jobs)
     first, *others = [_about(trial, secret) for trial, secret in zip(trials, secrets, strict=True)]
-    return scored(cases, {**first, "with": others} if others else first)
+    return scored(cases, {**first, "with": others} if others else first, measured)
 
 
 def _about(trial: Trial, secret: dict[str, Any]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from scipy import stats
 from cutvib_ss.report.blind import score_html, score_markdown
 from cutvib_ss.report.frame import plotly_script
 from cutvib_ss.validation.cases import FAILED, NONE, UNKNOWN, Case, answer_of, causes_of, truth_of
+from cutvib_ss.validation.measured import MeasuredRow
 from cutvib_ss.validation.rows import Row, rows
 from cutvib_ss.validation.score import Score, case_data, scored
 from cutvib_ss.validation.statistics import (
@@ -135,6 +136,56 @@ def test_a_place_is_right_by_name_by_equivalence_or_in_a_small_set(
         said["where"]["place_set"] = place_set
     truth = label("outside:hose", "tool") | {"equivalent_places": ["joint2"]}
     assert case(truth, said).right_place is right
+
+
+def oracle(*odds: tuple[str, str, float]) -> dict[str, Any]:
+    return {"oracle": {"causes": [{"effect": e, "place": p, "probability": q} for e, p, q in odds], "drift": 0.0}}
+
+
+def test_log_score_is_lost_against_what_could_be_known() -> None:
+    known = case(label(*JOINT) | oracle((*JOINT, 0.8), ("none", "none", 0.2)), says(*JOINT, p=0.4, verdict="ambiguous"))
+    assert known.lost == pytest.approx(math.log(0.8 / 0.4))
+    # What is not listed costs as much as one in ten thousand.
+    missed = case(label(*JOINT) | oracle((*JOINT, 1.0)), diagnosis([(*GUIDE, 1.0)]))
+    assert missed.lost == pytest.approx(math.log(1e4))
+    uncovered = case(label(*JOINT) | {"oracle": None}, says(*JOINT))
+    assert math.isnan(uncovered.lost)
+    row = figures(known, missed, uncovered)["log_score_lost"]
+    assert (row.estimate.value, row.estimate.cases) == (pytest.approx((math.log(2) + math.log(1e4)) / 2), 2)
+    assert row.goal == 0.15
+    assert figures(known)["oracle_log_score"].estimate.value == pytest.approx(-math.log(0.8))
+
+
+def test_a_gap_that_tolerance_hides_is_no_miss() -> None:
+    hidden = case(label(*JOINT) | oracle(("none", "none", 0.9), (*JOINT, 0.1)), says("none", "none", verdict="no_gap"))
+    seen = case(label(*JOINT) | oracle((*JOINT, 1.0)), says("none", "none", verdict="no_gap"))
+    found = figures(hidden, seen)
+    assert (found["right_large"].estimate.value, found["right_large"].estimate.cases) == (0.0, 1)
+    assert (found["missed"].estimate.value, found["missed"].estimate.cases) == (1.0, 1)
+    assert found["right_hidden"].estimate.value == 1.0
+    assert hidden.lost == pytest.approx(math.log(0.1 / 1e-4))
+
+
+def test_other_names_of_a_documented_cause_are_right_too() -> None:
+    truth = label("joint_slip+added_mass", "joint+joint") | {
+        "or": [{"effect": "dry_friction+added_mass", "place": "joint+joint"}], "machine": "measured", "gap_sigma": None,
+    }  # fmt: skip
+    right = [case(truth, says(f"{e}+added_mass", "joint+joint")) for e in ("joint_slip", "dry_friction")]
+    wrong = case(truth, says("added_mass", "joint"))
+    assert [c.right for c in (*right, wrong)] == [True, True, False]
+    found = figures(*right, wrong)
+    assert found["measured_added"].estimate.value == pytest.approx(2 / 3)
+    assert found["measured_added_one"].estimate.value == 1.0
+
+
+def test_measured_rigs_have_rows() -> None:
+    slip = MeasuredRow("a", ("joint_slip",), ("joint",), "explained", 0.97, 1, confidence=0.97)
+    wrong = MeasuredRow("b", ("cubic_stiffness",), ("spring",), "explained", 0.02, 3, confidence=0.95)
+    none = MeasuredRow("c", ("none",), ("none",), "no_gap", 0.9, 1, halves=("no_gap", "unknown"), confidence=0.9)
+    found = {row.key: row for row in rows([], [slip, wrong, none])}
+    assert (found["measured_first"].estimate.value, found["measured_first"].estimate.cases) == (0.5, 2)
+    assert found["measured_sure_and_wrong"].estimate.value == pytest.approx(1 / 3)
+    assert (found["measured_halves"].estimate.value, found["measured_halves"].estimate.cases) == (0.5, 2)
 
 
 def test_false_alarms_of_drifting_machines_have_a_row_of_their_own() -> None:

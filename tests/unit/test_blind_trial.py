@@ -3,6 +3,8 @@
 import json
 import os
 import shutil
+import subprocess
+import sys
 import time
 from collections import Counter
 from dataclasses import replace
@@ -153,6 +155,38 @@ def test_a_trial_that_is_stopped_anywhere_resumes_and_loses_nothing(tmp_path: Pa
     assert len(open_seal(trial)["labels"]) == 10
 
 
+def test_a_trial_whose_process_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
+    # SIGKILL leaves no time for anything: what is there was written whole.
+    out = tmp_path / "trial"
+    program = f"""
+import time
+from dataclasses import replace
+from pathlib import Path
+from cutvib_ss.validation import seal
+from cutvib_ss.validation.plan import settings
+from cutvib_ss.validation.trial import run_trial
+from tests.unit import blind_example
+seal.code_hash = blind_example.code_hash = lambda: "c" * 64
+def slowly(archive):
+    time.sleep(0.05)
+    return blind_example.says_none(archive)
+asked = settings(10, 3, "none=3,outside=2,pair=1")
+run_trial(asked, Path({str(out)!r}), replace(blind_example.TOOLS, diagnose=slowly))
+"""
+    running = subprocess.Popen([sys.executable, "-c", program], cwd=Path(__file__).parents[2])
+    while len(list((out / "diagnoses").glob("*.run.json"))) < 3 and running.poll() is None:
+        time.sleep(0.01)
+    running.kill()
+    running.wait()
+    kept = {p.name: p.read_bytes() for p in (out / "diagnoses").glob("*.run.json")}
+    sealed = (out / "commitment.json").read_bytes()
+    assert 3 <= len(kept) < 10
+    trial = run_trial(ASKED, out, TOOLS)
+    assert (out / "commitment.json").read_bytes() == sealed
+    assert {name: (out / "diagnoses" / name).read_bytes() for name in kept} == kept
+    assert len(open_seal(trial)["labels"]) == 10
+
+
 def test_progress_is_told(tmp_path: Path) -> None:
     told: list[tuple[str, int, int]] = []
     run_trial(ASKED, tmp_path / "trial", TOOLS, progress=lambda *p: told.append(p))
@@ -171,6 +205,7 @@ def test_a_rig_that_fails_is_asked_again_and_the_label_says_so(tmp_path: Path) -
 
     labels = open_seal(run_trial(asked, tmp_path / "trial", replace(TOOLS, rig=rig)))["labels"]
     assert sorted(one["redrawn"] for one in labels.values()) == [0, 1]
+    assert sorted(one["refused"] for one in labels.values()) == [[], ["no convergence"]]
 
     def broken(request: Request) -> workers.Made:
         raise RigError("no convergence")

@@ -19,7 +19,6 @@ from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.paths import with_values
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
-from cutvib_ss.response.frequency import frequency_response
 from tests.unit.measurement_rig import FS, blow
 
 W0, ZETA = 2 * np.pi * 60.0, 0.02
@@ -40,11 +39,11 @@ def sessions(drift, bump=0.0, count=8):
     for k in range(count):
         stiffness = W0**2 * (1.0 + drift * rng.standard_normal())
         data = S**2 / (S**2 + 2 * ZETA * W0 * S + stiffness)
-        data = data * (1.0 + bump * S**2 / (S**2 + 20.0 * S + (2 * np.pi * 110.0) ** 2))
+        data = data * (1.0 + bump * 20.0 * S / (S**2 + 20.0 * S + (2 * np.pi * 110.0) ** 2))
         variance = (NOISE * np.abs(data)) ** 2
         data = data + np.sqrt(variance / 2) * (rng.standard_normal(S.size) + 1j * rng.standard_normal(S.size))
         out.append(
-            Entry(k, np.nan, np.nan, data[None], variance[None], FREQ, ("a",), ("acceleration",), np.inf, np.nan, 0.0,
+            Entry(k, None, np.nan, data[None], variance[None], FREQ, ("a",), ("acceleration",), np.inf, np.nan, 0.0,
                   False)
         )  # fmt: skip
     return out
@@ -67,7 +66,7 @@ def test_a_band_that_drift_explains_does_not_stand_out():
 
 
 def test_an_error_beside_the_drift_still_stands_out():
-    found = stand_out(sessions(0.01, bump=0.01), Sizes(drift=0.01))
+    found = stand_out(sessions(0.01, bump=0.1), Sizes(drift=0.01))
     assert found
     assert all(90.0 < low < 110.0 < high < 130.0 for low, high in found)
 
@@ -161,12 +160,3 @@ def test_blows_that_order_with_their_force_are_nonlinearity_at_one_level():
     # Levels that were compared and agree know better.
     agree = (curved[0], replace(curved[0], record=1, level=150.0))
     assert not level_stands_out(Records(tuple(replace(e, session="day") for e in agree)))
-
-
-def test_what_orders_with_the_force_is_no_noise():
-    (curved,), (straight,) = (observe(blows(law), oscillator()).entries for law in (1e-4, 0.0))
-    at = np.abs(curved.freq - 60.0) < 5.0
-    # Near its peak the response moves with the force by many times the noise of its sensors.
-    assert np.median(curved.variance[0, at] / straight.variance[0, at]) < 3.0
-    plain = frequency_response(oscillator(), None, straight.freq).data[0, :, 0]
-    assert np.mean(np.abs(straight.data - plain) ** 2 / straight.variance) == pytest.approx(1.0, abs=0.3)

@@ -60,7 +60,7 @@ def roving(inputs, seed=0):
         data = data + NOISE / np.sqrt(2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
         entries.append(
             Entry(
-                k, np.nan, np.nan, data, np.full(data.shape, NOISE**2), FREQ, ("a",), ("acceleration",), np.inf,
+                k, None, np.nan, data, np.full(data.shape, NOISE**2), FREQ, ("a",), ("acceleration",), np.inf,
                 np.nan, 0.0, False, session="day", input="force" if name == "p1" else name,
             )
         )  # fmt: skip

@@ -42,7 +42,7 @@ def entries(structure: Structure, drift: float, seed: int = 1, count: int = 6) -
         variance = np.full(data.shape, 1.0) * (2e-3 * np.abs(data).max(axis=1, keepdims=True)) ** 2
         noise = np.sqrt(variance / 2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
         found.append(
-            Entry(i, np.nan, 1.0, data + noise, variance, FREQ, ("y", "a"), ("displacement", "acceleration"),
+            Entry(i, None, 1.0, data + noise, variance, FREQ, ("y", "a"), ("displacement", "acceleration"),
                   np.inf, np.nan, 0.0, False)
         )  # fmt: skip
     return tuple(found)

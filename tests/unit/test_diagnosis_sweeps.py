@@ -53,7 +53,7 @@ def record(data, sine, seed=0, number=0):
     variance = (NOISE * np.abs(data)) ** 2
     noise = np.sqrt(variance / 2) * (rng.standard_normal(data.size) + 1j * rng.standard_normal(data.size))
     return Entry(
-        number, np.nan, float(np.median(sine.force)), (data + noise)[None], variance[None], FREQ, ("x",),
+        number, None, float(np.median(sine.force)), (data + noise)[None], variance[None], FREQ, ("x",),
         ("displacement",), np.inf, np.nan, 0.0, False, sine=sine, session="day",
     )  # fmt: skip
 
@@ -193,6 +193,19 @@ def seen(**keys) -> SimpleNamespace:
     made = campaign(**keys)
     (entry,) = observe(made, made.machine).entries
     return entry
+
+
+def test_a_force_that_is_not_known_is_said():
+    for keys, told in (
+        ({}, "state peak_force"),
+        ({"controlled": "response", "peak_force": 4.0}, "state peak_response"),
+    ):
+        made = campaign(**keys)
+        (line,) = observe(made, made.machine).warnings
+        assert line.startswith("r: causes that depend on the level are not tried")
+        assert told in line
+    made = campaign(peak_force=4.0)
+    assert observe(made, made.machine).warnings == ()
 
 
 def test_what_a_record_states_of_its_sine():
