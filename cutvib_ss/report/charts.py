@@ -10,6 +10,8 @@ import numpy as np
 from cutvib_ss.diagnosis.element_type import element_type_value
 from cutvib_ss.diagnosis.findings import DynamicStiffness
 from cutvib_ss.diagnosis.result import Comparison, Diagnosis
+from cutvib_ss.effects.scales import FREE_FREQUENCY, port_scale
+from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.plot.diagnosis import error_over_noise
 from cutvib_ss.plot.style import WORKING_FREQUENCY, unit_text
 from cutvib_ss.report.frame import complex_lists, number, number_list, scale_of
@@ -21,6 +23,9 @@ _CELLS = 260
 """Bands of frequency in an error map: finer ones would only show the estimator's scatter."""
 _KNOWN = 0.6
 """Part of the lines, those of least uncertainty, that an axis shows whole."""
+_CYCLE = 401
+_DEFLECTION = 3.0
+"""Largest deflection at which a restoring force is drawn, over that under a typical slow force."""
 MODELS = ("nominal", "tuned", "corrected")
 
 
@@ -32,6 +37,7 @@ def charts_data(d: Diagnosis) -> dict[str, Any]:
         "records": [_record(c) for c in d.comparisons],
         "maps": _maps(d.comparisons),
         "stiffness": [_stiffness(z, d) for z in d.findings.stiffness],
+        "restoring": [_restoring(e, d) for e in d.corrected_machine.nonlinear],
         "bands": [list(b) for b in d.where.bands_hz],
     }
 
@@ -123,6 +129,28 @@ def _named_law(z: DynamicStiffness, d: Diagnosis) -> ComplexArray | None:
     ]
     values = [v for v in values if v.shape == z.freq.shape]
     return sum(values[1:], values[0]) if values else None
+
+
+def _restoring(e: NonlinearElement, d: Diagnosis) -> dict[str, Any]:
+    """Restoring force of a place over a cycle of its deflection: of its spring alone, and with the named law."""
+    machine = d.corrected_machine
+    scale, spring = port_scale(d.nominal, e.port), machine.spring_at(e.port)
+    rate = WORKING_FREQUENCY if d.nominal.has_position else scale.natural_freq or FREE_FREQUENCY
+    # From rest to the largest deflection and once around: laws with memory draw their loop.
+    turn = np.linspace(0.0, 2.5 * np.pi, _CYCLE)
+    largest = _DEFLECTION * scale.motion
+    q, v = largest * np.sin(turn), largest * 2 * np.pi * rate * np.cos(turn)
+    alone = (spring[0] if spring is not None else 0.0) * q
+    rotates = d.nominal.has_position and e.port.startswith("joint")
+    return {
+        "place": e.port,
+        "law": e.law,
+        "x": "deflection [rad]" if rotates else "deflection [m]",
+        "y": "torque [N m]" if rotates else "force [N]",
+        "q": number_list(q),
+        "alone": number_list(alone),
+        "with": number_list(alone + e.restoring_force.force(q, v)),
+    }
 
 
 def _limits(z: DynamicStiffness, laws: Sequence[ComplexArray], part: str) -> list[float]:

@@ -11,6 +11,7 @@ from cutvib_ss.cli.output import results
 from cutvib_ss.diagnosis.element_type import element_type_value
 from cutvib_ss.diagnosis.findings import DynamicStiffness, ElementType, Findings, PlaceScore
 from cutvib_ss.diagnosis.result import Limit
+from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.report import answer, charts, report_html
@@ -74,6 +75,19 @@ def test_a_gap_that_tuning_closes_too_is_said_to_rest_on_the_tolerances() -> Non
     assert "the cause takes" not in said
     assert "the cause takes 99 %" in " ".join(answer.why_sentences(explained))
     assert not answer.tuning_suffices(replace(d, verdict="no_gap"))
+
+
+def test_the_restoring_force_is_the_spring_with_the_law_over_it() -> None:
+    machine = CubicStiffness("joint2", 8e9).apply(published_machine())
+    d = replace(EXAMPLE, corrected_machine=machine)
+    [drawn] = charts.charts_data(d)["restoring"]
+    q = np.array(drawn["q"])
+    k2 = published_machine().head.k2
+    assert np.allclose(drawn["alone"], k2 * q, rtol=1e-4)
+    assert np.allclose(np.array(drawn["with"]), k2 * q + 8e9 * q**3, rtol=5e-4, atol=1e-4)  # five digits
+    assert (drawn["x"], drawn["y"]) == ("deflection [rad]", "torque [N m]")
+    assert 'id="restoring-0"' in report_html(d)
+    assert charts.charts_data(EXAMPLE)["restoring"] == []
 
 
 def test_what_to_do_names_the_inspection_and_a_test() -> None:

@@ -81,9 +81,18 @@
     }));
   }
 
+  function restoring(k) {
+    const r = data.restoring[k];
+    draw(`restoring-${k}`, [
+      { x: r.q, y: r.alone, mode: "lines", name: "spring of the model", line: { color: css("--nominal"), dash: "dash", width: 1.5 }, hovertemplate: "%{x:.3g}: %{y:.4g}<extra>spring of the model</extra>" },
+      { x: r.q, y: r.with, mode: "lines", name: "with the named law", line: { color: css("--corrected"), width: 2 }, hovertemplate: "%{x:.3g}: %{y:.4g}<extra>with the named law</extra>" },
+    ], layout(360, { hovermode: "closest", xaxis: axis(r.x, { exponentformat: "power" }), yaxis: axis(r.y, { exponentformat: "power" }) }));
+  }
+
   function all() {
     if (data.records.length) { responses(); map(); }
     data.stiffness.forEach((_, k) => stiffness(k));
+    data.restoring.forEach((_, k) => restoring(k));
   }
   for (const id of ["frf-record", "frf-channel"]) if ($(id)) $(id).addEventListener("change", responses);
   for (const id of ["map-model", "map-channel"]) if ($(id)) $(id).addEventListener("change", map);
