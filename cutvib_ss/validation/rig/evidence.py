@@ -187,8 +187,8 @@ class Marginal:
         cross = parts.across * trend[:, None] * scale
         factor = np.linalg.cholesky(parts.own * np.outer(scale, scale) + np.eye(scale.size))
         determinant = 2 * float(np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2))))
-        half = np.linalg.solve(factor, cross.transpose(0, 2, 1))
-        rest = np.linalg.solve(factor, (own * scale)[..., None])[..., 0]
+        half = np.asarray(np.linalg.solve(factor, cross.transpose(0, 2, 1)), dtype=np.float64)
+        rest = np.asarray(np.linalg.solve(factor, (own * scale)[..., None])[..., 0], dtype=np.float64)
         normal = normal - np.einsum("kmi,kmj->ij", half, half) + np.eye(n)
         full = full - np.einsum("kmi,km->i", half, rest)
         return Eliminated(normal, full, square - float(np.sum(rest**2)), determinant, factor, half, rest, scale)

@@ -39,7 +39,7 @@ class Coin(float):
 class Script:
     """Stands for a generator of random numbers: coordinates and branches in the order in which they are asked for."""
 
-    def __init__(self, coordinates: Sequence[float], branches: Sequence[int] = ()) -> None:
+    def __init__(self, coordinates: Sequence[float] | Array, branches: Sequence[int] = ()) -> None:
         self.coordinates, self.branches = coordinates, branches
         self.used = 0
         self.taken: list[int] = []

@@ -33,10 +33,10 @@ _APART = 1e-3
 def covered(rig: Rig) -> bool:
     """Whether a machine has nothing but what is computed here."""
     f, c = rig.fittings, rig.chain
-    strange = f.laws or f.oscillators or f.springs or f.coupling or f.skews or f.crack
-    strange = strange or (f.shear is not None and f.shear.soft is not None) or rig.lean or rig.drift
-    odd = c.saturation or c.asymmetry or c.jitter or c.mains or c.feedthrough or c.clock or c.shift[0]
-    return not strange and not odd and (c.window is None or c.window.kind == "exponential")
+    strange = (f.laws, f.oscillators, f.springs, f.coupling, f.skews, f.crack, rig.lean, rig.drift)
+    odd = (c.saturation, c.asymmetry, c.jitter, c.mains, c.feedthrough, c.clock, c.shift[0])
+    pierced = f.shear is not None and f.shear.soft is not None
+    return not any(strange + odd) and not pierced and (c.window is None or c.window.kind == "exponential")
 
 
 def responses(rig: Rig, positions: Sequence[float], s: Complex) -> Complex:
@@ -227,7 +227,7 @@ def _answer(rig: Rig, positions: Array, s: Complex) -> Complex:
     if f.twist:
         d[..., at["twist"], at["twist"]] += 1.0 / _twist_flexibility(f.twist, rail.length, positions, s)
     for port, z in elements:
-        row = sum(factor * rows[name] for name, factor in port.items())
+        row = np.sum([factor * rows[name] for name, factor in port.items()], axis=0)
         outer = row[:, :, None] * row[:, None]
         i, j = np.nonzero(outer.any(axis=0))
         d[..., i, j] += z[:, None] * outer[:, None, i, j]
