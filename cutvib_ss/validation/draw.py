@@ -38,7 +38,19 @@ def main(request: dict[str, Any], folder: Path) -> None:
     write_campaign(case, folder / CAMPAIGN)
     if request["kind"] in ("single", "pair"):
         write_fresh(case, folder / FRESH)
-    write_json(folder / LABEL, case.label)
+    write_json(folder / LABEL, case.label | judged_by_oracle(case, tuple(request["severity"])))
+
+
+def judged_by_oracle(case: Any, severity: tuple[float, float]) -> dict[str, Any]:
+    """The posterior that a perfect method would state; None where the oracle does not cover the case, or failed and why."""
+    from cutvib_ss.validation.rig.oracle import knows, posterior
+
+    if not knows(case):
+        return {"oracle": None}
+    try:
+        return {"oracle": posterior(case, severity=severity).to_dict()}
+    except (ArithmeticError, ValueError) as error:  # of linear algebra too
+        return {"oracle": None, "oracle_failed": str(error)}
 
 
 def write_fresh(case: Any, folder: Path) -> None:

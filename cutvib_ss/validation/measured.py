@@ -103,10 +103,11 @@ def read_table(file: Path) -> tuple[MeasuredRow, ...]:
             f"{file}: is no table of measured rigs; write one with: cutvib blind real DIR --json {file}"
         )
     known = {f.name for f in fields(MeasuredRow)}
-    rows: list[dict[str, Any]] = [
-        {k: tuple(v) if isinstance(v, list) else v for k, v in row.items() if k in known} for row in data["campaigns"]
-    ]
-    return tuple(MeasuredRow(**row) for row in rows)
+    rows = []
+    for row in data["campaigns"]:
+        values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in row.items() if k in known}
+        rows.append(MeasuredRow(**values))
+    return tuple(rows)
 
 
 def read_label(folder: Path) -> DocumentedCause | None:

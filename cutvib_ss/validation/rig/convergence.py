@@ -57,8 +57,8 @@ def studied(name: str, case: Case) -> Found | None:
     return Found(name, fine, error)
 
 
-def study(draws: int, seed: int) -> Iterator[Found]:
-    """Every law, every form, and pairs, as many machines of each as asked."""
+def study(draws: int, seed: int, only: str = "") -> Iterator[Found]:
+    """Every law, every form, and pairs, as many machines of each as asked; of those alone whose name holds a text."""
     seeds = np.random.SeedSequence(seed)
     asked: list[tuple[str, Kind, str, str | None]] = [
         (f"{cause}: {form.name}", "single", cause, form.name) for cause, forms in FORMS.items() for form in forms
@@ -67,6 +67,8 @@ def study(draws: int, seed: int) -> Iterator[Found]:
     asked += [(f"{a} + {b}", "pair", f"{a}+{b}", None) for a, b in itertools.combinations(LAW_FORMS, 2)]
     asked += [(f"{a} + {b}", "pair", f"{a}+{b}", None) for a in LAW_FORMS for b in LINEAR]
     for (name, kind, cause, form), one in zip(asked, seeds.spawn(len(asked)), strict=True):
+        if only not in name:
+            continue
         for number in one.generate_state(draws):
             found = _first(name, int(number), kind, cause, form)
             if found is not None:
@@ -89,11 +91,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m cutvib_ss.validation.rig.convergence", description=__doc__)
     parser.add_argument("--draws", type=int, default=3, help="machines of each")
     parser.add_argument("--seed", type=int, default=1, help="everything follows from it")
+    parser.add_argument("--only", default="", metavar="TEXT", help="names that hold this text, for instance freeplay")
     a = parser.parse_args(arguments)
     rows: dict[str, list[Found]] = {}
-    for found in study(a.draws, a.seed):
+    for found in study(a.draws, a.seed, a.only):
         rows.setdefault(grouped(found.name), []).append(found)
-        sys.stderr.write(f"{found.name}: {found.steps} {found.error:.2g}\n")
+        sys.stderr.write(f"{found.name}: {found.steps} {found.error:.2g}{' unstable' if found.unstable else ''}\n")
     sys.stdout.write(table(rows) + "\n")
 
 

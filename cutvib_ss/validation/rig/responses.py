@@ -23,17 +23,20 @@ from cutvib_ss.validation.rig.structure import CHANNELS, Chain, Rail, Rig
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_MODES, _RESIDUAL = 40, 1500
+_MODES, _RESIDUAL = 40, 400
 """Modes of the rail that move, and up to which one the static answer of the others is summed."""
+
+_APART = 1e-3
+"""Two ports of the rail stand at least so far apart, y / L: closer ones would be one."""
 
 
 def covered(rig: Rig) -> bool:
     """Whether a machine has nothing but what is computed here."""
     f, c = rig.fittings, rig.chain
-    strange: object = f.laws or f.oscillators or f.springs or f.coupling or f.skews or f.crack
-    strange = strange or (f.shear is not None and f.shear.soft is not None) or rig.lean or rig.drift
-    odd = c.saturation or c.asymmetry or c.jitter or c.mains or c.feedthrough or c.clock or c.shift[0]
-    return not strange and not odd and (c.window is None or c.window.kind == "exponential")
+    strange = (f.laws, f.oscillators, f.springs, f.coupling, f.skews, f.crack, rig.lean, rig.drift)
+    odd = (c.saturation, c.asymmetry, c.jitter, c.mains, c.feedthrough, c.clock, c.shift[0])
+    pierced = f.shear is not None and f.shear.soft is not None
+    return not any(strange + odd) and not pierced and (c.window is None or c.window.kind == "exponential")
 
 
 def responses(rig: Rig, positions: Sequence[float], s: Complex) -> Complex:
@@ -41,8 +44,7 @@ def responses(rig: Rig, positions: Sequence[float], s: Complex) -> Complex:
     if rig.chain.window is not None:
         # An exponential window on force and response shifts s.
         s = s + rig.chain.window.rate
-    rail = _Rail(rig, s)
-    motion = np.array([_answer(rig, rail, y, s) for y in positions])
+    motion = _answer(rig, np.asarray(positions, dtype=np.float64), s)
     return shown(rig.chain, motion * s**2, s)
 
 
@@ -78,28 +80,31 @@ class _Rail:
         ratio = rail.damping_ratio * (1 + rail.damping_slope * np.log(w / omega.min()))
         self.modal = gain[order][:, None] / (s**2 + (2 * ratio * w)[:, None] * s + (w**2)[:, None])
 
-    def rows(self, ports: Sequence[str], base: float) -> tuple[Array, Array]:
-        """Shapes of ports in all modes (port, mode), and what the ends' deflections move there (port, 2)."""
-        shapes, chords = [], []
+    def rows(self, ports: Sequence[str], bases: Array) -> tuple[Array, Array]:
+        """Shapes of ports in all modes (position, port, mode), and what the ends' deflections move there (position, port, 2)."""
+        shapes = np.empty((bases.size, len(ports), self.number.size))
+        chords = np.empty((bases.size, len(ports), 2))
         turn = self.number * np.pi / self.length
-        for port in ports:
+        for k, port in enumerate(ports):
             if port in ("turn_left", "turn_right"):
-                shapes.append(turn * (1.0 if port == "turn_left" else (-1.0) ** self.number))
-                chords.append((-1 / self.length, 1 / self.length))
+                shapes[:, k] = turn * (1.0 if port == "turn_left" else (-1.0) ** self.number)
+                chords[:, k] = (-1 / self.length, 1 / self.length)
             else:
-                y = base if port == "base_x" else float(port[5:])
-                shapes.append(np.sin(np.pi * self.number * y))
-                chords.append((1 - y, y))
-        return np.array(shapes), np.array(chords)
+                y = bases if port == "base_x" else np.full(bases.size, float(port[5:]))
+                if port != "base_x":
+                    y = np.where(np.abs(y - bases) < _APART, bases + _APART, y)
+                shapes[:, k] = np.sin(np.pi * self.number * y[:, None])
+                chords[:, k] = np.column_stack([1 - y, y])
+        return shapes, chords
 
-    def stiffness(self, ports: Sequence[str], base: float, s: Complex) -> Complex:
-        """Dynamic stiffness (line, dof, dof) over deflections at ports, and over those of the ends where they give."""
-        shapes, chords = self.rows(ports, base)
-        p = len(ports)
-        moving, rest = shapes[:, self.moving], shapes[:, self.rest]
-        products = (moving[:, None] * moving[None]).reshape(p * p, -1)
-        flexibility = (products @ self.modal).T.reshape(s.size, p, p)
-        flexibility = flexibility + (rest * self.static[self.rest]) @ rest.T
+    def stiffness(self, ports: Sequence[str], bases: Array, s: Complex) -> Complex:
+        """Dynamic stiffness (position, line, dof, dof) over deflections at ports, and over those of the ends where they give."""
+        shapes, chords = self.rows(ports, bases)
+        count, p = bases.size, len(ports)
+        moving, rest = shapes[..., self.moving], shapes[..., self.rest]
+        products = (moving[:, :, None] * moving[:, None]).reshape(count * p * p, -1)
+        flexibility = (products @ self.modal).reshape(count, p, p, s.size).transpose(0, 3, 1, 2)
+        flexibility = flexibility + ((rest * self.static[self.rest]) @ rest.transpose(0, 2, 1))[:, None]
         stiff = 1.0 / flexibility if p == 1 else np.linalg.inv(flexibility)
         supports = self.fittings.supports
         if supports is None:
@@ -107,15 +112,19 @@ class _Rail:
         # w = R q + C e, and inertia of the chord drives the modes: q = A (Rᵀ f - s² m e)
         n = self.number[self.moving]
         driven = self.mass / (np.pi * n)[:, None] * np.column_stack([np.ones(n.size), -((-1.0) ** n)])
-        into = np.einsum("pn,nl,ne->lpe", moving, self.modal, driven) * (s**2)[:, None, None]
-        through = chords[None] - into
-        own = np.einsum("ne,nl,nd->led", driven, self.modal, driven) * (s**4)[:, None, None]
-        ends = (s**2)[:, None, None] * self.mass * np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]]) - own
+        into = (moving[:, :, None] * driven.T).reshape(count * p * 2, -1) @ self.modal
+        into = into.reshape(count, p, 2, s.size).transpose(0, 3, 1, 2) * (s**2)[:, None, None]
+        through = chords[:, None] - into
+        own = ((driven[:, :, None] * driven[:, None]).reshape(n.size, 4).T @ self.modal).T.reshape(s.size, 2, 2)
+        ends = (s**2)[:, None, None] * self.mass * np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]])
+        ends = ends - own * (s**4)[:, None, None]
         for i, (k, c) in enumerate(((supports.k_left, supports.c_left), (supports.k_right, supports.c_right))):
             ends[:, i, i] += k + c * s
         cross = stiff @ through
-        back = through.transpose(0, 2, 1)
-        return np.block([[stiff, -cross], [-cross.transpose(0, 2, 1), ends + back @ cross]])
+        total = np.empty((count, s.size, p + 2, p + 2), dtype=np.complex128)
+        total[..., :p, :p], total[..., :p, p:] = stiff, -cross
+        total[..., p:, :p], total[..., p:, p:] = -cross.swapaxes(2, 3), ends + through.swapaxes(2, 3) @ cross
+        return total
 
 
 def _shearing(rail: Rail, ratio: float, modulus: float) -> tuple[NDArray[np.int64], Array, Array]:
@@ -133,13 +142,13 @@ def _shearing(rail: Rail, ratio: float, modulus: float) -> tuple[NDArray[np.int6
     return np.repeat(n, 2), np.sqrt(squares).ravel(), gain.ravel()
 
 
-def _twist_flexibility(twist: Twist, length: float, position: float, s: Complex) -> Complex:
-    """Twist under the head over the moment there, by the rig's shaft."""
-    nodes = rail_nodes(length, (position,))
+def _twist_flexibility(twist: Twist, length: float, positions: Array, s: Complex) -> Complex:
+    """Twist under the head over the moment there (position, line), by the rig's shaft."""
+    nodes = rail_nodes(length, tuple(positions))
     mass, _, stiffness = twisting(twist, nodes)
     squares, modes = eigh(stiffness, mass)
     shift = 1 if np.isinf(twist.ends) else 0
-    at = modes[int(np.argmin(np.abs(nodes - position * length))) - shift]
+    at = modes[np.argmin(np.abs(nodes[:, None] - positions * length), axis=0) - shift]
     loss = 2 * twist.damping_ratio / (2 * np.pi * twist.torsion_frequency)
     return np.asarray((at**2) @ (1.0 / (s**2 + squares[:, None] * (1 + loss * s))))
 
@@ -164,48 +173,64 @@ def _elements(rig: Rig, s: Complex) -> Iterator[tuple[str, Complex]]:
         yield "guide", f.guide[0] + f.guide[1] * s
 
 
-def _answer(rig: Rig, rail: _Rail, position: float, s: Complex) -> Complex:
-    """Displacements of the channels over the force at one position: (channel, line)."""
+def _merged(names: Sequence[str]) -> dict[str, str]:
+    """Points of the rail that are one port, and the name of that port."""
+    out: dict[str, str] = {}
+    last = ""
+    for name in names:
+        if last and name.startswith("rail@") and abs(float(name[5:]) - float(last[5:])) < _APART:
+            out[name] = last
+        else:
+            out[name] = name
+            last = name if name.startswith("rail@") else last
+    return out
+
+
+def _answer(rig: Rig, positions: Array, s: Complex) -> Complex:
+    """Displacements of the channels over the force: (position, channel, line)."""
     h, f = rig.head, rig.fittings
-    elements = list(_elements(rig, s))
-    used = {name for port, _ in elements for name in combination(port)}
-    own = [n for n in sorted(used) if n.startswith(("rail@", "turn_"))]
-    own = [n for n in own if n.startswith("turn_") or abs(float(n[5:]) - position) > 1e-6]
-    ports = ["base_x", *own]
+    elements = [(combination(port), z) for port, z in _elements(rig, s)]
+    used = sorted({name for port, _ in elements for name in port})
+    one_port = _merged(used)
+    ports = ["base_x", *dict.fromkeys(one_port[n] for n in used if n.startswith(("rail@", "turn_")))]
     dofs = [*ports, *(("rail_left", "rail_right") if f.supports else ()), *(("guide",) if f.guide else ())]
-    dofs += ["twist"] if f.twist else []
-    dofs += ["joint1", "joint2"]
+    dofs += ["twist", "joint1", "joint2"] if f.twist else ["joint1", "joint2"]
     at = {name: i for i, name in enumerate(dofs)}
-    unit = np.eye(len(dofs))
-    rows = {name: unit[i] for name, i in at.items()}
+    # Rows of ports, one for each position where that matters.
+    rows = {name: np.tile(np.eye(len(dofs))[i], (positions.size, 1)) for name, i in at.items()}
     one, two = np.deg2rad(h.theta01_deg), np.deg2rad(h.theta01_deg + h.theta02_deg)
-    e = f.twist.at(position) if f.twist else 0.0
-    carried = unit[0] + (unit[at["guide"]] if f.guide else 0.0)
-    turned = unit[at["joint1"]] + (unit[at["twist"]] if f.twist else 0.0)
-    offset = e * unit[at["twist"]] if f.twist else 0.0
-    link = turned + unit[at["joint2"]]
-    rows["head_x"] = carried + offset + h.l1 * np.cos(one) * turned
+    carried = rows["base_x"] + (rows["guide"] if f.guide else 0.0)
+    turned = rows["joint1"].copy()
+    if f.twist:
+        eccentricity = np.array([f.twist.at(float(y)) for y in positions])
+        carried = carried + eccentricity[:, None] * rows["twist"]
+        turned = turned + rows["twist"]
+    link = turned + rows["joint2"]
+    rows["head_x"] = carried + h.l1 * np.cos(one) * turned
     rows["head_z"] = -h.l1 * np.sin(one) * turned
     rows["tool_x"] = rows["head_x"] + h.l2 * np.cos(two) * link
     rows["tool_z"] = rows["head_z"] - h.l2 * np.sin(two) * link
-    for name in used:
-        if name.startswith("rail@") and name not in rows:
-            rows[name] = unit[0]
 
-    d = np.zeros((s.size, len(dofs), len(dofs)), dtype=np.complex128)
-    block = rail.stiffness(ports, position, s)
-    n = block.shape[1]
-    d[:, :n, :n] = block
-    mass = sum(
-        m * np.outer(rows[r], rows[r]) for m, p in ((h.m1, "head"), (h.m2, "tool")) for r in (f"{p}_x", f"{p}_z")
-    )
-    d += (s**2)[:, None, None] * mass
+    rows |= {name: rows[same] for name, same in one_port.items() if name != same}
+
+    d = np.zeros((positions.size, s.size, len(dofs), len(dofs)), dtype=np.complex128)
+    rail = _Rail(rig, s)
+    block = rail.stiffness(ports, positions, s)
+    n = block.shape[-1]
+    d[..., :n, :n] = block
+    mass = np.zeros((positions.size, len(dofs), len(dofs)))
+    for name, m in (("head_x", h.m1), ("head_z", h.m1), ("tool_x", h.m2), ("tool_z", h.m2)):
+        mass += m * rows[name][:, :, None] * rows[name][:, None]
+    d += (s**2)[:, None, None] * mass[:, None]
     for joint, k, c in (("joint1", h.k1, h.c1), ("joint2", h.k2, h.c2)):
-        d[:, at[joint], at[joint]] += k + c * s
+        d[..., at[joint], at[joint]] += k + c * s
     if f.twist:
-        d[:, at["twist"], at["twist"]] += 1.0 / _twist_flexibility(f.twist, rail.length, position, s)
+        d[..., at["twist"], at["twist"]] += 1.0 / _twist_flexibility(f.twist, rail.length, positions, s)
     for port, z in elements:
-        row = sum(factor * rows[name] for name, factor in combination(port).items())
-        d += z[:, None, None] * np.outer(row, row)
-    x = np.linalg.solve(d, np.broadcast_to(rows["tool_x"][:, None], (s.size, len(dofs), 1)))[..., 0]
-    return np.asarray((x @ np.array([rows[name] for name in CHANNELS]).T).T)
+        row = np.sum([factor * rows[name] for name, factor in port.items()], axis=0)
+        outer = row[:, :, None] * row[:, None]
+        i, j = np.nonzero(outer.any(axis=0))
+        d[..., i, j] += z[:, None] * outer[:, None, i, j]
+    drive = np.broadcast_to(rows["tool_x"][:, None, :, None], (*d.shape[:3], 1))
+    x = np.linalg.solve(d, drive)[..., 0]
+    return np.asarray(np.array([np.einsum("pld,pd->pl", x, rows[name]) for name in CHANNELS]).transpose(1, 0, 2))
