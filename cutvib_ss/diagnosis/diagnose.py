@@ -16,7 +16,7 @@ from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Sizes
 from cutvib_ss.diagnosis.limits import limits
-from cutvib_ss.diagnosis.linearity import level_stands_out
+from cutvib_ss.diagnosis.linearity import confounded, level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
 from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.next_test import next_test
@@ -41,6 +41,10 @@ from cutvib_ss.measurement.records import FORCE, Campaign
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
 from cutvib_ss.results.arrays import position_array
 
+CONFOUNDED = (
+    "every session has a level of its own: drift between sessions and a cause that depends on the level are confounded; "
+    "measure two levels in one session, and state it (session)"
+)
 MAINS_INTERFERENCE = "the re-tuned model's residual lies on multiples of {:g} Hz: mains interference in the measurement"
 
 
@@ -205,6 +209,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         warnings=(
             *campaign.warnings,
             *observed.warnings,
+            *([CONFOUNDED] if confounded(records) else []),
             *([] if interference is None else [MAINS_INTERFERENCE.format(interference)]),
             *at_their_ends(chosen),
         ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutvib_ss.diagnosis.comparison import across_grids
-from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.records import Entry, Records, merged, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model, Motion
 from cutvib_ss.effects.catalogue import EFFECTS
@@ -20,6 +20,21 @@ def levels_compared(records: Records, model: Model | None = None, blow_at: float
     each = [[e.level for e in same] for g in records.merged for same in g.entries]
     each += [list(levels) for levels, _ in across_grids(records.merged, model, blow_at)]
     return any(max(levels) > SETTINGS.level_apart * min(levels) for levels in each)
+
+
+def confounded(records: Records) -> bool:
+    """Whether every session has one level, and they differ: drift then does what a law that depends on the level does."""
+    levels: dict[tuple[float | str, ...], list[float]] = {}
+    for e in records.entries:
+        if np.isfinite(e.level):
+            levels.setdefault(session_of(e), []).append(e.level)
+    apart = SETTINGS.level_apart
+    every = [level for own in levels.values() for level in own]
+    return (
+        len(levels) > 1
+        and max(every) > apart * min(every)
+        and all(max(own) <= apart * min(own) for own in levels.values())
+    )
 
 
 def level_stands_out(records: Records, model: Model | None = None, blow_at: float = 0.0) -> bool:

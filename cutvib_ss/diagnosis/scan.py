@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg, optimize
 
-from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Directions, Sizes
 from cutvib_ss.diagnosis.problem import Problem
@@ -49,8 +49,9 @@ class Scan:
     ) -> None:
         self.nominal, self.records, self.motion, self.apart = nominal, records, motion, apart
         self.warm: FloatArray | None = None
+        self.underneath: Fit | None = None
         if x is not None:
-            there = fit(nominal, records, hypothesis, x, SETTINGS.scan_steps, SETTINGS.scan_gain)
+            there = self.underneath = fit(nominal, records, hypothesis, x, SETTINGS.scan_steps, SETTINGS.scan_gain)
             hypothesis = there.hypothesis
             self.warm = there.x[: there.first_effect]
         self.effects = hypothesis.effects

@@ -214,9 +214,9 @@ class Settings:
     search_law_steps: int = _of(6, "steps", "The same of a law", "longer", _TIME)
     search_most_steps: int = _of(40, "steps", "On all lines", "longer", _TIME)
     search_most_law_steps: int = _of(15, "steps", "The same of a law: the last of many gain little", "longer", _TIME)
-    search_scouted: int = _of(6, "causes",
+    search_scouted: int = _of(9, "causes",
         "Linear causes that promise most from the tuned model, and as many from the untuned one, that are fitted",
-        "longer", "the true cause was within the first three of one or the other of 16 simulated machines, once ninth")
+        "longer", "the true cause was within the first three of one or the other of 16 simulated machines, but for one")
     search_linear_refined: int = _of(3, "causes", "Linear causes fitted on all lines, at least", "longer", _TIME)
     search_laws_refined: int = _of(3, "causes", "Simulated causes fitted on all lines, at most", "longer", _TIME)
     search_laws_looked_at: int = _of(6, "causes", "Simulated causes whose scan is refined: the most promising", "longer",

@@ -9,6 +9,7 @@ import pytest
 
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.linearity import confounded
 from cutvib_ss.diagnosis.ranking import some
 from cutvib_ss.diagnosis.records import Entry, Records
 from cutvib_ss.diagnosis.simulation import problem_for
@@ -82,3 +83,10 @@ def test_records_of_all_levels_are_scanned() -> None:
     kept = some(Records(apart + more))
     assert sorted(e.level for e in kept.entries) == [10.0, 10.0, 100.0, 100.0]
     assert len({e.position for e in kept.entries}) == 4
+
+
+def test_a_level_for_each_session_is_confounded() -> None:
+    apart = records({10.0: 0.0, 100.0: 0.05})
+    assert not confounded(apart)
+    named = tuple(replace(e, session="quiet" if e.level == LEVELS[0] else "loud") for e in apart.entries)
+    assert confounded(Records(named))
