@@ -99,26 +99,32 @@ def level_dependence(entries: Sequence[Entry], model: Model | None = None, blow_
     return total / freedom if freedom else float("nan")
 
 
-def by_position(records: Sequence[Judged], per_unit: float) -> tuple[ErrorFigure, ...]:
-    """Errors over positions."""
+def by_position(records: Sequence[Judged], per_unit: float, accepted: Sequence[Judged]) -> tuple[ErrorFigure, ...]:
+    """Errors over positions; what noise and drift leave is as the accepted answer has it."""
+    wider = {j.entry.record: _wider(j) for j in accepted}
     known: list[float | None] = [*sorted({j.entry.position for j in records if j.entry.position is not None})]
     out = []
     for place in known or [None]:
         own = [j for j in records if j.entry.position == place]
         error, noise, floor = (
             float(np.mean(v)) / per_unit
-            for v in zip(*((j.error.mean(), j.noise.mean(), j.noise.mean() * _wider(j)) for j in own), strict=True)
+            for v in zip(
+                *((j.error.mean(), j.noise.mean(), j.noise.mean() * wider[j.entry.record]) for j in own), strict=True
+            )
         )
         out.append(ErrorFigure(place, error, noise, floor))
     return tuple(out)
 
 
-def by_channel(records: Sequence[Judged], channels: Sequence[str], per_unit: float) -> tuple[ErrorFigure, ...]:
-    """Errors over channels."""
+def by_channel(
+    records: Sequence[Judged], channels: Sequence[str], per_unit: float, accepted: Sequence[Judged]
+) -> tuple[ErrorFigure, ...]:
+    """Errors over channels, likewise."""
+    wider = {j.entry.record: _wider(j) for j in accepted}
     out = []
     for name in channels:
         pairs = [
-            (j.error[k], j.noise[k], j.noise[k] * _wider(j))
+            (j.error[k], j.noise[k], j.noise[k] * wider[j.entry.record])
             for j in records
             if name in j.entry.channels
             for k in [j.entry.channels.index(name)]

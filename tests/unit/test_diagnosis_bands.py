@@ -1,6 +1,7 @@
 """Bands that stand out of noise and drift; FRAC and MAC; single blows that order with their force."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -160,3 +161,22 @@ def test_blows_that_order_with_their_force_are_nonlinearity_at_one_level():
     # Levels that were compared and agree know better.
     agree = (curved[0], replace(curved[0], record=1, level=150.0))
     assert not level_stands_out(Records(tuple(replace(e, session="day") for e in agree)))
+
+
+# --- figures by position and channel ----------------------------------------------------------------------------------
+
+
+def judged(number, position, error, floor):
+    """A held-out record of two channels with noise of one."""
+    entry = SimpleNamespace(record=number, position=position, channels=("a", "b"), variance=np.ones((2, 5)))
+    return SimpleNamespace(entry=entry, error=np.array([error, 2 * error]), noise=np.ones(2), floor=floor)
+
+
+def test_the_floor_of_an_error_is_what_the_accepted_answer_leaves():
+    # Drift that the re-tuned model needs for want of the cause is none.
+    tuned = [judged(0, 0.1, 3.0, 100.0), judged(1, 0.5, 4.0, 100.0)]
+    accepted = [judged(0, 0.1, 1.0, 4.0), judged(1, 0.5, 1.0, 0.5)]
+    by_position = where.by_position(tuned, 1.0, accepted)
+    assert [(f.label, f.error, f.noise, f.floor) for f in by_position] == [(0.1, 4.5, 1.0, 2.0), (0.5, 6.0, 1.0, 1.0)]
+    by_channel = where.by_channel(tuned, ("a", "b"), 1.0, accepted)
+    assert [(f.label, f.error, f.floor) for f in by_channel] == [("a", 3.5, 1.5), ("b", 7.0, 1.5)]
