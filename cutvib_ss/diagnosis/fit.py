@@ -77,6 +77,9 @@ def fit(
     together = problem_for(nominal, records, hypothesis)
     beside = _beside(problem, records)
     search = _Search(problem, problem.start(warm), not records.widened, beside, near, together)
+    if warm is not None and near is None:
+        # Few lines with a widened noise may have led away from a model that is right as it was given.
+        search.try_from(problem.start(None))
     if hypothesis.linear and not records.rough and near is None:
         search.start_from(_from_afar(nominal, records, hypothesis, search))
     if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
@@ -187,6 +190,15 @@ class _Search:
             there = self.evaluated(other.at.x, other.at.drift)
             if np.isfinite(there.objective) and there.objective < self.at.objective:
                 self.at = there
+
+    def try_from(self, x: FloatArray) -> None:
+        """Start from other unknowns if they are better."""
+        try:
+            there = self.evaluated(x, np.zeros_like(self.at.drift))
+        except CutvibError:
+            return
+        if there.objective < self.at.objective:
+            self.at = there
 
     def redraw(self) -> None:
         """Evaluate where it stands, with new circles around the slow poles."""

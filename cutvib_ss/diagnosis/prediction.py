@@ -63,7 +63,7 @@ class Prediction:
         self.window = np.exp(-sigma * start)[:, None, None]
         values = None if circles is None else self._responses(circles)
         if values is None or not still_inside(self.circles, values[:, :, self.s.size :]):
-            values = self._responses(slow_circles(model, group.positions, self.rest, self.s))
+            values = self._responses(slow_circles(model, group, start, self.s))
         self._values = values
         self.data = self._estimate(values.copy())
 
@@ -153,9 +153,10 @@ def still_inside(circles: Circles, values: ComplexArray) -> bool:
     return True
 
 
-def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: ComplexArray) -> Circles:
-    """Circles around the poles that are still alive when the blocks end."""
+def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray) -> Circles:
+    """Circles around the poles that are still alive when the blocks end, of blows at the instants ``start``."""
     points, owner, weights = [], [], []
+    positions, rest = group.positions, group.block - start
     sigma = float(s[0].real)
     turn = np.exp(2j * np.pi * (np.arange(SETTINGS.tail_points) + 0.5) / SETTINGS.tail_points)
     ending = np.flatnonzero(np.isfinite(rest))
@@ -178,8 +179,37 @@ def slow_circles(model: Model, positions: FloatArray, rest: FloatArray, s: Compl
     inverse = []
     for place in range(positions.size):
         mine = z[own == place]
-        inverse.append(np.asarray(1.0 / (s - np.concatenate([mine, mine.conj()])[:, None]), dtype=np.complex128))
+        both = np.concatenate([mine, mine.conj()])
+        replay = group.entries[place][0].replay if group.entries else None
+        step = 0.0 if replay is None or replay.assumed or replay.block else 1.0 / replay.clock
+        # The estimator sums samples: Σ e^((z-s)n Δt) Δt from the end of the block on; without samples the integral.
+        kernel = step / -np.expm1((both[:, None] - s) * step) if step else 1.0 / (s - both[:, None])
+        if both.size:
+            kernel = kernel * _blow_between(group, place, float(start[place]), both, s)
+        inverse.append(np.asarray(kernel, dtype=np.complex128))
     return Circles(z, own, np.concatenate(weights), tuple(inverse))
+
+
+def _blow_between(group: Group, row: int, start: float, z: ComplexArray, s: ComplexArray) -> ComplexArray | float:
+    """
+    What a blow of finite length puts into the tail: its spectrum at z over that at s, shape (point, line), as H1 averages blows.
+
+    A mode at z rings with F(z), and the estimator divides by F(s). One for an impulse, and where no force was recorded.
+    """
+    replays = [e.replay for e in group.entries[row]] if group.entries else []
+    forces = [f for r in replays if r is not None and not r.assumed and not r.block for f in r.forces]
+    if not forces or s[0].real or any(r is None or r.fs != replays[0].fs for r in replays):  # type: ignore[union-attr]
+        return 1.0
+    fs = replays[0].fs  # type: ignore[union-attr]
+    crossed, power = np.zeros((z.size, s.size), dtype=np.complex128), np.zeros(s.size)
+    for force in forces:
+        at = np.flatnonzero(np.abs(force) > SETTINGS.tail_force * np.abs(force).max())
+        near = slice(max(int(at[0]) - 1, 0), int(at[-1]) + 2)
+        t = np.arange(force.size)[near] / fs - start
+        spectrum = np.exp(-np.outer(s, t)) @ force[near]
+        crossed += (np.exp(-np.outer(z, t)) @ force[near])[:, None] * spectrum.conj()
+        power += np.abs(spectrum) ** 2
+    return np.asarray(crossed / np.maximum(power, 1e-12 * power.max()))
 
 
 def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:

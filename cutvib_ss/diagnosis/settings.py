@@ -128,7 +128,7 @@ class Settings:
     fit_start_error: float = _of(0.1, "1", "Relative error added to those", "smoother objective", _JUDGEMENT)
     fit_start_gain: float = _of(1e-2, "1", "Relative gain at which those steps end", "rougher starts", _TIME)
     fit_hopeless: float = _of(5.0, "χ² a datum", "From which a fit is not worth small steps", "longer", _TIME)
-    fit_hopeless_gain: float = _of(5e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
+    fit_hopeless_gain: float = _of(1e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
     fit_run_away: float = _of(1e12, "χ² a datum", "From which a model has run away", "-", _NUMERICAL)
     fit_most_damping: float = _of(0.9, "1", "Damping ratio of the rail beyond which none is followed", "-", _NUMERICAL)
     fit_within: float = _of(8.0, "std", "How far a tuned value or calibration error is followed", "-",
@@ -139,6 +139,8 @@ class Settings:
     projection_gain: float = _of(1e-2, "1", "Relative gain at which its steps end", "rougher", _TIME)
     tail_died_out: float = _of(-10.0, "Re(s)·T", "Below which a mode leaves nothing at the block's end: 5e-5 of itself",
         "fewer modes in the tail", _NUMERICAL)
+    tail_force: float = _of(1e-3, "peak force", "Below which a sample of a blow is no part of it", "shorter blows",
+        "sensor noise between blows would ring in the tail")
     tail_points: int = _of(16, "points", "On each circle around a pole: with the radius, 0.4^16 = 4e-7 of the tail", "longer",
         _NUMERICAL)
     tail_radius: float = _of(0.4, "distance",

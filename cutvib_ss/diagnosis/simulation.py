@@ -93,7 +93,7 @@ def simulated(
         for row, replay in zip(rows, replays, strict=True):
             own = slice(first, first + len(replay.forces))
             first = own.stop
-            shown = replay.data(list(run.responses[own] / size[row]))
+            shown = replay.simulated(list(run.responses[own] / size[row]))
             chain = steady if replay.block else windowed
             data[row] = chain.shown(np.array([shown[outputs.index(name)] for name in chain.signals]))
             if elements:

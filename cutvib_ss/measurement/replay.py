@@ -36,6 +36,7 @@ class Replay:
     overlap: int = 0
     # The measured responses to each force; empty where only estimates were recorded
     measured: tuple[FloatArray, ...] = ()
+    sampled: float = 0.0  # Sampling frequency of the record itself, where the histories here are on a slower clock [Hz]
     assumed: bool = False  # Whether the force is made up (a half sine), since only estimated responses were recorded
 
     def ratio(self, under: Sequence[FloatArray], over: Sequence[FloatArray]) -> ComplexArray:
@@ -64,6 +65,26 @@ class Replay:
     def data(self, responses: Sequence[FloatArray]) -> ComplexArray:
         """Frequency responses as the record's estimator would show them."""
         return self.ratio(self.forces, responses)
+
+    @property
+    def clock(self) -> float:
+        """Sampling frequency of the record itself [Hz]."""
+        return self.sampled or self.fs
+
+    def simulated(self, responses: Sequence[FloatArray]) -> ComplexArray:
+        """
+        The same of responses that were simulated on the slower clock, which lack what lies beyond its Nyquist frequency.
+
+        A sum of samples is the integral less half a step of the last value (Euler-Maclaurin), on either clock.
+        """
+        if self.block or self.clock == self.fs:
+            return self.data(responses)
+        less = 0.5 * (1.0 - self.fs / self.clock)
+        ended = [np.array(y, dtype=np.float64) for y in responses]
+        for y in ended:
+            # At the lines of a block its end is in phase with its beginning.
+            y[..., 0] += less * (2.0 * y[..., -1] - y[..., -2])
+        return self.data(ended)
 
     def only(self, blows: int) -> Replay:
         """The first blows alone."""
@@ -101,6 +122,7 @@ class Replay:
             forces=tuple(resampled(f) for f in self.forces),
             measured=tuple(resampled(a) for a in self.measured),
             fs=self.fs / factor,
+            sampled=self.clock,
         )
 
 
