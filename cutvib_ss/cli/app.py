@@ -18,6 +18,7 @@ from cutvib_ss.cli.campaign_files import campaign_init_command, campaign_show_co
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.control import control_check_command, control_design_command
 from cutvib_ss.cli.demo import demo_command
+from cutvib_ss.cli.fleet import fleet_command
 from cutvib_ss.cli.models import bode_command, figures_command, frf_command, modes_command, paper_command
 from cutvib_ss.cli.plan import plan_command
 from cutvib_ss.cli.schedule import schedule_command
@@ -92,6 +93,9 @@ def blind_root(context: typer.Context) -> None:
 app.command("demo", epilog="Example: cutvib demo --out my-demo")(demo_command)
 app.command("diagnose", epilog="Example: cutvib diagnose my-campaign --json out.json --report out.html")(
     diagnose_command
+)
+app.command("fleet", epilog="Example: cutvib fleet my-campaigns --jobs 2 --json fleet.json --report fleet.html")(
+    fleet_command
 )
 app.command(
     "plan", epilog="Example: cutvib plan --position 0.1 --position 0.5 --level 20 --level 100 --json plan.json"

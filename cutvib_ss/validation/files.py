@@ -9,6 +9,7 @@ import os
 import shutil
 import tarfile
 import tempfile
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -91,14 +92,18 @@ def read_json(path: Path) -> Any:
 
 def packed(folder: Path) -> bytes:
     """A folder's files as one archive, without dates and owners."""
+    return packed_files({p.relative_to(folder).as_posix(): p for p in sorted(folder.rglob("*")) if p.is_file()})
+
+
+def packed_files(files: Mapping[str, Path]) -> bytes:
+    """Files under names of their own as one archive, without dates and owners."""
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w") as archive:
-        for file in sorted(folder.rglob("*")):
-            if file.is_file():
-                entry = tarfile.TarInfo(file.relative_to(folder).as_posix())
-                entry.size = file.stat().st_size
-                with file.open("rb") as content:
-                    archive.addfile(entry, content)
+        for name, file in files.items():
+            entry = tarfile.TarInfo(name)
+            entry.size = file.stat().st_size
+            with file.open("rb") as content:
+                archive.addfile(entry, content)
     return buffer.getvalue()
 
 
