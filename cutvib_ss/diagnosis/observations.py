@@ -128,12 +128,17 @@ def _entry(index: int, record: Record) -> Entry:
         at = SETTINGS.record_blow_at if np.isnan(blow_at) else blow_at
         replay = assumed_blow(frf.freq, block, at, record.peak_force, np.array(frf.variance[0, 0, 0]))
     sine = _sine(record)
+    scattered = bool(np.any(np.isfinite(frf.coherence))) if record.kind == "frf" else frf.averages > 1
+    variance = np.array(frf.variance[0, :, 0])
+    if not scattered:
+        # How smooth a response is says nothing of what its instruments cannot tell.
+        variance = np.maximum(variance, (SETTINGS.record_least_noise * np.abs(frf.data[0, :, 0])) ** 2)
     return Entry(
         record=index,
         position=position_at(frf.positions[0]),
         level=_level(record, sine),
         data=np.array(frf.data[0, :, 0]),
-        variance=np.array(frf.variance[0, :, 0]),
+        variance=variance,
         freq=np.array(frf.freq),
         channels=frf.outputs,
         quantities=frf.quantities,
@@ -145,7 +150,7 @@ def _entry(index: int, record: Record) -> Entry:
         sine=sine,
         session=record.session,
         input=record.input or FORCE,
-        scattered=bool(np.any(np.isfinite(frf.coherence))) if record.kind == "frf" else frf.averages > 1,
+        scattered=scattered,
     )
 
 

@@ -38,6 +38,9 @@ class Settings:
     record_heard: float = _of(4.0, "1",
         "Response power over noise power below which a line is left out: noise on the force biases the estimate",
         "fewer lines", _JUDGEMENT)
+    record_least_noise: float = _of(1e-4, "of the response",
+        "Standard deviation below which none is believed that was read off how smooth a response is",
+        "noise-free data are believed less", "force and response channels are linear to no better")
     record_fewest_lines: int = _of(8, "lines", "Lines that a record needs", "short records are refused",
         "a resonance has four unknowns, a complex line tells two; as many again judge the fit")
     record_blow_at: float = _of(0.05, "s", "Assumed instant of a blow that no record states", "-", _JUDGEMENT)
@@ -129,7 +132,7 @@ class Settings:
     fit_start_gain: float = _of(1e-2, "1", "Relative gain at which those steps end", "rougher starts", _TIME)
     fit_hopeless: float = _of(5.0, "χ² a datum", "From which a fit is not worth small steps", "longer", _TIME)
     fit_hopeless_gain: float = _of(1e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
-    fit_run_away: float = _of(1e12, "χ² a datum", "From which a model has run away", "-", _NUMERICAL)
+    fit_run_away: float = _of(1e16, "χ² a datum", "From which a model has run away", "-", _NUMERICAL)
     fit_most_damping: float = _of(0.9, "1", "Damping ratio of the rail beyond which none is followed", "-", _NUMERICAL)
     fit_within: float = _of(8.0, "std", "How far a tuned value or calibration error is followed", "-",
         "its prior holds it long before")
