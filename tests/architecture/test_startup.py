@@ -75,6 +75,7 @@ MISTYPED = [
     (["plan"], "--position is missing"),
     (["blind", "score", "nowhere"], "nowhere: there is no such folder"),
     (["blind", "real", "nowhere"], "nowhere: there is no such folder"),
+    (["fleet", "nowhere"], "nowhere: there is no such folder"),
     (["serve", "nowhere"], "nowhere: there is no such file"),
     (["figures", "--format", "gif"], "suffix '.gif' is no picture"),
 ]
