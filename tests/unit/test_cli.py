@@ -26,7 +26,8 @@ from tests.unit.diagnosis_example import example_diagnosis, example_structure
 
 DEMO = Path(campaigns.__file__).parents[1] / "data" / "demo"
 COMMANDS = [
-    "demo", "diagnose", "fleet", "plan", "identify", "paper", "figures", "modes", "frf", "bode", "schedule", "simulate", "absorber check",
+    "demo", "diagnose", "fleet", "plan", "identify", "paper", "figures", "modes", "frf", "bode", "schedule", "simulate",
+    "absorber check",
     "absorber design", "control design", "control check", "blind run", "blind score", "blind real",
     "campaign init", "campaign show", "serve",
 ]  # fmt: skip
