@@ -31,7 +31,9 @@ def fleet_command(
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of what is kept. Default: .cutvib-fleet in the folder of campaigns."),
+        typer.Option(
+            "--out", metavar="DIR", help="Folder of what is kept. Default: .cutvib-fleet in the folder of campaigns."
+        ),
     ] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time.")] = 1,
     scheduler: Annotated[
