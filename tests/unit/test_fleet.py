@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from cutvib_ss.cli import main
-from cutvib_ss.fleet import KEPT, Diagnosed, FleetRow, Task, _files, _task, diagnose_fleet, diagnose_one
+from cutvib_ss.cli.output import json_text
+from cutvib_ss.fleet import KEPT, Diagnosed, FleetRow, Task, _files, _task, diagnose_fleet, diagnose_one, table_data
 from cutvib_ss.report.fleet import fleet_html
 from tests.unit.blind_example import diagnosis
 from tests.unit.test_blind_measured import MASS, write
@@ -49,6 +50,7 @@ def fleet(tmp_path: Path) -> Path:
     return root
 
 
+@pytest.mark.slow
 def test_command_diagnoses_and_the_second_goes_on(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -103,6 +105,25 @@ def test_only_what_is_not_done_is_diagnosed(fleet: Path) -> None:
     assert reports.asked == ["hall/heavier", "plain"]
 
 
+def test_broken_campaign_is_a_row(fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (fleet / "plain" / "r1.csv").unlink()
+    (fleet / "hall" / "heavier" / "campaign.toml").write_text("[campaign]\n")
+    file = tmp_path / "fleet.json"
+    assert main(["fleet", str(fleet), "--json", str(file)]) == 0
+    assert "r1.csv" in capsys.readouterr().out
+    data = strict(file.read_text())
+    heavier, plain = data["campaigns"]
+    assert (data["schema"], heavier["campaign"], plain["campaign"]) == ("cutvib-fleet/1", "hall/heavier", "plain")
+    assert "no [[record]]" in heavier["error"]
+    assert "r1.csv" in plain["error"]
+    assert plain["verdict"] is None
+    # Beside a broken one the others are diagnosed.
+    write(fleet / "sound", MASS, None, 3)
+    last = diagnose_fleet(fleet, worker=Counting())[-1]
+    assert (last.campaign, last.verdict, last.place_set, last.before) == ("sound", "no_gap", ("none",), 0.0286)
+    assert strict(json_text(table_data([last])))["campaigns"][0]["shrinkage_interval"] == [None, None]
+
+
 def test_stop_keeps_what_is_done(fleet: Path) -> None:
     def stopped(task: Task) -> Diagnosed:
         if task.name == "plain":
@@ -153,6 +174,7 @@ def test_out_is_no_campaign_and_files_of_others_stay(fleet: Path) -> None:
     assert not (fleet / KEPT).exists()
 
 
+@pytest.mark.slow
 def test_worker_elsewhere_gets_every_file(fleet: Path) -> None:
     """A machine.toml that several campaigns share lies outside their folders, and here outside the fleet's."""
     (fleet / "plain" / "machine.toml").rename(fleet.parent / "shared.toml")
