@@ -72,6 +72,8 @@ def check_target(path: str | os.PathLike[str]) -> Path:
 def check_picture(path: str | os.PathLike[str]) -> Path:
     """The name of a picture, refused where its suffix is not one that can be drawn."""
     file = Path(path)
+    if file.is_dir():
+        raise ParameterError(f"{file}: is a folder; give the name of a file, ending in one of {', '.join(PICTURES)}")
     if file.suffix.lower() not in PICTURES:
         raise ParameterError(f"{file}: suffix {file.suffix!r} is no picture; give one of {', '.join(PICTURES)}")
     return file

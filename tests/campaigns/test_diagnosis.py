@@ -70,8 +70,8 @@ def test_json_holds_to_the_contract(diagnosis):
     assert math.isclose(sum(p["probability"] for p in data["where"]["places"]), 1.0, abs_tol=1e-9)
     assert data["ambiguity_set"] == [0]
     assert data["next_test"] is None
-    assert {"position", "error", "noise"} == set(data["where"]["by_position"][0])
-    assert {"channel", "error", "noise"} == set(data["where"]["by_channel"][0])
+    assert {"position", "error", "noise", "floor"} == set(data["where"]["by_position"][0])
+    assert {"channel", "error", "noise", "floor"} == set(data["where"]["by_channel"][0])
 
 
 def test_the_corrected_machine_is_a_machine(diagnosis):

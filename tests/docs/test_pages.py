@@ -12,12 +12,16 @@ import os
 import re
 import shlex
 import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
 from cutvib_ss.cli import main
+from cutvib_ss.effects.catalogue import EFFECTS
 
 DOCS = Path(__file__).parents[2] / "docs"
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -103,6 +107,19 @@ def run(block: Block, page: Path, names: dict[str, object]) -> None:
                 os.chdir(words[1])
             elif words:
                 subprocess.run(line, shell=True, check=True)
+
+
+@pytest.fixture(autouse=True)
+def own_effects() -> Iterator[None]:
+    """Effects that a page registers, and modules that it writes, are its own."""
+    effects, modules, path = list(EFFECTS), set(sys.modules), list(sys.path)
+    yield
+    for name in [n for n in EFFECTS if n not in effects]:
+        EFFECTS.remove(name)
+    for name in set(sys.modules) - modules:
+        if str(getattr(sys.modules[name], "__file__", None) or "").startswith(tempfile.gettempdir()):
+            del sys.modules[name]
+    sys.path[:] = path
 
 
 def run_page(page: Path, slow: bool, capfd: pytest.CaptureFixture[str]) -> None:

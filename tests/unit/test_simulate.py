@@ -145,8 +145,8 @@ def test_a_bad_travel_names_its_file(text: str, says: str, tmp_path: Path, capsy
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (["--travel", "a.csv", "--position", "0.5"], "leave --position and --to out"),
-        (["--to", "0.5"], "say with --position"),
+        (["--travel", __file__, "--position", "0.5"], "leave --position and --to out"),
+        (["--to", "0.5"], "--position is missing"),
         (["--travel", "a.csv"], "a.csv"),
         ([], "--position is missing"),
         (["--position", "0.5", "--out", "a.uff"], "not written"),
