@@ -22,12 +22,13 @@ from cutvib_ss.diagnosis.linearity import level_stands_out, levels_compared, mot
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, ranked_by_gain, refit, some
-from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.records import Records, session_of
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce, unknown_candidates
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
 
 
@@ -94,10 +95,28 @@ def search(
         ranked += _unknown(nominal, records, few, observed, ranked, workers)
         if dependent:
             ranked += _unknown_forces(nominal, records, few, observed, none, workers)
+    if dependent:
+        none = _drifting_within(nominal, records, none)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
         best.setdefault(r.name, r)
     return (none, *best.values())
+
+
+def _drifting_within(nominal: Model, records: Records, none: Ranked) -> Ranked:
+    """
+    The model without a cause, its evidence summed over whether the machine drifts from record to record too.
+
+    Levels of one session that differ since the machine moved between them would pass for a cause that depends on the level.
+    """
+    apart = tuple(replace(e, session=f"{session_of(e)} {e.record}") for e in records.entries)
+    try:
+        within = fit(nominal, Records(apart), Hypothesis(), none.fit.x, SETTINGS.search_most_law_steps)
+    except CutvibError:
+        return none
+    prior = SETTINGS.prior_drift_within
+    both = np.logaddexp(none.fit.log_evidence + np.log1p(-prior), within.log_evidence + np.log(prior))
+    return replace(none, fit=replace(none.fit, log_evidence=float(both)))
 
 
 def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked]) -> Ranked:
@@ -192,12 +211,14 @@ def _rough(
     afar = Scan(nominal, few, Hypothesis(), None, {}, apart=False)
     sharp = records.coarse(SETTINGS.search_coarse_lines, 0.0)
     near = Scan(nominal, sharp, Hypothesis(), none.fit.x, {}, apart=False)
+    # What is far from all that first order tells of is fitted, whatever it promises.
+    count = SETTINGS.search_scouted if none.reduced < SETTINGS.search_first_order else len(found)
     chosen: set[int] = set()
     orders: dict[int, list[Effect]] = {}
     for scan in (near, afar):
         tried = workers.map(scan.each, [c.starts for c in found])
         best = [max(max(gains) for gains in rows) for rows in tried]
-        chosen |= set(np.argsort(best)[::-1][: SETTINGS.search_scouted].tolist())
+        chosen |= set(np.argsort(best)[::-1][:count].tolist())
         for i, rows in enumerate(tried):
             order = sorted(range(len(rows)), key=lambda k: -rows[k][0])
             orders[i] = [found[i].starts[k] for k in order]

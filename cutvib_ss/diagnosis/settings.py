@@ -102,6 +102,8 @@ class Settings:
     prior_known: float = _of(0.3, "probability", "Prior of one known cause, shared by all", "more 'explained'", "as above")
     prior_unknown: float = _of(0.1, "probability", "Prior of an unknown element, shared by all ports", "more 'unknown'",
         "as above")
+    prior_drift_within: float = _of(0.2, "probability", "Prior that a machine drifts between records of one session as it does "
+        "between sessions", "fewer causes that depend on the level", "most campaigns are measured position by position in minutes")
     prior_sums: float = _of(0.1, "probability", "Prior of two causes together", "more pairs", "as above")
     unknown_knots: int = _of(9, "knots", "Knots of an unknown element over the band", "finer functions",
         "two to three an octave and a half, as its correlation length asks")
@@ -219,6 +221,9 @@ class Settings:
     search_law_steps: int = _of(6, "steps", "The same of a law", "longer", _TIME)
     search_most_steps: int = _of(40, "steps", "On all lines", "longer", _TIME)
     search_most_law_steps: int = _of(15, "steps", "The same of a law: the last of many gain little", "longer", _TIME)
+    search_first_order: float = _of(20.0, "χ² a datum",
+        "Of the tuned model, from which all linear causes are fitted, since what one would take away to first order says little",
+        "faster", _JUDGEMENT)
     search_scouted: int = _of(9, "causes",
         "Linear causes that promise most from the tuned model, and as many from the untuned one, that are fitted",
         "longer", "the true cause was within the first three of one or the other of 16 simulated machines, but for one")

@@ -10,8 +10,9 @@ import pytest
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import confounded
-from cutvib_ss.diagnosis.ranking import some
+from cutvib_ss.diagnosis.ranking import Ranked, some
 from cutvib_ss.diagnosis.records import Entry, Records
+from cutvib_ss.diagnosis.search import _drifting_within
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce
 from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
@@ -90,3 +91,12 @@ def test_a_level_for_each_session_is_confounded() -> None:
     assert not confounded(apart)
     named = tuple(replace(e, session="quiet" if e.level == LEVELS[0] else "loud") for e in apart.entries)
     assert confounded(Records(named))
+
+
+def test_a_machine_that_drifts_between_levels_of_a_session_is_no_cause() -> None:
+    machine = published_machine()
+    moved, steady = (records({10.0: 0.0, 100.0: v}) for v in (0.004, 0.0))
+    for own, gains in ((moved, True), (steady, False)):
+        none = Ranked("none", fit(machine, own, Hypothesis()), True)
+        both = _drifting_within(machine, own, none)
+        assert (both.fit.log_evidence > none.fit.log_evidence + 3.0) is gains
