@@ -196,11 +196,11 @@ def _blow_between(group: Group, row: int, start: float, z: ComplexArray, s: Comp
 
     A mode at z rings with F(z), and the estimator divides by F(s). One for an impulse, and where no force was recorded.
     """
-    replays = [e.replay for e in group.entries[row]] if group.entries else []
-    forces = [f for r in replays if r is not None and not r.assumed and not r.block for f in r.forces]
-    if not forces or s[0].real or any(r is None or r.fs != replays[0].fs for r in replays):  # type: ignore[union-attr]
+    entries = group.entries[row] if group.entries else ()
+    replays = [e.replay for e in entries if e.replay is not None and not e.replay.assumed and not e.replay.block]
+    if s[0].real or not replays or len(replays) < len(entries) or len({r.fs for r in replays}) > 1:
         return 1.0
-    fs = replays[0].fs  # type: ignore[union-attr]
+    fs, forces = replays[0].fs, [f for r in replays for f in r.forces]
     crossed, power = np.zeros((z.size, s.size), dtype=np.complex128), np.zeros(s.size)
     for force in forces:
         at = np.flatnonzero(np.abs(force) > SETTINGS.tail_force * np.abs(force).max())

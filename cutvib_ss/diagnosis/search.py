@@ -158,15 +158,24 @@ def _unknown(
     hypotheses, warm = [h for h, _ in beside], [x for _, x in beside]
     warm = [None if x is None else x[: linear[0].fit.first_effect] for x in warm]
     tried = workers.map(partial(first_steps, nominal, few, steps=SETTINGS.search_later_steps), hypotheses, warm)
-    out: list[Ranked] = []
-    for count in (1, 2):
-        found = [f for f in tried if f is not None and len(f.hypothesis.effects) == count]
-        for f in sorted(found, key=cost)[: SETTINGS.search_unknown_refined]:
-            ports = [getattr(e, "port", e.place) + f" {getattr(e, 'scale', 0.0):.3g}" for e in f.hypothesis.effects]
-            name = " + ".join(f"{e.effect} {p}" for e, p in zip(f.hypothesis.effects, ports, strict=True))
-            again = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
-            if again is not None:
-                out.append(Ranked(name, again, True))
+    return [
+        r
+        for count in (1, 2)
+        for r in _best_unknown(nominal, records, [f for f in tried if f and len(f.hypothesis.effects) == count])
+    ]
+
+
+def _best_unknown(nominal: Model, records: Records, tried: Sequence[Fit | None]) -> list[Ranked]:
+    """The best of some fits with an unknown element or restoring force, on all lines."""
+    out = []
+    for f in sorted((f for f in tried if f is not None), key=cost)[: SETTINGS.search_unknown_refined]:
+        names = []
+        for e in f.hypothesis.effects:
+            kind = "unknown force" if isinstance(e, UnknownForce) else e.effect
+            names.append(f"{kind} {getattr(e, 'port', e.place)} {getattr(e, 'scale', 0.0):.3g}")
+        again = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
+        if again is not None:
+            out.append(Ranked(" + ".join(names), again, True))
     return out
 
 
@@ -178,14 +187,7 @@ def _unknown_forces(
     tried = workers.map(
         partial(first_steps, nominal, few, warm=none.fit.x, steps=SETTINGS.search_later_steps), hypotheses
     )
-    out = []
-    for f in sorted((f for f in tried if f is not None), key=cost)[: SETTINGS.search_unknown_refined]:
-        [own] = f.hypothesis.effects
-        again = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
-        if again is None:
-            continue
-        out.append(Ranked(f"unknown force {own.port} {own.scale:.3g}", again, True))  # type: ignore[attr-defined]
-    return out
+    return _best_unknown(nominal, records, tried)
 
 
 def _gained(ranked: Sequence[Ranked], none: Ranked) -> float:
@@ -214,16 +216,17 @@ def _rough(
     # What is far from all that first order tells of is fitted, whatever it promises.
     count = SETTINGS.search_scouted if none.reduced < SETTINGS.search_first_order else len(found)
     chosen: set[int] = set()
-    orders: dict[int, list[Effect]] = {}
     for scan in (near, afar):
         tried = workers.map(scan.each, [c.starts for c in found])
         best = [max(max(gains) for gains in rows) for rows in tried]
         chosen |= set(np.argsort(best)[::-1][:count].tolist())
-        for i, rows in enumerate(tried):
-            order = sorted(range(len(rows)), key=lambda k: -rows[k][0])
-            orders[i] = [found[i].starts[k] for k in order]
+    # The last scan is from the untuned model, from which the fits start too.
+    ordered = [
+        [found[i].starts[k] for k in sorted(range(len(tried[i])), key=lambda k: -tried[i][k][0])]
+        for i in range(len(found))
+    ]
     kept = sorted(chosen)
-    fits = workers.map(partial(_scouted, nominal, few), [orders[i] for i in kept])
+    fits = workers.map(partial(_scouted, nominal, few), [ordered[i] for i in kept])
     pairs = [(found[i], f) for i, f in zip(kept, fits, strict=True) if f is not None]
     return sorted(pairs, key=lambda pair: cost(pair[1]))
 
