@@ -86,7 +86,7 @@ def judge(nominal: Model, folds: Sequence[Fold], start: Fit, workers: Workers) -
 
 
 def _one_fold(nominal: Model, start: Fit, fold: Fold) -> list[Judged]:
-    records = Records(fold.fitted)
+    records = Records(fold.fitted, moving=bool(start.spread.layout.records))
     again = fit(
         nominal,
         records,
@@ -213,7 +213,7 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
             )
             return there.seen, (e.data - there.data) * np.sqrt(2.0 / total)
 
-        chi2, drifts = fitted.spread.left(problem, fitted.x, session_of(e), show)
+        chi2, drifts = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show)
         total = fitted.spread.sizes.noise * total
     floor = float(total.mean() + drifts)
     return Judged(e, error.mean(axis=1), noise.mean(axis=1), chi2, shown.data, float(np.mean(error**2)), floor)

@@ -19,13 +19,15 @@ from cutvib_ss.diagnosis.likelihood import Directions, Known, Quadratic, Sizes, 
 from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import Records, session_of
+from cutvib_ss.diagnosis.records import By, Records, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError, DiagnosisError
 from cutvib_ss.results import ComplexArray, FloatArray
+
+FROM_AFAR: tuple[By | None, ...] = (None, "session")
 
 
 @dataclass(frozen=True)
@@ -72,11 +74,11 @@ def fit(
     within their ranges by projection. Evidence: χ²/2 + Σ prior²/2 + ½ ln det(JᵀWJ + P), the even priors being one in unit
     coordinates.
     """
-    problem = problem_for(nominal, records, hypothesis, by_session=not records.widened)
-    # Beside a widened noise drift and discrepancy are nothing.
-    together = problem_for(nominal, records, hypothesis)
+    problems = _problems(nominal, records, hypothesis)
+    problem = problems[0]
     beside = _beside(problem, records)
-    search = _Search(problem, problem.start(warm), not records.widened, beside, near, together)
+    # Beside a widened noise drift and discrepancy are nothing.
+    search = _Search(problems, problem.start(warm), not records.widened, beside, near)
     if warm is not None and near is None:
         # Few lines with a widened noise may have led away from a model that is right as it was given.
         search.try_from(problem.start(None))
@@ -84,7 +86,7 @@ def fit(
         search.start_from(_from_afar(nominal, records, hypothesis, search))
     if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
         # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
-        plain = _Search(problem, search.at.x, False, search.beside)
+        plain = _Search(problems, search.at.x, False, search.beside)
         plain.climb(max_iterations, tolerance)
         search.start_from(plain)
     # From beside the optimum once is enough.
@@ -104,6 +106,17 @@ def fit(
     return _finished(problem, search, search.at.quadratic)
 
 
+def _problems(nominal: Model, records: Records, hypothesis: Hypothesis) -> tuple[Problem, ...]:
+    """
+    The same problem with groups of all records, of one session, and, where the machine moves, of one record.
+
+    Without drift the sessions need not be told apart, and many positions are predicted at once.
+    """
+    kinds: list[By] = ["session"] if not records.widened else []
+    kinds += ["record"] if records.moving and not records.widened else []
+    return tuple(problem_for(nominal, records, hypothesis, by=by) for by in (None, *kinds))
+
+
 class _Beside(NamedTuple):
     """Scatter of records about what they are merged into, its number of real data, and whether any noise was seen to scatter."""
 
@@ -114,7 +127,7 @@ class _Beside(NamedTuple):
 
 def _beside(problem: Problem, records: Records) -> _Beside:
     known = all(e.scattered for e in records.entries)
-    if problem.apart:
+    if problem.apart or records.moving:
         return _Beside(0.0, 0, known)
     total = sum(2 * int(np.count_nonzero(np.isfinite(e.variance))) for e in records.entries)
     return _Beside(records.scatter, total - problem.count, known)
@@ -127,9 +140,8 @@ def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: 
     A session that drifts by more than a resonance is wide is caught in a side minimum when the noise is small.
     """
     few = records.coarse(SETTINGS.fit_start_lines, SETTINGS.fit_start_error)
-    problem = problem_for(nominal, few, hypothesis, by_session=True)
-    together = problem_for(nominal, few, hypothesis)
-    search = _Search(problem, start.at.x, True, _beside(problem, few), together=together)
+    problems = tuple(problem_for(nominal, few, hypothesis, by=by) for by in FROM_AFAR)
+    search = _Search(problems, start.at.x, True, _beside(problems[0], few))
     search.climb(SETTINGS.fit_scout_steps, SETTINGS.fit_start_gain)
     return search
 
@@ -156,16 +168,16 @@ class _Search:
 
     def __init__(
         self,
-        problem: Problem,
+        problems: Sequence[Problem],
         x: FloatArray,
         spread: bool,
         beside: _Beside,
         near: Fit | None = None,
-        together: Problem | None = None,
     ) -> None:
+        problem = problems[-1]
         self.problem, self.spread, self.beside = problem, spread, beside
-        # Without drift the sessions need not be told apart, and many positions are predicted at once.
-        self.together = together if together is not None and together.sessions == problem.sessions else problem
+        # Sessions in another order would have other columns.
+        self.problems = [p if p.sessions == problem.sessions else problem for p in problems]
         self.sizes = Sizes() if near is None else near.spread.sizes
         self.known = Known(problem.nominal.tolerance.drift, beside.known)
         self.count = problem.count + beside.data
@@ -174,10 +186,11 @@ class _Search:
         weight, _ = weights(problem)
         self.drifting = np.flatnonzero(weight)
         self.weight = weight[self.drifting]
-        self.session = [problem.sessions.index(session_of(g.entries[0][0])) for g in problem.groups]
-        drift = np.zeros((len(problem.sessions), self.drifting.size))
+        self.n_sessions = len(problem.sessions)
+        # Of the sessions, then of the records that drift beside them.
+        drift = np.zeros((self.n_sessions + len(problem.drifting_within), self.drifting.size))
         if near is not None and spread:
-            drift = near.spread.drifts(problem.sessions, self.drifting.size)
+            drift = near.spread.drifts(problem.sessions, problem.drifting_within, self.drifting.size)
         try:
             self.at = self.evaluated(x, drift)
         except CutvibError:
@@ -187,7 +200,9 @@ class _Search:
     def start_from(self, other: _Search) -> None:
         """Go on from where another search of the same sessions stands."""
         if other.problem.sessions == self.problem.sessions:
-            there = self.evaluated(other.at.x, other.at.drift)
+            drift = np.zeros_like(self.at.drift)
+            drift[: len(other.at.drift)] = other.at.drift
+            there = self.evaluated(other.at.x, drift)
             if np.isfinite(there.objective) and there.objective < self.at.objective:
                 self.at = there
 
@@ -202,19 +217,23 @@ class _Search:
 
     def redraw(self) -> None:
         """Evaluate where it stands, with new circles around the slow poles."""
-        self.problem.forget_circles()
-        self.together.forget_circles()
+        for problem in self.problems:
+            problem.forget_circles()
         self.at = self.evaluated(self.at.x, self.at.drift)
 
     def evaluated(self, x: FloatArray, drift: FloatArray) -> _At:
         """The objective at some unknowns; without drift and discrepancy it needs no derivatives."""
-        problem, each = self.together, [x] * len(self.together.groups)
-        if np.any(drift):
-            problem = self.problem
+        n, moves = self.n_sessions, int(np.any(drift)) + int(np.any(drift[self.n_sessions :]))
+        problem = self.problems[min(moves, len(self.problems) - 1)]
+        each = [x] * len(problem.groups)
+        if moves:
             each = []
-            for session in self.session:
-                own = x.copy()
-                own[self.drifting] += self.weight * drift[session]
+            for g in problem.groups:
+                own, entry = x.copy(), g.entries[0][0]
+                moved = drift[problem.sessions.index(session_of(entry))].copy()
+                if moves > 1:
+                    moved += drift[n + problem.drifting_within.index(entry.record)]
+                own[self.drifting] += self.weight * moved
                 each.append(own)
         predictions, residuals, squares = problem.residuals(each)
         squares += self.beside.squares
@@ -241,7 +260,7 @@ class _Search:
         free = ~(((x <= self.low) & (pull < 0)) | ((x >= self.high) & (pull > 0)))
         lay = directions.layout
         offsets = np.zeros(lay.size)
-        for k, drift in enumerate(at.drift if lay.sessions else ()):
+        for k, drift in enumerate(at.drift if self.spread else ()):
             first = lay.unknowns + k * lay.per_session
             offsets[first : first + drift.size] = drift
         at.quadratic = Quadratic(
@@ -314,12 +333,12 @@ class _Search:
         lay = self.at.quadratic.layout if self.at.quadratic is not None else None
         if lay is None or not lay.sessions:
             return self.at.drift
-        if self.sizes.drift <= SETTINGS.predictive_small_drift:
-            # It moves a response in proportion, as its directions say.
-            return np.zeros_like(self.at.drift)
-        own = step[: lay.per_session * len(lay.sessions)].reshape(len(lay.sessions), -1)[:, : self.drifting.size]
-        most = SETTINGS.likelihood_farthest_drift * self.sizes.drift
-        return np.clip(self.at.drift + self.sizes.drift * own, -most, most)
+        own = step[: lay.first_nominal - lay.unknowns].reshape(len(self.at.drift), -1)[:, : self.drifting.size]
+        size = np.repeat([self.sizes.drift, self.sizes.within], [self.n_sessions, len(own) - self.n_sessions])[:, None]
+        most = SETTINGS.likelihood_farthest_drift * size
+        followed = np.clip(self.at.drift + size * own, -most, most)
+        # What is small moves a response in proportion, as its directions say.
+        return np.where(size > SETTINGS.predictive_small_drift, followed, 0.0)
 
 
 def _step(

@@ -3,7 +3,8 @@ Repeatability and discrepancy: the residual of a right model beyond sensor noise
 
     measured = H(x)·(1 + ε) + D_s z_s + Q v + noise,    z_s, v ~ N(0, 1) times their sizes
 
-`D_s` moves the stiffnesses, dampings and gains of session s (repeatability). `Q` multiplies the dynamic stiffness of an element by
+`D_s` moves the stiffnesses, dampings and gains of session s (repeatability); where records of one session differ, those of each
+record beside them. `Q` multiplies the dynamic stiffness of an element by
 1 + δ(ω), with δ a smooth complex Gaussian process over log frequency that all sessions share (discrepancy): of the nominal
 model's elements, and of the cause itself. Both are linear, so they are integrated out: with U = [D, Q] in whitened data the
 covariance is 1 + U Uᵀ. Sizes are hyperparameters with priors; the evidence decides, and they are summed over in every hypothesis.
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Sizes:
     """
-    Relative standard deviations of drift between sessions, and of the discrepancy of nominal elements and of the cause.
+    Relative standard deviations of drift between and within sessions, and of the discrepancy of nominal elements and of the cause.
 
     `noise` is a factor on the variance of the noise.
     """
@@ -42,6 +43,7 @@ class Sizes:
     nominal: float = 3e-4
     cause: float = 1e-2
     noise: float = 1.0
+    within: float = 1e-3
 
 
 @dataclass(frozen=True)
@@ -55,16 +57,22 @@ class Layout:
     nominal: tuple[int, ...]
     pivots: tuple[tuple[float, float], ...]
     shapes: int
+    records: tuple[int, ...] = ()  # Those that drift within their session, by their index in the campaign
 
     @property
     def per_session(self) -> int:
-        """Directions of one session: tuned values, then real and imaginary gain of each channel."""
+        """Directions of one session, or record: tuned values, then real and imaginary gain of each channel."""
         return len(self.drifting) + 2 * len(self.channels)
+
+    @property
+    def first_within(self) -> int:
+        """First column of the records' own drift."""
+        return self.unknowns + self.per_session * len(self.sessions)
 
     @property
     def first_nominal(self) -> int:
         """First column of the nominal elements' discrepancy."""
-        return self.unknowns + self.per_session * len(self.sessions)
+        return self.first_within + self.per_session * len(self.records)
 
     @property
     def first_cause(self) -> int:
@@ -79,7 +87,8 @@ class Layout:
     def scale(self, sizes: Sizes) -> FloatArray:
         """Factor on each column."""
         out = np.ones(self.size)
-        out[self.unknowns : self.first_nominal] = sizes.drift
+        out[self.unknowns : self.first_within] = sizes.drift
+        out[self.first_within : self.first_nominal] = sizes.within
         out[self.first_nominal : self.first_cause] = sizes.nominal
         out[self.first_cause :] = sizes.cause
         return out
@@ -116,6 +125,7 @@ class Directions:
             tuple(np.flatnonzero(nominal).tolist()) if spread else (),
             pivots_of(problem) if spread and np.any(self.cause) else (),
             self.smooth[0].shape[0],
+            problem.drifting_within if spread else (),
         )
         self._shapes: dict[tuple[int, int], FloatArray] = {}
         self.rows = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
@@ -128,17 +138,24 @@ class Directions:
         own_nominal = lay.first_nominal + np.arange(2 * shapes * len(lay.nominal))
         for i, (g, (shared, own)) in enumerate(zip(self.groups, self.rows, strict=True)):
             names = [session_of(same[0]) for same in g.entries]
+            # Records that drift by themselves are taken one by one.
+            members = [(name, same[0].record) for name, same in zip(names, g.entries, strict=True)]
+            keys = members if lay.records else [(name, -1) for name in names]
             count = len(own[0]) // 2 if own else 0
             cause = np.tensordot(self.cause, shared[len(shared) - len(self.cause) :], 1) if lay.pivots else None
-            for name in dict.fromkeys(names):
-                rows = np.array([k for k, other in enumerate(names) if other == name])
+            for name, record in dict.fromkeys(keys):
+                rows = np.array([k for k, other in enumerate(keys) if other == (name, record)])
+                firsts = []
+                if name in lay.sessions:
+                    firsts.append(lay.unknowns + lay.per_session * lay.sessions.index(name))
+                if record in lay.records:
+                    firsts.append(lay.first_within + lay.per_session * lay.records.index(record))
                 for c, channel in enumerate(g.channels):
                     index, parts = [problem.shared], [shared[:, rows, c]]
                     if channel in problem.channels and count:
                         index.append(problem.own(channel, count))
                         parts.append(own[c].reshape(2 * count, len(g.data), -1)[:, rows])
-                    if name in lay.sessions:
-                        first = lay.unknowns + lay.per_session * lay.sessions.index(name)
+                    for first in firsts:
                         moved = np.array(lay.drifting, dtype=int)
                         index.append(first + np.arange(moved.size))
                         parts.append(self.drift[moved, None, None] * shared[moved][:, rows, c])
@@ -348,6 +365,8 @@ def grids(layout: Layout, known: Known) -> dict[str, tuple[tuple[float, float], 
             grid = ((Sizes().drift, 1.0),)
         elif f.name == "drift" and known.drift is not None:
             grid = ((max(known.drift, 1e-9), 1.0),)
+        elif f.name == "within" and not layout.records:
+            grid = ((Sizes().within, 1.0),)
         elif (f.name == "nominal" and not layout.nominal) or (f.name == "cause" and not layout.pivots):
             grid = ((getattr(Sizes(), f.name), 1.0),)
         out[f.name] = grid

@@ -56,6 +56,8 @@ class Prediction:
     def __init__(self, model: Model, group: Group, blow_at: float = 0.0, circles: Circles | None = None) -> None:
         self.model, self.group = model, group
         self._inputs = tuple(dict.fromkeys(group.inputs))
+        # Records at one position share its response.
+        self._positions, self._at = np.unique(group.positions, return_inverse=True)
         sigma = float(group.decay_rate[0])
         self.s: ComplexArray = np.asarray(sigma + 2j * np.pi * group.freq, dtype=np.complex128)
         start = np.where(np.isnan(group.blow_at), blow_at, group.blow_at)
@@ -76,16 +78,14 @@ class Prediction:
         """Responses on the line and on the circles, which become this prediction's; shape (position, channel, s)."""
         g, s = self.group, np.concatenate([self.s, circles.points])
         self.circles = circles
-        self._response = ChainedResponse(self.model, g.positions, s, g.quantities, g.channels, self._inputs)
+        self._response = ChainedResponse(self.model, self._positions, s, g.quantities, g.channels, self._inputs)
         return self._by_row(self._response.data())
 
     def _by_row(self, values: ComplexArray) -> ComplexArray:
         """Of responses to all inputs each row's own; a structure without positions shows the same in every row."""
-        rows = np.arange(len(self.group.positions))
-        if len(self._inputs) == 1 and len(values) == rows.size:
-            return values[:, :, 0]
+        at = self._at if len(values) == len(self._positions) else 0 * self._at
         own = [self._inputs.index(name) for name in self.group.inputs]
-        out: ComplexArray = values[rows if len(values) == rows.size else 0 * rows, :, own]
+        out: ComplexArray = values[at, :, own]
         return out
 
     @cached_property

@@ -28,24 +28,29 @@ class Spread:
     offsets: FloatArray  # Coefficients of the directions, in their sizes; zero for the unknowns
     precision: FloatArray  # Posterior precision of all columns
 
-    def drifts(self, sessions: Sequence[tuple[float | str, ...]], count: int) -> FloatArray:
-        """Drift of the tuned values of some sessions, zero of those that were not fitted; shape (session, value)."""
+    def drifts(self, sessions: Sequence[tuple[float | str, ...]], records: Sequence[int], count: int) -> FloatArray:
+        """Drift of the tuned values of some sessions, then of some records; zero of those that were not fitted."""
         lay = self.layout
-        out = np.zeros((len(sessions), count))
+        out = np.zeros((len(sessions) + len(records), count))
         if len(lay.drifting) == count:
-            for k, name in enumerate(sessions):
-                if name in lay.sessions:
-                    first = lay.unknowns + lay.per_session * lay.sessions.index(name)
-                    out[k] = self.sizes.drift * self.offsets[first : first + count]
+            for k, name in enumerate((*sessions, *records)):
+                if name in (own := lay.sessions if k < len(sessions) else lay.records):
+                    size = self.sizes.drift if k < len(sessions) else self.sizes.within
+                    at = lay.unknowns if k < len(sessions) else lay.first_within
+                    at += lay.per_session * own.index(name)
+                    out[k] = size * self.offsets[at : at + count]
         return out
 
-    def with_session(self, name: tuple[float | str, ...]) -> Spread:
-        """The same with one more session, of which nothing is known but the size of its drift."""
+    def with_record(self, name: tuple[float | str, ...], record: int) -> Spread:
+        """The same with one more record, and its session: nothing is known of them but the size of their drift."""
         lay = self.layout
-        if not lay.sessions or name in lay.sessions:
+        sessions = (*lay.sessions, name) if lay.sessions and name not in lay.sessions else lay.sessions
+        records = (*lay.records, record) if lay.records and record not in lay.records else lay.records
+        if (sessions, records) == (lay.sessions, lay.records):
             return self
-        more = replace(lay, sessions=(*lay.sessions, name))
-        old = np.r_[: lay.first_nominal, more.first_nominal : more.size]
+        more = replace(lay, sessions=sessions, records=records)
+        within = more.first_within + np.arange(lay.first_nominal - lay.first_within)
+        old = np.r_[: lay.first_within, within, more.first_nominal : more.size]
         offsets, precision = np.zeros(more.size), np.eye(more.size)
         offsets[old] = self.offsets
         precision[np.ix_(old, old)] = self.precision
@@ -56,6 +61,7 @@ class Spread:
         problem: Problem,
         x: FloatArray,
         name: tuple[float | str, ...],
+        record: int,
         show: Callable[[FloatArray], tuple[Predicted, ComplexArray]],
     ) -> tuple[FloatArray, float]:
         """
@@ -64,7 +70,7 @@ class Spread:
         The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. The drift of
         a session that was not fitted is taken where the record has it, and pays its prior.
         """
-        own = self.with_session(name)
+        own = self.with_record(name, record)
         lay, scale = own.layout, own.layout.scale(own.sizes)
         drift, _ = weights(problem)
         moved = np.array(lay.drifting, dtype=int)

@@ -59,6 +59,8 @@ class Problem:
         self.band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
         self.shapes = [self._shapes_at(g.freq) for g in groups]
         self.sessions = tuple(dict.fromkeys(session_of(same[0]) for g in groups for same in g.entries))
+        self.drifting_within: tuple[int, ...] = ()
+        """Records that drift within their session."""
         self._circles: list[Circles | None] = [None] * len(self.groups)
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from cutvib_ss.measurement.records import FORCE, Sweep
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 from cutvib_ss.results.arrays import position_array
+
+By = Literal["session", "record"]
+"""What the groups of a problem hold one of."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,7 @@ class Records:
     entries: tuple[Entry, ...]  # The records
     rough: bool = False  # Whether lines have been left out, for starts
     widened: bool = False  # Whether the noise has been widened too: by more than machines drift
+    moving: bool = False  # Whether the machine may have moved between the records of a session: none are merged
 
     @cached_property
     def merged(self) -> tuple[Group, ...]:
@@ -98,24 +103,32 @@ class Records:
         return merged(self.entries)
 
     @cached_property
-    def by_session(self) -> tuple[Group, ...]:
-        """The same with one session a group."""
-        return merged(self.entries, by_session=True)
+    def _groups(self) -> dict[tuple[bool, By | None], tuple[Group, ...]]:
+        return {}
 
-    @cached_property
-    def apart(self) -> tuple[Group, ...]:
+    def groups(self, by: By | None = None) -> tuple[Group, ...]:
+        """Groups for a linear cause: one row a position, or a record where the machine moves; all, by session, or by record."""
+        if not self.moving and by != "record":
+            return self.merged if by is None else self._grouped(False, by)
+        return self._grouped(True, by)
+
+    def apart_groups(self, by: By | None = None) -> tuple[Group, ...]:
         """Groups with one row a record, those that can be simulated alone."""
-        return merged(self.simulable, apart=True)
+        return (
+            Records(self.simulable)._grouped(True, by)
+            if len(self.simulable) < len(self.entries)
+            else self._grouped(True, by)
+        )
 
-    @cached_property
-    def apart_by_session(self) -> tuple[Group, ...]:
-        """The same with one session a group."""
-        return merged(self.simulable, apart=True, by_session=True)
-
-    @cached_property
-    def each(self) -> tuple[Group, ...]:
-        """Every record a group by itself."""
-        return tuple(_group([e], apart=True) for e in self.entries)
+    def _grouped(self, apart: bool, by: By | None) -> tuple[Group, ...]:
+        if (apart, by) not in self._groups:
+            entries = self.entries
+            self._groups[apart, by] = (
+                tuple(_group([e], apart=True) for e in entries)
+                if by == "record"
+                else merged(entries, apart, by_session=by == "session")
+            )
+        return self._groups[apart, by]
 
     @cached_property
     def simulable(self) -> tuple[Entry, ...]:

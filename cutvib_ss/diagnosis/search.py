@@ -22,13 +22,12 @@ from cutvib_ss.diagnosis.linearity import level_stands_out, levels_compared, mot
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, ranked_by_gain, refit, some
-from cutvib_ss.diagnosis.records import Records, session_of
+from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce, unknown_candidates
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
-from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
 
 
@@ -61,6 +60,9 @@ def search(
     )
     none = _not_caught(nominal, records, none, ranked)
     by_level = level_stands_out(records, none.fit.model)
+    if by_level:
+        records = replace(records, moving=True)
+        none, ranked = _moving(nominal, records, none, ranked, workers)
     dependent: Sequence[Candidate] = ()
     motion: dict[str, float] = {}
     outlook = records.for_laws(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error) if laws else None
@@ -95,28 +97,29 @@ def search(
         ranked += _unknown(nominal, records, few, observed, ranked, workers)
         if dependent:
             ranked += _unknown_forces(nominal, records, few, observed, none, workers)
-    if dependent:
-        none = _drifting_within(nominal, records, none)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
         best.setdefault(r.name, r)
     return (none, *best.values())
 
 
-def _drifting_within(nominal: Model, records: Records, none: Ranked) -> Ranked:
+def _moving(
+    nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked], workers: Workers
+) -> tuple[Ranked, list[Ranked]]:
     """
-    The model without a cause, its evidence summed over whether the machine drifts from record to record too.
+    The model without a cause and the best linear causes, fitted to every record by itself.
 
     Levels of one session that differ since the machine moved between them would pass for a cause that depends on the level.
     """
-    apart = tuple(replace(e, session=f"{session_of(e)} {e.record}") for e in records.entries)
-    try:
-        within = fit(nominal, Records(apart), Hypothesis(), none.fit.x, SETTINGS.search_most_law_steps)
-    except CutvibError:
-        return none
-    prior = SETTINGS.prior_drift_within
-    both = np.logaddexp(none.fit.log_evidence + np.log1p(-prior), within.log_evidence + np.log(prior))
-    return replace(none, fit=replace(none.fit, log_evidence=float(both)))
+    workers.say("following the machine from record to record")
+    best = sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[: SETTINGS.search_moving]
+    again = workers.map(partial(_followed, nominal, records), [none, *best])
+    return again[0], [*again[1:], *(r for r in ranked if r not in best)]
+
+
+def _followed(nominal: Model, records: Records, r: Ranked) -> Ranked:
+    again = refit(nominal, records, r.fit.hypothesis, r.fit.x, SETTINGS.search_most_steps, near=r.fit)
+    return r if again is None else replace(r, fit=again)
 
 
 def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked]) -> Ranked:

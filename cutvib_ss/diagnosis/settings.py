@@ -53,6 +53,10 @@ class Settings:
         ((3e-5, 0.10), (1e-4, 0.10), (3e-4, 0.15), (1e-3, 0.25), (3e-3, 0.25), (1e-2, 0.12), (3e-2, 0.03)),
         "relative std, probability", "Prior of the drift between sessions", "differences between sessions are forgiven",
         "machines repeat to 0.1-2 %, rarely worse")
+    likelihood_within_sizes: Weighted = _of(
+        ((1e-6, 0.55), (3e-5, 0.05), (1e-4, 0.08), (3e-4, 0.12), (1e-3, 0.12), (3e-3, 0.06), (1e-2, 0.02)),
+        "relative std, probability", "Prior of the drift from record to record within a session",
+        "what differs between levels is forgiven", "machines warm and settle while they are struck, by less than overnight")
     likelihood_nominal_sizes: Weighted = _of(
         ((3e-5, 0.15), (1e-4, 0.15), (3e-4, 0.20), (1e-3, 0.25), (3e-3, 0.15), (1e-2, 0.08), (3e-2, 0.02)),
         "relative std, probability", "Prior of the discrepancy of the nominal model's elements",
@@ -102,8 +106,6 @@ class Settings:
     prior_known: float = _of(0.3, "probability", "Prior of one known cause, shared by all", "more 'explained'", "as above")
     prior_unknown: float = _of(0.1, "probability", "Prior of an unknown element, shared by all ports", "more 'unknown'",
         "as above")
-    prior_drift_within: float = _of(0.2, "probability", "Prior that a machine drifts between records of one session as it does "
-        "between sessions", "fewer causes that depend on the level", "most campaigns are measured position by position in minutes")
     prior_sums: float = _of(0.1, "probability", "Prior of two causes together", "more pairs", "as above")
     unknown_knots: int = _of(9, "knots", "Knots of an unknown element over the band", "finer functions",
         "two to three an octave and a half, as its correlation length asks")
@@ -224,6 +226,7 @@ class Settings:
     search_first_order: float = _of(20.0, "χ² a datum",
         "Of the tuned model, from which all linear causes are fitted, since what one would take away to first order says little",
         "faster", _JUDGEMENT)
+    search_moving: int = _of(3, "causes", "Of the best linear causes that are fitted to every record by itself", "longer", _TIME)
     search_scouted: int = _of(9, "causes",
         "Linear causes that promise most from the tuned model, and as many from the untuned one, that are fitted",
         "longer", "the true cause was within the first three of one or the other of 16 simulated machines, but for one")
@@ -394,7 +397,7 @@ class Settings:
         """Priors of the likelihood's sizes, by the names of `likelihood.Sizes`."""
         return {
             "drift": self.likelihood_drift_sizes, "nominal": self.likelihood_nominal_sizes,
-            "cause": self.likelihood_cause_sizes, "noise": self.likelihood_noise_factors,
+            "cause": self.likelihood_cause_sizes, "noise": self.likelihood_noise_factors, "within": self.likelihood_within_sizes,
         }
 
     @property

@@ -18,7 +18,7 @@ import numpy as np
 from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import Group, Records, merged, site
+from cutvib_ss.diagnosis.records import By, Group, Records, merged, site
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.sweeps import SweptRecord, swept
 from cutvib_ss.diagnosis.unknown_element import UnknownForce
@@ -277,19 +277,22 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
 def unforced_problem(nominal: Model, records: Records, hypothesis: Hypothesis) -> Problem:
     """The unknowns of a hypothesis without the forces of single records: to draw models and calibration errors from a fit."""
     if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
-        return UnknownForceProblem(nominal, records.each, hypothesis)
+        return UnknownForceProblem(nominal, records.groups("record"), hypothesis)
     return Problem(nominal, records.merged, hypothesis)
 
 
 def problem_for(
-    nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False, by_session: bool = False
+    nominal: Model, records: Records, hypothesis: Hypothesis, apart: bool = False, by: By | None = None
 ) -> Problem:
-    """The problem of a hypothesis on some records."""
+    """The problem of a hypothesis on some records; its groups hold all, one session, or one record each."""
+    problem: Problem
     if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
-        return UnknownForceProblem(nominal, records.each, hypothesis)
-    if hypothesis.linear and not records.leaking and not apart:
-        return Problem(nominal, records.by_session if by_session else records.merged, hypothesis)
-    groups = records.apart_by_session if by_session else records.apart
-    return SimulatedProblem(
-        nominal, groups, hypothesis, SETTINGS.simulation_rough_steps if records.rough else SETTINGS.simulation_steps
-    )
+        problem = UnknownForceProblem(nominal, records.groups("record"), hypothesis)
+    elif hypothesis.linear and not records.leaking and not apart:
+        problem = Problem(nominal, records.groups(by), hypothesis)
+    else:
+        steps = SETTINGS.simulation_rough_steps if records.rough else SETTINGS.simulation_steps
+        problem = SimulatedProblem(nominal, records.apart_groups(by), hypothesis, steps)
+    if records.moving:
+        problem.drifting_within = tuple(sorted(same[0].record for g in problem.groups for same in g.entries))
+    return problem

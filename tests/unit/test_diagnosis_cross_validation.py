@@ -117,9 +117,9 @@ def test_a_prediction_is_as_uncertain_as_its_unknowns():
 
 def test_a_law_is_as_uncertain_where_it_was_not_fitted():
     law = Hypothesis((CubicStiffness("joint2", 4e9),), {"joint2": 1e-4})
-    problem = SimulatedProblem(MACHINE, with_forces(20.0, 60.0).apart, law)
+    problem = SimulatedProblem(MACHINE, with_forces(20.0, 60.0).apart_groups(), law)
     x = problem.start()
-    (group,) = with_forces(40.0).apart
+    (group,) = with_forces(40.0).apart_groups()
 
     def shown(x):
         return simulated(problem.applied(x), group).data[0]

@@ -198,7 +198,7 @@ def test_a_law_is_simulated_under_a_blow_elsewhere():
 
 def test_derivatives_of_a_simulated_law_under_blows_elsewhere():
     records = Records(tuple(on_the_machine(("force", "rail@0.25"), 60.0)))
-    problem = SimulatedProblem(MACHINE, records.apart, Hypothesis((CubicStiffness("joint2", 4e9),)))
+    problem = SimulatedProblem(MACHINE, records.apart_groups(), Hypothesis((CubicStiffness("joint2", 4e9),)))
     x = problem.start()
     (p,), _, _ = problem.residuals(x)
     slopes = problem._slopes(x, p)

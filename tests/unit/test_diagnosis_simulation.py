@@ -56,7 +56,7 @@ def records(*levels, position=0.5):
 
 def measured(empty, model, force_scale=None, seed=0):
     """The same with what a model shows, and noise."""
-    (group,) = empty.apart
+    (group,) = empty.apart_groups()
     shown = simulated(model, group, force_scale=force_scale).data
     rng = np.random.default_rng(seed)
     noise = NOISE / np.sqrt(2) * (rng.standard_normal(shown.shape) + 1j * rng.standard_normal(shown.shape))
@@ -134,8 +134,8 @@ def test_forces_belong_to_their_records_however_these_are_grouped():
     one, two = (records(20.0, 60.0, position=y).entries for y in (0.2, 0.8))
     mixed = Records(tuple(replace(e, record=k) for k, e in enumerate((one[0], two[0], one[1], two[1]))))
     law, x = Hypothesis((CubicStiffness("joint2", 4e9),)), np.arange(4) / 10
-    for by_session in (False, True):
-        problem = problem_for(MACHINE, mixed, law, by_session=by_session)
+    for by in (None, "session"):
+        problem = problem_for(MACHINE, mixed, law, by=by)
         unknowns = problem.start()
         unknowns[problem.first_effect - 4 : problem.first_effect] = x
         factors = problem._force_scales(unknowns)

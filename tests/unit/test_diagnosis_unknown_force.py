@@ -10,9 +10,8 @@ import pytest
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import confounded
-from cutvib_ss.diagnosis.ranking import Ranked, some
+from cutvib_ss.diagnosis.ranking import some
 from cutvib_ss.diagnosis.records import Entry, Records
-from cutvib_ss.diagnosis.search import _drifting_within
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce
 from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
@@ -93,10 +92,23 @@ def test_a_level_for_each_session_is_confounded() -> None:
     assert confounded(Records(named))
 
 
-def test_a_machine_that_drifts_between_levels_of_a_session_is_no_cause() -> None:
+def test_a_machine_that_moves_between_levels_of_a_session_is_followed() -> None:
     machine = published_machine()
-    moved, steady = (records({10.0: 0.0, 100.0: v}) for v in (0.004, 0.0))
-    for own, gains in ((moved, True), (steady, False)):
-        none = Ranked("none", fit(machine, own, Hypothesis()), True)
-        both = _drifting_within(machine, own, none)
-        assert (both.fit.log_evidence > none.fit.log_evidence + 3.0) is gains
+    for moved, gains in ((0.004, True), (0.0, False)):
+        own = records({10.0: 0.0, 100.0: moved})
+        steady, apart = (fit(machine, replace(own, moving=moving), Hypothesis()) for moving in (False, True))
+        assert (apart.log_evidence > steady.log_evidence + 3.0) is gains
+        # Records by themselves that do not move tell the same as merged ones, but for the prior of not moving.
+        if not gains:
+            assert abs(apart.log_evidence - steady.log_evidence) < 1.5
+            assert apart.spread.sizes.within < 1e-4
+        assert apart.reduced == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_record_that_moves_far_is_followed_beyond_first_order() -> None:
+    machine, wide = published_machine(), replace(records({10.0: -0.01, 100.0: 0.03}), moving=True)
+    found = fit(machine, wide, Hypothesis())
+    assert found.reduced == pytest.approx(1.0, abs=0.1)
+    lay = found.spread.layout
+    drifts = found.spread.drifts(lay.sessions, lay.records, len(lay.drifting))[len(lay.sessions) :, 1]  # of k2
+    np.testing.assert_allclose(drifts[1::2] - drifts[::2], 0.04, atol=0.008)
