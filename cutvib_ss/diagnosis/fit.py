@@ -48,7 +48,7 @@ class Fit:
     stds: Mapping[str, float]  # Standard deviation of each effect's parameter, in order ``<index>.<name>``
     # Parameters of the effects that lie at an end of their range, ``<index>.<name>``, where other values lie beyond
     at_end: tuple[str, ...]
-    correlation: float  # Number of neighbouring lines whose residuals go together; 1 where they are white
+    correlation: float  # Number of residuals that tell the same thing; 1 where they are white
     spread: Spread  # Drift and discrepancy: their sizes, and what the records say of them
 
     @property
@@ -84,6 +84,8 @@ def fit(
         search.try_from(problem.start(None))
     if hypothesis.linear and not records.rough and near is None:
         search.start_from(_from_afar(nominal, records, hypothesis, search))
+        if not problem.apart and max_iterations > SETTINGS.fit_scout_steps:
+            search.continue_from(_on_fewer_lines(nominal, records, hypothesis, search, max_iterations, tolerance))
     if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
         # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
         plain = _Search(problems, search.at.x, False, search.beside)
@@ -146,6 +148,18 @@ def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: 
     return search
 
 
+def _on_fewer_lines(
+    nominal: Model, records: Records, hypothesis: Hypothesis, start: _Search, steps: int, tolerance: float
+) -> _Search:
+    """The same fit on some of the lines, as measured: neighbours tell much the same of the unknowns, and cost as much."""
+    few = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
+    problems = _problems(nominal, few, hypothesis)
+    search = _Search(problems, start.at.x, True, _beside(problems[0], few))
+    search.start_from(start)
+    search.climb(steps, tolerance)
+    return search
+
+
 @dataclass
 class _At:
     """The objective at some unknowns and drifts of sessions, and what a step from there needs."""
@@ -205,6 +219,13 @@ class _Search:
             there = self.evaluated(other.at.x, drift)
             if np.isfinite(there.objective) and there.objective < self.at.objective:
                 self.at = there
+
+    def continue_from(self, other: _Search) -> None:
+        """The same with the sizes of drift and discrepancy found there."""
+        self.sizes = other.sizes
+        if self.at.quadratic is not None:
+            self._weigh(self.at)
+        self.start_from(other)
 
     def try_from(self, x: FloatArray) -> None:
         """Start from other unknowns if they are better."""
@@ -303,7 +324,7 @@ class _Search:
             damping = self._step(damping, self.at.quadratic)
             gain = before - self.at.objective
             # A residual of many times the noise needs no exact optimum.
-            far = self.at.chi2 > SETTINGS.fit_hopeless * self.count
+            far = self.at.chi2 * self.sizes.noise > SETTINGS.fit_hopeless * self.count
             least = max(tolerance, SETTINGS.fit_hopeless_gain) if far else tolerance
             if gain < SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0):
                 break

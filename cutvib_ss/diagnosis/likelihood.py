@@ -199,9 +199,11 @@ class Directions:
 
     def correlation(self, residuals: Sequence[ComplexArray], coefficients: FloatArray) -> float:
         """
-        Integrated correlation of the residuals along frequency, 1 + 2 Σ ρ, the directions taken out with their coefficients.
+        How many residuals tell the same thing, the directions taken out with their coefficients; 1 where they are white.
 
-        The sum ends at the first lag whose correlation does not stand out (Sokal 1997, on autocorrelation times).
+        Along frequency that is the integrated correlation 1 + 2 Σ ρ, summed up to the first lag at which ρ does not stand out
+        (Sokal 1997, on autocorrelation times). What is correlated along frequency is an error of the model, and all responses
+        show the same one: 1 + 2 N Σ ρ, with N the number of responses, as if they were one cluster (Liang and Zeger 1986).
         """
         sums: dict[int, float] = {}
         for i, rows, c, index, part in self.chunks():
@@ -210,12 +212,13 @@ class Directions:
                 power = float(np.sum((r[:, lag:] * r[:, : r.shape[-1] - lag].conj()).real))
                 sums[lag] = sums.get(lag, 0.0) + power * r.shape[-1] / (r.shape[-1] - lag)
         count = sum(g.data.size for g in self.groups)
+        responses = sum(g.data.shape[0] * g.data.shape[1] for g in self.groups)
         total = 1.0
         for lag in range(1, len(sums)):
             rho = sums[lag] / max(sums[0], 1e-300)
             if rho < max(SETTINGS.likelihood_correlated, 2.0 / np.sqrt(count)):
                 break
-            total += 2.0 * rho
+            total += 2.0 * responses * rho
         return total
 
     def flat(self) -> FloatArray:

@@ -5,7 +5,8 @@ Half of the prior lies on no cause. Known causes share theirs equally by effect 
 unknown element shares its by place; sums of two share theirs as if all were tried. What was not fitted
 on all lines counts nothing. Where even the best hypothesis leaves more than noise, its likelihood is wrong everywhere:
 differences of log evidence are then divided by its reduced χ² (quasi-likelihood, McCullagh and Nelder 1989, chapter 9),
-and by the number of neighbouring lines whose residuals go together: so many tell the same thing.
+and by the number of residuals that tell the same thing (`likelihood.Directions.correlation`). So a second cause that takes away
+part of what the form of the first leaves does not pass for known: it has to leave noise.
 """
 
 from __future__ import annotations

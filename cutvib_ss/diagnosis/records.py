@@ -157,7 +157,7 @@ class Records:
             few = thinned(e, slice(None, None, max(1, e.freq.size // lines)))
             widened = few.variance + behind[id(e)] * (error * np.abs(few.data)) ** 2
             out.append(replace(few, variance=widened))
-        return Records(tuple(out), rough=True, widened=error > 0.0)
+        return Records(tuple(out), rough=True, widened=error > 0.0, moving=self.moving)
 
     def for_laws(self, lines: int, error: float) -> Records | None:
         """Few records that show what depends on the level: some positions, at all levels, one blow each, on few lines."""

@@ -67,11 +67,7 @@ def search(
     motion: dict[str, float] = {}
     outlook = records.for_laws(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error) if laws else None
     compared = levels_compared(records, none.fit.model)
-    if (
-        outlook is not None
-        and (by_level or not compared or not _enough(ranked, none, leaves))
-        and none.reduced > SETTINGS.search_enough
-    ):
+    if outlook is not None and (by_level or not compared or not _enough(ranked, none, leaves)) and _gap(ranked, none):
         moved = motions(none.fit.model, outlook)
         motion = {place: m.high for place, m in moved.items()}
         dependent = nonlinear_candidates(nominal, moved)
@@ -85,17 +81,19 @@ def search(
         )
     if (
         pairs
-        and none.reduced > SETTINGS.search_enough
+        and _gap(ranked, none)
         and not _enough(ranked, none, leaves)
         and _gained(ranked, none) > SETTINGS.search_leads
     ):
         workers.say("fitting causes that act together")
         seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
         ranked += fit_pairs(nominal, records, ranked, seconds, motion, workers)
-    if none.reduced > SETTINGS.search_enough and not _enough(ranked, none, leaves):
+    if _gap(ranked, none):
         workers.say("fitting elements of unknown form")
-        ranked += _unknown(nominal, records, few, observed, ranked, workers)
-        if dependent:
+        # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
+        left = not _enough(ranked, none, leaves)
+        ranked += _unknown(nominal, records, few, observed, ranked if left else (), workers)
+        if dependent and left:
             ranked += _unknown_forces(nominal, records, few, observed, none, workers)
     best: dict[str, Ranked] = {}
     for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
@@ -131,6 +129,12 @@ def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence
     return Ranked(none.name, again, True) if again.objective < none.fit.objective else none
 
 
+def _gap(ranked: Sequence[Ranked], none: Ranked) -> bool:
+    """Whether the re-tuned model leaves more than noise and drift, or some cause does better."""
+    best = max(r.fit.log_evidence for r in ranked if r.refined)
+    return none.reduced > SETTINGS.search_enough or best > none.fit.log_evidence + SETTINGS.search_caught
+
+
 def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], float]) -> bool:
     """Whether the best cause leaves so little that nothing more need be tried."""
     best = max(ranked, key=lambda r: r.fit.log_evidence)
@@ -149,7 +153,7 @@ def _unknown(
     ranked: Sequence[Ranked],
     workers: Workers,
 ) -> list[Ranked]:
-    """An unknown element at each port, alone and beside the best linear cause."""
+    """An unknown element at each port, alone and beside the best linear cause of those given."""
     alone = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band)]
     linear = [r for r in ranked if r.refined and r.fit.hypothesis.linear and len(r.fit.hypothesis.effects) == 1]
     beside: list[tuple[Hypothesis, FloatArray | None]] = [(h, None) for h in alone]

@@ -132,6 +132,7 @@ class Settings:
     fit_passes: int = _of(3, "climbs", "Times that a fit climbs at most", "longer", _TIME)
     fit_scout_steps: int = _of(10, "steps", "A fit of no more steps climbs once", "more scouts", _TIME)
     fit_start_lines: int = _of(120, "lines", "Lines on which drifting sessions are started", "longer", _TIME)
+    fit_fewer_lines: int = _of(300, "lines", "Of a record, on which a linear cause is fitted before all are taken", "longer", _TIME)
     fit_start_error: float = _of(0.1, "1", "Relative error added to those", "smoother objective", _JUDGEMENT)
     fit_start_gain: float = _of(1e-2, "1", "Relative gain at which those steps end", "rougher starts", _TIME)
     fit_hopeless: float = _of(5.0, "χ² a datum", "From which a fit is not worth small steps", "longer", _TIME)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import atan, pi, sqrt
 from typing import Literal, Protocol
 
@@ -204,9 +205,9 @@ class SmoothElement:
         return np.concatenate([real, 1j * real])
 
     def _shapes(self, s: ComplexArray) -> ComplexArray:
-        count = len(self.coefficients) // 2
-        u = np.log(np.asarray(s) / (2j * pi))
-        return smooth_process(u, (float(np.log(self.band[0])), float(np.log(self.band[1]))), count)
+        at = np.asarray(s, dtype=np.complex128)
+        shapes = _shapes_over(at.tobytes(), self.band, len(self.coefficients) // 2)
+        return shapes.reshape(-1, *at.shape)
 
     def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
         """z(s), of the shape of ``s``."""
@@ -233,6 +234,13 @@ class SmoothElement:
         raise CouplingError(
             "an unknown dynamic stiffness has no finite second-order form; ask for its viscous equivalent"
         )
+
+
+@lru_cache(maxsize=64)
+def _shapes_over(s: bytes, band: tuple[float, float], count: int) -> ComplexArray:
+    """Shapes over a band at some s, which every coefficient asks for."""
+    u = np.log(np.frombuffer(s, dtype=np.complex128) / (2j * pi))
+    return smooth_process(u, (float(np.log(band[0])), float(np.log(band[1]))), count)
 
 
 def smooth_process(u: ComplexArray | FloatArray, ends: tuple[float, float], count: int) -> ComplexArray:
