@@ -26,6 +26,7 @@ from cutvib_ss.measurement.schema import CampaignFile, ChannelTable, RecordTable
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.results import MeasuredFrequencyResponse, Quantity
+from cutvib_ss.results.arrays import optional_array
 
 _Writable: TypeAlias = Literal["tdms", "uff", "csv", "mat"]
 _FORMATS: tuple[str, ...] = get_args(_Writable)
@@ -229,7 +230,7 @@ def _measured(raw: RawFrf, table: RecordTable, machine: MachineLike, struck: str
     return MeasuredFrequencyResponse(
         data=data[np.newaxis, :, np.newaxis],
         freq=raw.freq,
-        positions=np.array([np.nan if table.position is None else table.position]),
+        positions=optional_array([table.position]),
         outputs=channels,
         inputs=(struck or FORCE,),
         quantities=quantities,
