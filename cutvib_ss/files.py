@@ -1,5 +1,5 @@
 """
-Files that are written: complete or not there at all, and refused before the work where they cannot be.
+Files that are written: complete or not there at all, and refused before the work where they cannot be; TOML that is read.
 
 Imports nothing slow, so that the command line can refuse a wrong name at once.
 """
@@ -7,9 +7,11 @@ Imports nothing slow, so that the command line can refuse a wrong name at once.
 from __future__ import annotations
 
 import os
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from cutvib_ss.errors import DataFormatError, ParameterError
 
@@ -55,6 +57,21 @@ def staged(path: str | os.PathLike[str]) -> Iterator[Path]:
         raise DataFormatError(f"{target}: cannot be written ({error.strerror}); choose another path") from error
     finally:
         draft.unlink(missing_ok=True)
+
+
+def read_toml(file: Path, wanted: str) -> dict[str, Any]:
+    """Content of a TOML file; where there is none, the message says what is wanted."""
+    try:
+        with file.open("rb") as stream:
+            return tomllib.load(stream)
+    except FileNotFoundError:
+        raise DataFormatError(f"{file}: there is no such file; {wanted}") from None
+    except OSError as error:
+        raise DataFormatError(
+            f"{file}: cannot be read ({error.strerror}); check the path and its permissions"
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DataFormatError(f"{file}: not valid TOML ({error}); correct that line") from error
 
 
 def check_target(path: str | os.PathLike[str]) -> Path:

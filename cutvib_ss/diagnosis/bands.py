@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage, stats
 
 from cutvib_ss.diagnosis.cross_validation import Judged
-from cutvib_ss.diagnosis.findings import Band, finite_or_none
+from cutvib_ss.diagnosis.findings import Band
 from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.records import measured_at
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -37,7 +37,7 @@ def bands(
         )
         noise = np.mean([np.sqrt(np.pi * j.entry.variance[:, m]).mean() / 2 for j, m in zip(tuned, inside) if m.any()])
         by_position = _centres(tuned, inside, lambda j: j.entry.position)
-        by_level = _centres(tuned, inside, lambda j: finite_or_none(j.entry.level))
+        by_level = _centres(tuned, inside, lambda j: j.entry.level)
         out.append(
             Band(
                 low=low,
@@ -65,7 +65,7 @@ def _main(
     freq = np.arange(whole[0], whole[1] + step / 2, step)
     height, count = np.zeros(freq.size), np.zeros(freq.size)
     for j in records:
-        excess = np.abs(j.entry.data - j.predicted) - np.sqrt(np.pi * j.entry.variance) / 2
+        excess = np.abs(j.residual) - np.sqrt(np.pi * j.entry.variance) / 2
         at = np.clip(np.rint((j.entry.freq - freq[0]) / step).astype(int), 0, freq.size - 1)
         np.add.at(height, at, excess.mean(axis=0))
         np.add.at(count, at, 1.0)
@@ -90,7 +90,7 @@ def _main(
 
 
 def _mean_error(records: Sequence[Judged], inside: Sequence[np.ndarray]) -> float:
-    errors = [np.abs(j.entry.data - j.predicted)[:, m].mean() for j, m in zip(records, inside, strict=True) if m.any()]
+    errors = [np.abs(j.residual)[:, m].mean() for j, m in zip(records, inside, strict=True) if m.any()]
     return float(np.mean(errors))
 
 
@@ -101,7 +101,7 @@ def _centres(
     groups: dict[float | None, list[tuple[FloatArray, FloatArray]]] = {}
     for j, m in zip(records, inside, strict=True):
         if m.any():
-            excess = np.mean(np.abs(j.entry.data - j.predicted)[:, m] ** 2 / j.entry.variance[:, m], axis=0) - 1.0
+            excess = np.mean(np.abs(j.residual)[:, m] ** 2 / j.entry.variance[:, m], axis=0) - 1.0
             groups.setdefault(key(j), []).append((j.entry.freq[m], np.maximum(excess, 0.0)))
     out = []
     for value, parts in sorted(groups.items(), key=lambda item: (item[0] is not None, item[0] or 0.0)):
@@ -128,7 +128,7 @@ def _coherence(records: Sequence[Judged], inside: Sequence[np.ndarray]) -> float
     """What records of one position share of their errors' power above the noise."""
     places: dict[tuple[float | None, str], list[tuple[ComplexArray, FloatArray]]] = {}
     for j, m in zip(records, inside, strict=True):
-        error = (j.entry.data - j.predicted)[:, m]
+        error = j.residual[:, m]
         places.setdefault(measured_at(j.entry), []).append((error, j.entry.variance[:, m]))
     shared, total = 0.0, 0.0
     for same in places.values():

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import interpolate, ndimage
 
 from cutvib_ss.diagnosis.prediction import Prediction
-from cutvib_ss.diagnosis.records import Entry, Group, estimator_of, measured_at, merged, session_of
+from cutvib_ss.diagnosis.records import Entry, Group, block_and_window, estimator_of, measured_at, merged, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -45,7 +45,7 @@ def compared(a: Entry, b: Entry, model: Model | None = None, blow_at: float = 0.
     if not channels:
         return None
     a, b = _with(a, channels), _with(b, channels)
-    if (a.block, a.decay_rate) != (b.block, b.decay_rate):
+    if block_and_window(a) != block_and_window(b):
         if model is None:
             return None
         a, b = _less(a, model, blow_at), _less(b, model, blow_at)
@@ -65,17 +65,13 @@ def compared(a: Entry, b: Entry, model: Model | None = None, blow_at: float = 0.
 
 def across_grids(
     groups: Sequence[Group], model: Model | None = None, blow_at: float = 0.0, stated: bool = False
-) -> Iterator[tuple[tuple[float, ...], Compared]]:
+) -> Iterator[tuple[tuple[float | None, ...], Compared]]:
     """
     Merged records of one position, input and session on different grids or blocks, in pairs of unlike levels, with their levels.
 
     Sessions are those that the likelihood tells apart, or only those that are stated.
     """
-    rows = [
-        (replace(same[0], data=g.data[k], variance=g.variance[k]), frozenset(e.level for e in same))
-        for g in groups
-        for k, same in enumerate(g.entries)
-    ]
+    rows = [(g.entry(k), frozenset(e.level for e in same)) for g in groups for k, same in enumerate(g.entries)]
     for (a, mine), (b, theirs) in combinations(rows, 2):
         together = a.session == b.session if stated else session_of(a) == session_of(b)
         if not together or measured_at(a) != measured_at(b) or estimator_of(a) == estimator_of(b) or mine == theirs:
@@ -86,14 +82,7 @@ def across_grids(
 
 def _with(e: Entry, channels: tuple[str, ...]) -> Entry:
     """A record with some of its channels."""
-    rows = [e.channels.index(c) for c in channels]
-    return replace(
-        e,
-        channels=channels,
-        quantities=tuple(e.quantities[k] for k in rows),
-        data=e.data[rows],
-        variance=e.variance[rows],
-    )
+    return replace(e, response=e.response.sel(output=channels))
 
 
 def _less(e: Entry, model: Model, blow_at: float) -> Entry:
@@ -101,9 +90,7 @@ def _less(e: Entry, model: Model, blow_at: float) -> Entry:
     (group,) = merged([e])
     shown = Prediction(model, group, blow_at)
     tail = (shown.untruncated * shown.window - shown.data)[0]
-    return replace(
-        e, data=e.data - shown.data[0], variance=e.variance + (SETTINGS.comparison_tail_error * np.abs(tail)) ** 2
-    )
+    return e.showing(e.data - shown.data[0], e.variance + (SETTINGS.comparison_tail_error * np.abs(tail)) ** 2)
 
 
 def _spacing(e: Entry) -> float:

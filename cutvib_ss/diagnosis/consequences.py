@@ -111,7 +111,7 @@ def _warnings(fit: Fit, records: Records, observed: Observations, verdict: Verdi
     places = _places(records, len(records.entries))
     if np.isfinite(places).all() and places.size < 3:
         out.append("fewer than three positions were measured: elsewhere on the rail the corrected model extrapolates")
-    levels = {e.level for e in records.entries if np.isfinite(e.level)}
+    levels = {e.level for e in records.entries if e.level is not None}
     if fit.model.nonlinear and len(levels) < 2:
         out.append("one level was measured: at any other the corrected model extrapolates")
     if any(place == "measurement" for place in fit.hypothesis.place.split("+")):

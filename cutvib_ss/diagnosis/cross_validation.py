@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -40,13 +40,29 @@ class Judged:
     """One held-out record."""
 
     entry: Entry  # The record
-    error: FloatArray  # Mean modulus of the error over the band, SI
-    noise: FloatArray  # Mean modulus of the error by noise alone
-    chi2: FloatArray  # χ² a degree of freedom
     predicted: ComplexArray  # What was predicted of it
-    # Mean square of the error, and of the error of a right model by noise and drift; over channels and lines
-    squares: float = 0.0
-    floor: float = 0.0
+    chi2: FloatArray  # χ² a degree of freedom, by channel
+    floor: float = 0.0  # Mean square of the error of a right model, by noise and drift, over channels and lines
+
+    @cached_property
+    def residual(self) -> ComplexArray:
+        """What the prediction leaves, shape (channel, frequency), SI."""
+        return np.asarray(self.entry.data - self.predicted)
+
+    @cached_property
+    def error(self) -> FloatArray:
+        """Mean modulus of the error over the band, by channel, SI."""
+        return np.asarray(np.abs(self.residual).mean(axis=1))
+
+    @cached_property
+    def noise(self) -> FloatArray:
+        """Mean modulus of the error by noise alone: E|n| of complex Gaussian noise of variance v is √(πv)/2."""
+        return np.asarray((np.sqrt(np.pi * self.entry.variance) / 2).mean(axis=1))
+
+    @property
+    def squares(self) -> float:
+        """Mean square of the error over channels and lines."""
+        return float(np.mean(np.abs(self.residual) ** 2))
 
 
 def folds(observations: Observations, fraction: float | None, seed: int) -> tuple[Fold, ...]:
@@ -74,8 +90,9 @@ def folds(observations: Observations, fraction: float | None, seed: int) -> tupl
 def _key(e: Entry, entries: Sequence[Entry]) -> float:
     if e.position is not None and len({x.position for x in entries}) > 1:
         return e.position
-    if len({x.level for x in entries if not np.isnan(x.level)}) > 1:
-        return e.level
+    if len({x.level for x in entries if x.level is not None}) > 1:
+        # Records that state no level are one more.
+        return -1.0 if e.level is None else e.level
     return float(e.record)
 
 
@@ -198,12 +215,9 @@ def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) 
 
 def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit | None = None) -> Judged:
     """A record against a prediction."""
-    error = np.abs(e.data - shown.data)
-    # E|n| of complex Gaussian noise of variance v is √(πv)/2.
-    noise = np.sqrt(np.pi * e.variance) / 2
     total = e.variance + shown.variance
     if problem is None or fitted is None or isinstance(shown.seen, Simulated) != isinstance(problem, SimulatedProblem):
-        chi2, drifts = np.mean(error**2 / total, axis=1), 0.0
+        chi2, drifts = np.mean(np.abs(e.data - shown.data) ** 2 / total, axis=1), 0.0
     else:
         blow_at = problem.blow_at(fitted.x)
 
@@ -215,8 +229,7 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
 
         chi2, drifts = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show)
         total = fitted.spread.sizes.noise * total
-    floor = float(total.mean() + drifts)
-    return Judged(e, error.mean(axis=1), noise.mean(axis=1), chi2, shown.data, float(np.mean(error**2)), floor)
+    return Judged(e, shown.data, chi2, float(total.mean() + drifts))
 
 
 def mean_error(records: Sequence[Judged]) -> float:

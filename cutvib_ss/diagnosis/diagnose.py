@@ -38,8 +38,6 @@ from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.measurement.records import FORCE, Campaign
-from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
-from cutvib_ss.results.arrays import position_array
 
 CONFOUNDED = (
     "every session has a level of its own: drift between sessions and a cause that depends on the level are confounded; "
@@ -350,22 +348,13 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
             continue
         seen.add(here)
         same = [x for x in entries if measured_at(x) == here and x.channels == e.channels]
-        (group, *_) = merged(same)
-        unit = "N" if nominal.input_quantity == "force" else "m/s^2"
-        measured = MeasuredFrequencyResponse(
-            group.data[:1, :, None], group.freq, position_array([e.position]), group.channels, (e.input,), group.quantities,
-            input_unit=unit, variance=group.variance[:1, :, None], averages=len(same),
-        )  # fmt: skip
+        measured = merged(same)[0].entry(0).response
         computed = []
         for model, blow_at, problem, x in sides:
             if isinstance(problem, UnknownForceProblem) and x is not None:
                 model = problem.model_of(x, merged(same[:1])[0])
-            value = cross_validation.predicted(same[0], model, blow_at, problem, x).data[None, :, None]
-            computed.append(
-                FrequencyResponse(
-                    value, group.freq, measured.positions, group.channels, (e.input,), group.quantities, input_unit=unit
-                )
-            )
+            shown = cross_validation.predicted(same[0], model, blow_at, problem, x).data
+            computed.append(measured.computed(shown[None, :, None]))
         told = ["" if here[0] is None else f"position {here[0]:.3g}", "" if e.input == FORCE else f"force at {e.input}"]
         label = ", ".join(part for part in told if part)
         out.append(Comparison(label, measured, *computed))

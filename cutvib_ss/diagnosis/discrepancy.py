@@ -76,7 +76,7 @@ def level_of(g: Group, row: int) -> FloatArray:
     if entry.sine is not None:
         amplitude = entry.sine.force * np.sqrt(np.mean(np.abs(g.data[row]) ** 2, axis=0))
         return np.asarray(np.log(np.maximum(amplitude, 1e-300)))
-    return np.full(g.freq.size, float(np.log(np.nan_to_num(entry.level, nan=1.0))))
+    return np.full(g.freq.size, 0.0 if entry.level is None else float(np.log(entry.level)))
 
 
 def shapes_over(pivots: Sequence[tuple[float, float]], u: FloatArray, w: FloatArray) -> FloatArray:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-import numpy as np
-
 from cutvib_ss.diagnosis.consequence_result import Consequences
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -199,8 +197,3 @@ class Findings:
     def means(self) -> dict[str, Any] | None:
         """What belongs under ``consequences`` in the JSON."""
         return None if self.consequences is None else asdict(self.consequences)
-
-
-def finite_or_none(value: float) -> float | None:
-    """A position or level as JSON has it."""
-    return float(value) if np.isfinite(value) else None

@@ -128,7 +128,7 @@ class _Beside(NamedTuple):
 
 
 def _beside(problem: Problem, records: Records) -> _Beside:
-    known = all(e.scattered for e in records.entries)
+    known = all(e.estimator.scatter_seen for e in records.entries)
     if problem.apart or records.moving:
         return _Beside(0.0, 0, known)
     total = sum(2 * int(np.count_nonzero(np.isfinite(e.variance))) for e in records.entries)

@@ -19,14 +19,15 @@ def levels_compared(records: Records, model: Model | None = None, blow_at: float
     """Whether some position was measured at levels far enough apart for a difference to show."""
     each = [[e.level for e in same] for g in records.merged for same in g.entries]
     each += [list(levels) for levels, _ in across_grids(records.merged, model, blow_at)]
-    return any(max(levels) > SETTINGS.level_apart * min(levels) for levels in each)
+    stated = [[level for level in levels if level is not None] for levels in each]
+    return any(max(levels) > SETTINGS.level_apart * min(levels) for levels in stated if levels)
 
 
 def confounded(records: Records) -> bool:
     """Whether every session has one level, and they differ: drift then does what a law that depends on the level does."""
     levels: dict[tuple[float | str, ...], list[float]] = {}
     for e in records.entries:
-        if np.isfinite(e.level):
+        if e.level is not None:
             levels.setdefault(session_of(e), []).append(e.level)
     apart = SETTINGS.level_apart
     every = [level for own in levels.values() for level in own]
@@ -59,9 +60,8 @@ def level_stands_out(records: Records, model: Model | None = None, blow_at: floa
 
 def blows_order(records: Records) -> bool:
     """Whether single blows order with their force, in some record and channel, beyond what chance does anywhere."""
-    chances = np.array([p for e in records.entries for p in e.ordering])
-    told = chances[np.isfinite(chances)]
-    return bool(told.size and told.min() * told.size < SETTINGS.level_ordered)
+    chances = [p for e in records.entries for p in e.estimator.ordering if p is not None]
+    return bool(chances) and min(chances) * len(chances) < SETTINGS.level_ordered
 
 
 def _rises(power: FloatArray, count: int) -> bool:

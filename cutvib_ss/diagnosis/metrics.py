@@ -26,7 +26,7 @@ from scipy import optimize, special
 
 from cutvib_ss.diagnosis.correlation import frac
 from cutvib_ss.diagnosis.cross_validation import Judged
-from cutvib_ss.diagnosis.findings import Distances, Metric, finite_or_none
+from cutvib_ss.diagnosis.findings import Distances, Metric
 from cutvib_ss.diagnosis.records import Entry
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.measurement.records import FORCE
@@ -138,7 +138,7 @@ def metrics(sides: Sides, per_unit: float, scales: Mapping[str, float]) -> tuple
             out.append(
                 Metric(
                     position=j.entry.position,
-                    level=finite_or_none(j.entry.level),
+                    level=j.entry.level,
                     channel=channel,
                     input=None if j.entry.input == FORCE else j.entry.input,
                     before=given,

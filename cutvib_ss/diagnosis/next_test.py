@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from cutvib_ss.diagnosis.records import Entry, merged
+from cutvib_ss.diagnosis.records import Entry, merged, thinned
 from cutvib_ss.diagnosis.result import NextTest
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import simulated
 from cutvib_ss.effects.base import Model
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray, FloatArray
-from cutvib_ss.results.arrays import position_at, positions_given
+from cutvib_ss.results.arrays import optional_array, positions_given
 
 
 def next_test(
@@ -29,15 +29,16 @@ def next_test(
     simulated at each.
     """
     share = np.full(len(models), 1.0 / len(models)) if odds is None else np.asarray(odds) / np.sum(odds)
-    loudest = max(entries, key=lambda e: np.nan_to_num(e.level, nan=-1.0))
-    by_level = any(m.nonlinear for m in models) and loudest.replay is not None and np.isfinite(loudest.level)
-    loudest = _few_lines(loudest) if by_level else loudest
-    levels = _levels(entries) if by_level else np.array([loudest.level])
+    loudest = max(entries, key=lambda e: -1.0 if e.level is None else e.level)
+    by_level = any(m.nonlinear for m in models) and loudest.replay is not None and loudest.level is not None
+    if by_level:
+        loudest = thinned(loudest, slice(None, None, max(1, loudest.freq.size // SETTINGS.next_lines)))
+    levels = _levels(entries) if by_level else optional_array([loudest.level])
     count = SETTINGS.next_positions_laws if by_level else SETTINGS.next_positions
     positions = np.linspace(*SETTINGS.next_ends, count) if models[0].has_position else np.array([np.nan])
     # (position, level, channel, frequency) of each model; the noise is told by level.
     shown = [_shown(m, positions, levels, loudest) for m in models]
-    louder = 1.0 if not by_level else (levels / loudest.level)[:, None, None] ** 2
+    louder = 1.0 if not by_level or loudest.level is None else (levels / loudest.level)[:, None, None] ** 2
     precision = louder / loudest.variance[None]
     score = np.zeros(shown[0].shape[:3])
     told: list[tuple[FloatArray, str]] = []
@@ -56,14 +57,8 @@ def next_test(
     )
 
 
-def _few_lines(e: Entry) -> Entry:
-    keep = slice(None, None, max(1, e.freq.size // SETTINGS.next_lines))
-    replay = None if e.replay is None else e.replay.at(keep)
-    return replace(e, data=e.data[:, keep], variance=e.variance[:, keep], freq=e.freq[keep], replay=replay)
-
-
 def _levels(entries: Sequence[Entry]) -> FloatArray:
-    levels = np.unique([e.level for e in entries if np.isfinite(e.level)])
+    levels = np.unique([e.level for e in entries if e.level is not None])
     return levels if levels.size > 1 else levels[0] * np.array(SETTINGS.next_levels)
 
 
@@ -76,13 +71,13 @@ def _shown(model: Model, positions: FloatArray, levels: FloatArray, like: Entry)
         return out
     first = like.replay.only(1)
     # Records that state no level are planned as loud as they were.
-    louder = np.where(np.isfinite(levels), levels / like.level, 1.0)
+    louder = np.ones(levels.size) if like.level is None else levels / like.level
     planned = [
         replace(
             like,
             record=k,
-            position=position_at(y),
-            level=float(level),
+            response=replace(like.response, positions=y),
+            level=None if like.level is None else float(level),
             replay=replace(first, forces=tuple(f * factor for f in first.forces), measured=()),
         )
         for k, (y, level, factor) in enumerate((y, *row) for y in positions for row in zip(levels, louder, strict=True))

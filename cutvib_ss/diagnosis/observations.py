@@ -17,11 +17,10 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.blow_noise import blow_scatter
-from cutvib_ss.measurement.estimation import estimate
-from cutvib_ss.measurement.records import FORCE, Campaign, Record
+from cutvib_ss.measurement.estimation import measured_response
+from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
-from cutvib_ss.results.arrays import position_at
 from cutvib_ss.units import STANDARD_GRAVITY
 
 LACKING = {
@@ -108,50 +107,21 @@ def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
 
 
 def _entry(index: int, record: Record) -> Entry:
-    block, blow_at = np.inf, np.nan
-    if record.kind == "frf":
-        assert record.frf is not None
-        frf = record.frf
-        if record.excitation == "impact":
-            spacing = float(np.median(np.diff(frf.freq)))
-            block = record.block if record.block is not None else 1.0 / spacing
-            blow_at = np.nan if record.blow_at is None else record.blow_at
-    else:
-        frf = estimate(record)
-        if record.kind == "impact":
-            block = min(h.duration for h in record.histories)
-            blow_at = float(np.mean([h.time[np.argmax(np.abs(h.force))] for h in record.histories]))
+    response = measured_response(record)
+    estimator = response.estimator
     replay = None
     if record.kind != "frf":
         replay = replay_of(record)
     elif record.excitation == "impact" and record.peak_force is not None:
-        at = SETTINGS.record_blow_at if np.isnan(blow_at) else blow_at
-        replay = assumed_blow(frf.freq, block, at, record.peak_force, np.array(frf.variance[0, 0, 0]))
-    sine = _sine(record)
-    scattered = bool(np.any(np.isfinite(frf.coherence))) if record.kind == "frf" else frf.averages > 1
-    variance = np.array(frf.variance[0, :, 0])
-    if not scattered:
+        at = SETTINGS.record_blow_at if estimator.blow_at is None else estimator.blow_at
+        noise = np.array(response.variance[0, 0, 0])
+        replay = assumed_blow(response.freq, estimator.block, at, record.peak_force, noise)
+    if not estimator.scatter_seen:
         # How smooth a response is says nothing of what its instruments cannot tell.
-        variance = np.maximum(variance, (SETTINGS.record_least_noise * np.abs(frf.data[0, :, 0])) ** 2)
-    return Entry(
-        record=index,
-        position=position_at(frf.positions[0]),
-        level=_level(record, sine),
-        data=np.array(frf.data[0, :, 0]),
-        variance=variance,
-        freq=np.array(frf.freq),
-        channels=frf.outputs,
-        quantities=frf.quantities,
-        block=block,
-        blow_at=blow_at,
-        decay_rate=record.exponential_decay,
-        check=record.use == "check",
-        replay=replay,
-        sine=sine,
-        session=record.session,
-        input=record.input or FORCE,
-        scattered=scattered,
-    )
+        least = (SETTINGS.record_least_noise * np.abs(response.data)) ** 2
+        response = replace(response, variance=np.maximum(response.variance, least))
+    sine = _sine(record)
+    return Entry(index, response, _level(record, sine), record.use == "check", replay, sine, record.session)
 
 
 def _sine(record: Record) -> SineTest | None:
@@ -180,14 +150,15 @@ def _by_blows(e: Entry, record: Record) -> Entry:
     if record.kind != "impact" or len(record.histories) < SETTINGS.level_blows:
         return e
     found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])))
-    return replace(e, ordering=tuple(float(p) for p in found.significance))
+    ordering = tuple(float(p) if np.isfinite(p) else None for p in found.significance)
+    return replace(e, response=replace(e.response, estimator=replace(e.estimator, ordering=ordering)))
 
 
-def _level(record: Record, sine: SineTest | None) -> float:
-    """Peak force of a record [N]: stated, or the median of a sine's lines; NaN where neither is."""
+def _level(record: Record, sine: SineTest | None) -> float | None:
+    """Peak force of a record [N]: stated, or the median of a sine's lines; None where neither is."""
     if record.peak_force is not None:
         return record.peak_force
-    return np.nan if sine is None else float(np.median(sine.force))
+    return None if sine is None else float(np.median(sine.force))
 
 
 def _lowest_frequency(machine: Model, positions: Sequence[float | None]) -> float:

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutvib_ss.diagnosis.element_type import element_type_of, with_level
-from cutvib_ss.diagnosis.findings import DynamicStiffness, PlaceScore, finite_or_none
+from cutvib_ss.diagnosis.findings import DynamicStiffness, PlaceScore
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.projection import Free, Outer
 from cutvib_ss.diagnosis.records import Entry, Group, merged
@@ -30,6 +30,7 @@ from cutvib_ss.diagnosis.unknown_stiffness import Rows, fitted_functions, rows_o
 from cutvib_ss.diagnosis.variants import variants
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FloatArray
+from cutvib_ss.results.arrays import optional_array
 
 
 @dataclass(frozen=True)
@@ -113,8 +114,7 @@ def _views(none: Fit, groups: Sequence[Group], blow_at: float, by_level: bool) -
 
 def _levels(g: Group) -> tuple[FloatArray, np.ndarray]:
     """Distinct levels of a group's rows, and which of them each row is at."""
-    level = np.array([np.nan_to_num(same[0].level if same else np.nan, nan=-1.0) for same in g.entries])
-    distinct, index = np.unique(level, return_inverse=True)
+    distinct, index = np.unique(optional_array([same[0].level for same in g.entries]), return_inverse=True)
     return distinct, index
 
 
@@ -174,7 +174,7 @@ def _in_full(
 ) -> list[DynamicStiffness]:
     """A place's functions on all lines of the largest group, level by level where levels differ."""
     group = max(groups, key=lambda g: g.data.size)
-    levels = np.array([np.nan if not same else same[0].level for same in group.entries])
+    levels = optional_array([same[0].level for same in group.entries])
     distinct = np.unique(levels[np.isfinite(levels)])
     apart = by_level and distinct.size > 1 and bool(np.isfinite(levels).all())
     sets = np.searchsorted(distinct, levels) if apart else np.zeros(levels.size, dtype=int)
@@ -199,7 +199,7 @@ def _in_full(
                 unit=free.variant.unit,
                 shape=free.shape if free.variant.starts else None,
                 freq=group.freq,
-                levels=tuple(finite_or_none(v) for v in distinct) if apart else (None,),
+                levels=tuple(float(v) for v in distinct) if apart else (None,),
                 value=z,
                 std=spread,
                 element_type=element_type_of(free.variant.kind, group.freq, z[middle], spread[middle]),

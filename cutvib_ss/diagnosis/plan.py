@@ -27,8 +27,10 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.severity import Run, runs
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.measurement.replay import assumed_blow
-from cutvib_ss.results import FloatArray, Quantity
+from cutvib_ss.results import Estimator, FloatArray, MeasuredFrequencyResponse, Quantity
+from cutvib_ss.results.arrays import optional_array
 from cutvib_ss.results.display import Displayed, Table
 
 
@@ -228,7 +230,8 @@ def _entries(model: Model, c: PlannedCampaign) -> list[Entry]:
     stride = max(1, (last - first) // SETTINGS.plan_lines)
     freq = np.arange(first, last + 1, stride) / c.block
     quantities: tuple[Quantity, ...] = tuple(model.channels[n].quantity for n in c.channels)
-    nothing = np.zeros((len(c.channels), freq.size), dtype=np.complex128)
+    nothing = np.zeros((1, len(c.channels), 1, freq.size), dtype=np.complex128)
+    estimator = Estimator("H1", c.block, SETTINGS.plan_blow_at)
     out: list[Entry] = []
     for position in c.positions or (None,):
         for level in c.levels:
@@ -238,23 +241,11 @@ def _entries(model: Model, c: PlannedCampaign) -> list[Entry]:
             # Noise of the block's transform over that of the blow; one line stands for `stride`.
             blow = level * np.abs(_blow(freq, float(freq[-1])))
             variance = c.noise**2 * c.block / 2 / blow**2 / (c.blows * stride)
-            out.append(
-                Entry(
-                    record=len(out),
-                    position=position,
-                    level=level,
-                    data=nothing,
-                    variance=np.tile(variance, (len(c.channels), 1)),
-                    freq=freq,
-                    channels=c.channels,
-                    quantities=quantities,
-                    block=c.block,
-                    blow_at=SETTINGS.plan_blow_at,
-                    decay_rate=0.0,
-                    check=False,
-                    replay=replay,
-                )
-            )
+            response = MeasuredFrequencyResponse(
+                nothing, freq, optional_array([position]), c.channels, (FORCE,), quantities,
+                variance=variance + np.zeros(nothing.shape), averages=c.blows, estimator=estimator,
+            )  # fmt: skip
+            out.append(Entry(len(out), response, level, replay=replay))
     return out
 
 

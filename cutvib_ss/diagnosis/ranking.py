@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
-import numpy as np
-
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -96,7 +94,7 @@ def some(outlook: Records) -> Records:
         return outlook
     sites = list(dict.fromkeys(site(e) for e in outlook.entries))
     kept, seen = [], dict.fromkeys(sites, 0)
-    for e in sorted(outlook.entries, key=lambda e: float(np.nan_to_num(e.level))):
+    for e in sorted(outlook.entries, key=lambda e: e.level or 0.0):
         if (sites.index(site(e)) + seen[site(e)]) % 2 == 0:
             kept.append(e)
         seen[site(e)] += 1

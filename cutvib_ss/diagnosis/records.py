@@ -17,8 +17,8 @@ import numpy as np
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.measurement.records import FORCE, Sweep
 from cutvib_ss.measurement.replay import Replay
-from cutvib_ss.results import ComplexArray, FloatArray, Quantity
-from cutvib_ss.results.arrays import position_array
+from cutvib_ss.results import ComplexArray, Estimator, FloatArray, MeasuredFrequencyResponse, Quantity
+from cutvib_ss.results.arrays import optional_array, position_at
 
 By = Literal["session", "record"]
 """What the groups of a problem hold one of."""
@@ -39,31 +39,61 @@ class SineTest:
 
 @dataclass(frozen=True)
 class Entry:
-    """One record: its responses within the band, and the estimator's block."""
+    """One record: its measured response within the band, and how the machine was driven."""
 
     record: int  # Index of the record in the campaign
-    position: float | None  # y_b / L; None for a structure
-    level: float  # Peak force [N]; NaN where not stated
-    data: ComplexArray  # Responses and E|ΔH|²
-    variance: FloatArray
-    freq: FloatArray  # Frequency [Hz]
-    channels: tuple[str, ...]  # Response channels
-    quantities: tuple[Quantity, ...]  # Their quantities
-    block: float  # Length of the estimator's block [s]; infinite where it leaves nothing out
-    blow_at: float  # Instant of the blow in the block [s]; NaN where unknown
-    decay_rate: float  # Rate of an exponential window on the response alone [1/s]
-    check: bool  # Whether the record is only for judging
+    response: MeasuredFrequencyResponse  # At one position, of one input
+    level: float | None = None  # Peak force [N], where stated
+    check: bool = False  # Whether the record is only for judging
     # The estimator itself, through which simulated histories pass; None where no force history can be told
     replay: Replay | None = None
     sine: SineTest | None = None  # Of a stepped or swept sine
     session: str | None = None  # Name of its session, where stated
-    # Whether its noise was seen to scatter: from repetitions or a coherence; else it is read off how smooth the
-    # response is
-    scattered: bool = True
-    # Of each channel, how probable it is that single blows order with their force as much as they do by chance; NaN
-    # where that cannot be told
-    ordering: tuple[float, ...] = ()
-    input: str = FORCE  # Where its force acts: the model's input, a port, or ``rail@`` and a fraction of the rail
+
+    @cached_property
+    def position(self) -> float | None:
+        """Position y_b / L; None for a structure."""
+        return position_at(self.response.positions[0])
+
+    @property
+    def input(self) -> str:
+        """Where the force acts: the model's input, a port, or ``rail@`` and a fraction of the rail."""
+        return self.response.inputs[0]
+
+    @property
+    def data(self) -> ComplexArray:
+        """Responses, shape (channel, frequency)."""
+        return self.response.data[0, :, 0]
+
+    @property
+    def variance(self) -> FloatArray:
+        """Their variance E|ΔH|²."""
+        return self.response.variance[0, :, 0]
+
+    @property
+    def freq(self) -> FloatArray:
+        """Frequency [Hz]."""
+        return self.response.freq
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Response channels."""
+        return self.response.outputs
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Quantity of each channel."""
+        return self.response.quantities
+
+    @property
+    def estimator(self) -> Estimator:
+        """What the estimator did."""
+        return self.response.estimator
+
+    def showing(self, data: ComplexArray, variance: FloatArray | None = None) -> Entry:
+        """The same record with other responses, and their variance where that is another."""
+        noise = self.response.variance if variance is None else variance[None, :, None]
+        return replace(self, response=replace(self.response, data=data[None, :, None], variance=noise))
 
 
 @dataclass(frozen=True)
@@ -76,8 +106,8 @@ class Group:
     quantities: tuple[Quantity, ...]  # Their quantities
     data: ComplexArray  # Responses and E|ΔH|²
     variance: FloatArray
-    block: FloatArray  # The estimator's block, as in `Entry`
-    blow_at: FloatArray
+    block: FloatArray  # What the estimator did, as in `Estimator`
+    blow_at: FloatArray  # NaN where it is not known
     decay_rate: FloatArray
     entries: tuple[tuple[Entry, ...], ...] = ()  # The records behind each row
     struck: tuple[str, ...] = ()  # Where the force of each row acts, as in `Entry`; nothing: at the model's input
@@ -86,6 +116,14 @@ class Group:
     def inputs(self) -> tuple[str, ...]:
         """Where the force of each row acts."""
         return self.struck or (FORCE,) * len(self.data)
+
+    def entry(self, row: int) -> Entry:
+        """The records behind a row as the one that they are merged into."""
+        first, *others = self.entries[row]
+        averages = first.response.averages + sum(e.response.averages for e in others)
+        coherence = first.response.coherence * np.nan if others else first.response.coherence
+        merged_into = first.showing(self.data[row], self.variance[row])
+        return replace(merged_into, response=replace(merged_into.response, averages=averages, coherence=coherence))
 
 
 @dataclass(frozen=True)
@@ -156,7 +194,7 @@ class Records:
         for e in self.entries:
             few = thinned(e, slice(None, None, max(1, e.freq.size // lines)))
             widened = few.variance + behind[id(e)] * (error * np.abs(few.data)) ** 2
-            out.append(replace(few, variance=widened))
+            out.append(few.showing(few.data, widened))
         return Records(tuple(out), rough=True, widened=error > 0.0, moving=self.moving)
 
     def for_laws(self, lines: int, error: float) -> Records | None:
@@ -190,12 +228,17 @@ def measured_at(e: Entry) -> tuple[float | None, str]:
 def estimator_of(e: Entry) -> tuple[object, ...]:
     """Channels, lines, block and window of a record: records that share them can be compared as they are."""
     lines = (e.freq.size, float(e.freq[0]), float(e.freq[-1]))
-    return (e.channels, e.quantities, *lines, round(e.block, 9), round(e.decay_rate, 9))
+    return (e.channels, e.quantities, *lines, *block_and_window(e))
 
 
 def site(e: Entry) -> tuple[float | str | None, ...]:
     """What records must share to be merged: input, session, position, and a block that loses the same tails."""
-    return (*measured_at(e), round(e.block, 9), round(e.decay_rate, 9), *session_of(e))
+    return (*measured_at(e), *block_and_window(e), *session_of(e))
+
+
+def block_and_window(e: Entry) -> tuple[float, float]:
+    """Length of the block, which loses the tails, and rate of the window, which damps."""
+    return round(e.estimator.block, 9), round(e.estimator.exponential_decay, 9)
 
 
 def session_of(e: Entry) -> tuple[float | str, ...]:
@@ -211,7 +254,7 @@ def one_blow(e: Entry) -> Entry:
     if e.replay is None or e.replay.block or blows < 2:
         return e
     first = e.replay.only(1)
-    return replace(e, data=first.data(first.measured), variance=blows * e.variance, replay=first)
+    return replace(e.showing(first.data(first.measured), blows * e.variance), replay=first)
 
 
 def _group(members: list[Entry], apart: bool) -> Group:
@@ -226,15 +269,15 @@ def _group(members: list[Entry], apart: bool) -> Group:
         variance.append(1.0 / total)
     first = [same[0] for same in places.values()]
     return Group(
-        positions=position_array([e.position for e in first]),
+        positions=optional_array([e.position for e in first]),
         freq=first[0].freq,
         channels=first[0].channels,
         quantities=first[0].quantities,
         data=np.array(data),
         variance=np.array(variance),
-        block=np.array([e.block for e in first]),
-        blow_at=np.array([np.mean([e.blow_at for e in same]) for same in places.values()]),
-        decay_rate=np.array([e.decay_rate for e in first]),
+        block=np.array([e.estimator.block for e in first]),
+        blow_at=np.array([np.mean(optional_array([e.estimator.blow_at for e in same])) for same in places.values()]),
+        decay_rate=np.array([e.estimator.exponential_decay for e in first]),
         entries=tuple(tuple(same) for same in places.values()),
         struck=tuple(e.input for e in first),
     )
@@ -244,4 +287,4 @@ def thinned(e: Entry, keep: np.ndarray | slice) -> Entry:
     """A record on some of its lines."""
     replay = None if e.replay is None else e.replay.at(keep)
     sine = None if e.sine is None else e.sine.at(keep)
-    return replace(e, data=e.data[:, keep], variance=e.variance[:, keep], freq=e.freq[keep], replay=replay, sine=sine)
+    return replace(e, response=e.response.at_lines(keep), replay=replay, sine=sine)

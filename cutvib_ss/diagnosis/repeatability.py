@@ -18,8 +18,8 @@ def repeatability(entries: Sequence[Entry]) -> float:
     for a, b in combinations(entries, 2):
         if measured_at(a) != measured_at(b):
             continue
-        levels = [e.level if np.isfinite(e.level) else 1.0 for e in (a, b)]
-        if max(levels) > SETTINGS.record_same_level * min(levels) or np.isfinite(a.level) != np.isfinite(b.level):
+        levels = [e.level for e in (a, b) if e.level is not None]
+        if len(levels) == 1 or (levels and max(levels) > SETTINGS.record_same_level * min(levels)):
             continue
         if (pair := compared(a, b)) is None:
             continue

@@ -12,7 +12,7 @@ from cutvib_ss.diagnosis.findings import Findings
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FrequencyResponse, MeasuredFrequencyResponse
-from cutvib_ss.results.display import Drawn, Table, optional
+from cutvib_ss.results.display import Drawn, Table, finite, optional
 
 SCHEMA = "cutvib-diagnosis/1"
 Verdict: TypeAlias = Literal["no_gap", "explained", "partly_explained", "ambiguous", "unknown"]
@@ -276,7 +276,7 @@ class Diagnosis(Drawn):
                 "candidates": [dict(vars(e)) for e in self.evidence],
             },
         }
-        cleaned: dict[str, Any] = _finite(data)
+        cleaned: dict[str, Any] = finite(data)
         return cleaned
 
     def to_dataframe(self) -> Any:
@@ -306,13 +306,3 @@ class Diagnosis(Drawn):
             Indented JSON of the schema ``cutvib-diagnosis/1``.
         """
         return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value

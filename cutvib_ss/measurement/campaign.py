@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -22,10 +21,11 @@ from cutvib_ss.measurement.noise import frf_variance
 from cutvib_ss.measurement.plausibility import same_data
 from cutvib_ss.measurement.reading import read_file
 from cutvib_ss.measurement.records import FORCE, Campaign, History, MachineLike, Record
-from cutvib_ss.measurement.schema import CampaignFile, ChannelTable, RecordTable, read_campaign_file
+from cutvib_ss.measurement.schema import CampaignFile, ChannelTable, RecordTable, read_campaign_file, toml_text
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.results import MeasuredFrequencyResponse, Quantity
+from cutvib_ss.results.arrays import optional_array
 
 _Writable: TypeAlias = Literal["tdms", "uff", "csv", "mat"]
 _FORMATS: tuple[str, ...] = get_args(_Writable)
@@ -110,12 +110,12 @@ def write_campaign(campaign: Campaign, folder: str | os.PathLike[str], *, format
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as name:
         scratch = Path(name)
         write_machine(campaign.machine, scratch / "machine.toml")
-        lines = ["[campaign]", f"title = {_toml(campaign.title)}", 'machine = "machine.toml"']
+        lines = ["[campaign]", f"title = {toml_text(campaign.title)}", 'machine = "machine.toml"']
         files = _file_names(campaign.records, f".{format}")
         for record, file in zip(campaign.records, files, strict=True):
             (scratch / file).parent.mkdir(parents=True, exist_ok=True)
             format_of(scratch / file).write(scratch / file, _contents(record, layout), layout)
-            lines += ["", "[[record]]", f"file = {_toml(file)}", *_record_lines(record)]
+            lines += ["", "[[record]]", f"file = {toml_text(file)}", *_record_lines(record)]
         (scratch / "campaign.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
         for file in [*files, "machine.toml", "campaign.toml"]:
             (folder / file).parent.mkdir(parents=True, exist_ok=True)
@@ -229,7 +229,7 @@ def _measured(raw: RawFrf, table: RecordTable, machine: MachineLike, struck: str
     return MeasuredFrequencyResponse(
         data=data[np.newaxis, :, np.newaxis],
         freq=raw.freq,
-        positions=np.array([np.nan if table.position is None else table.position]),
+        positions=optional_array([table.position]),
         outputs=channels,
         inputs=(struck or FORCE,),
         quantities=quantities,
@@ -302,9 +302,4 @@ def _record_lines(record: Record) -> list[str]:
         "controlled": record.controlled,
         "peak_response": record.peak_response,
     }
-    return [f"{key} = {_toml(value)}" for key, value in values.items() if value is not None]
-
-
-def _toml(value: str | float | tuple[float, ...]) -> str:
-    """A TOML value: JSON's strings and numbers are TOML's as well, but for DEL."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return [f"{key} = {toml_text(value)}" for key, value in values.items() if value is not None]

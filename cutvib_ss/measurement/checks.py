@@ -8,7 +8,7 @@ import numpy as np
 from scipy import signal
 
 from cutvib_ss.errors import DataFormatError
-from cutvib_ss.measurement.estimation import estimate
+from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.plausibility import unit_hints, without_drift
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
 from cutvib_ss.measurement.signs import turned_signs
@@ -49,7 +49,7 @@ def check_record(record: Record, machine: MachineLike, where: str) -> tuple[Reco
                     f"{where}: {history.name}: {name} is overloaded (clipped); lower the gain and record again"
                 )
     record, drifts = without_drift(record, where)
-    frf = estimate(record) if record.frf is None else record.frf
+    frf = measured_response(record)
     warnings += [*drifts, *turned_signs(record, machine, where, frf), *unit_hints(record, machine, where, frf)]
     return record, tuple(warnings)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
@@ -10,6 +9,7 @@ from statistics import median
 
 from cutvib_ss.measurement.dofs import parse_dof
 from cutvib_ss.measurement.records import FORCE, MachineLike
+from cutvib_ss.measurement.schema import toml_text
 from cutvib_ss.measurement.survey import (
     FoundColumn,
     FoundFile,
@@ -98,10 +98,10 @@ def draft(found: Survey, machine: MachineLike, wishes: Wishes, machine_file: str
     lines = [
         "# What was measured here. Lines marked TODO are guesses or gaps: correct them, then see `cutvib campaign show`.",
         "[campaign]",
-        f"title = {_text(title)}",
+        f"title = {toml_text(title)}",
     ]
     if machine_file is not None:
-        lines.append(f"machine = {_text(machine_file)}  # the nominal model")
+        lines.append(f"machine = {toml_text(machine_file)}  # the nominal model")
     for group, table in zip(groups, tables, strict=True):
         lines += ["", *_record_lines(group, machine, wishes, todo)]
         if table != common and table[0]:
@@ -127,18 +127,18 @@ def _channel_lines(m: Mapped, machine: MachineLike, wishes: Wishes) -> tuple[lis
     """Lines of [channels], and what is to be done about them."""
     lines, todo = [], []
     if m.reference is not None and m.columns:
-        lines.append(f"{FORCE} = {{ name = {_text(m.reference)} }}  # the reference of the FRFs")
+        lines.append(f"{FORCE} = {{ name = {toml_text(m.reference)} }}  # the reference of the FRFs")
     for channel, column in m.columns.items():
         quantity = machine.input_quantity if channel == FORCE else str(machine.channels[channel].quantity)
-        parts, notes = [f"name = {_text(column.name)}"], []
+        parts, notes = [f"name = {toml_text(column.name)}"], []
         unit = wishes.units.get(channel)
         if unit is not None:
-            parts.append(f"unit = {_text(unit)}")
+            parts.append(f"unit = {toml_text(unit)}")
         elif column.unit is None:
-            parts.append(f"unit = {_text(_unit(quantity, m.ratio, machine))}")
+            parts.append(f"unit = {toml_text(_unit(quantity, m.ratio, machine))}")
             notes.append("the file names no unit: is it this one?")
         elif column.unit.strip() in _VOLTS:
-            parts += [f"unit = {_text(SI_UNIT[quantity])}", "gain = 1.0"]
+            parts += [f"unit = {toml_text(SI_UNIT[quantity])}", "gain = 1.0"]
             notes.append(f"the file holds {column.unit}: set the gain in {SI_UNIT[quantity]} per {column.unit}")
         if not m.sure.get(channel, True):
             notes.append("guessed: is it this column?")
@@ -158,7 +158,7 @@ def _channel_lines(m: Mapped, machine: MachineLike, wishes: Wishes) -> tuple[lis
     if not any(not line.startswith("#") for line in lines) and m.left and m.columns:
         # a line that maps something, so that columns that are left are passed over
         channel, column = next(iter(m.columns.items()))
-        lines.insert(0, f"{channel} = {{ name = {_text(column.name)} }}")
+        lines.insert(0, f"{channel} = {{ name = {toml_text(column.name)} }}")
     return lines, todo
 
 
@@ -169,7 +169,7 @@ def _unit(quantity: str, ratio: bool, machine: MachineLike) -> str:
 
 def _record_lines(group: Sequence[FoundFile], machine: MachineLike, wishes: Wishes, todo: list[str]) -> list[str]:
     first = group[0]
-    names = _text(first.name) if len(group) == 1 else "[" + ", ".join(_text(f.name) for f in group) + "]"
+    names = toml_text(first.name) if len(group) == 1 else "[" + ", ".join(toml_text(f.name) for f in group) + "]"
     lines = ["[[record]]", f"file = {names}", f'kind = "{first.kind}"{_comment(group)}']
     for note in first.warnings:
         if "hits in one recording" in note:
@@ -207,7 +207,3 @@ def _comment(group: Sequence[FoundFile]) -> str:
     what = f"{blows} blow{'s' if blows > 1 else ''}" if first.kind == "impact" else "one history"
     rate = "" if first.fs is None else f" at {first.fs:g} Hz"
     return f"  # {what} of {first.samples} samples{rate}"
-
-
-def _text(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

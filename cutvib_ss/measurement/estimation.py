@@ -9,7 +9,7 @@ there.
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from dataclasses import replace
 
 import numpy as np
 from scipy import signal
@@ -27,9 +27,9 @@ from cutvib_ss.measurement.noise import (
     widened,
 )
 from cutvib_ss.measurement.records import FORCE, History, Record
-from cutvib_ss.results import ComplexArray, FloatArray, MeasuredFrequencyResponse
-
-Estimator: TypeAlias = Literal["H1", "H2", "Hv"]
+from cutvib_ss.results import ComplexArray, Estimator, FloatArray, MeasuredFrequencyResponse
+from cutvib_ss.results.arrays import optional_array
+from cutvib_ss.results.frequency import EstimatorKind
 
 _ESTIMATORS = ("H1", "H2", "Hv")
 _FEWEST_REST = 32  # samples before a blow from which its noise can be told
@@ -38,7 +38,7 @@ _FEWEST_REST = 32  # samples before a blow from which its noise can be told
 def estimate(
     record: Record,
     *,
-    estimator: Estimator = "H1",
+    estimator: EstimatorKind = "H1",
     decay_rate: float = 0.0,
     band: tuple[float, float] | None = None,
     noise_bins: int = NOISE_BINS,
@@ -109,7 +109,7 @@ def estimate(
     return MeasuredFrequencyResponse(
         data=data[:, keep].reshape(shape),
         freq=freq[keep],
-        positions=np.array([np.nan if record.position is None else record.position]),
+        positions=optional_array([record.position]),
         outputs=record.channels,
         inputs=(record.input or FORCE,),
         quantities=record.quantities,
@@ -118,7 +118,29 @@ def estimate(
         variance=variance[:, keep].reshape(shape),
         coherence=gamma[:, keep].reshape(shape),
         averages=averages,
+        estimator=Estimator(estimator, *_blow(record), record.exponential_decay, scatter_seen=averages > 1),
     )
+
+
+def measured_response(record: Record) -> MeasuredFrequencyResponse:
+    """Frequency responses of a record of any kind with what their estimator did: as recorded, else by H1 from its histories."""
+    if record.frf is None:
+        return estimate(record)
+    seen = bool(np.any(np.isfinite(record.frf.coherence)))
+    stated = Estimator(None, *_blow(record), record.exponential_decay, scatter_seen=seen)
+    return replace(record.frf, inputs=(record.input or FORCE,), estimator=stated)
+
+
+def _blow(record: Record) -> tuple[float, float | None]:
+    """Length of the block that follows a blow, and the instant of the blow in it, as in `Estimator`."""
+    if record.kind == "impact":
+        at = [h.time[np.argmax(np.abs(h.force))] for h in record.histories]
+        return min(h.duration for h in record.histories), float(np.mean(at))
+    if record.frf is None or record.excitation != "impact":
+        return np.inf, None
+    if record.block is not None or record.frf.freq.size < 2:
+        return record.block or np.inf, record.blow_at
+    return 1.0 / float(np.median(np.diff(record.frf.freq))), record.blow_at
 
 
 def h1(force: ComplexArray, response: ComplexArray) -> ComplexArray:
@@ -168,7 +190,7 @@ def blow_start(force: FloatArray) -> int:
 
 
 def _from_blows(
-    record: Record, estimator: Estimator, decay_rate: float, noise_bins: int
+    record: Record, estimator: EstimatorKind, decay_rate: float, noise_bins: int
 ) -> tuple[FloatArray, ComplexArray, FloatArray, FloatArray, int]:
     samples = min(history.force.size for history in record.histories)
     fs = record.histories[0].fs
@@ -207,7 +229,9 @@ def without_offset(history: History, samples: int) -> tuple[FloatArray, FloatArr
     return force - np.mean(force[:rest]), responses - np.mean(responses[:, :rest], axis=-1, keepdims=True)
 
 
-def _estimates(force: ComplexArray, response: ComplexArray, estimator: Estimator) -> tuple[ComplexArray, FloatArray]:
+def _estimates(
+    force: ComplexArray, response: ComplexArray, estimator: EstimatorKind
+) -> tuple[ComplexArray, FloatArray]:
     law = {"H1": h1, "H2": h2, "Hv": hv}[estimator]
     channels = range(response.shape[1])
     data = np.stack([law(force, response[:, k]) for k in channels])
@@ -237,7 +261,7 @@ def _rest_power(values: FloatArray, lines: int) -> FloatArray:
 
 
 def _from_recording(
-    record: Record, estimator: Estimator, noise_bins: int, block: float | None, overlap: float
+    record: Record, estimator: EstimatorKind, noise_bins: int, block: float | None, overlap: float
 ) -> tuple[FloatArray, ComplexArray, FloatArray, FloatArray, int]:
     fs = record.histories[0].fs
     size, shared = welch_blocks(record, block, overlap)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import codecs
-import tomllib
+import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from cutvib_ss.errors import DataFormatError
+from cutvib_ss.files import read_toml
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 _Count = Annotated[int, Field(ge=1)]
@@ -149,17 +150,7 @@ class CampaignFile(_Table):
 
 def read_campaign_file(path: Path) -> CampaignFile:
     """Parse and check a campaign.toml."""
-    try:
-        with path.open("rb") as file:
-            content = tomllib.load(file)
-    except FileNotFoundError:
-        raise DataFormatError(f"{path}: there is no such file; a campaign is a folder with a campaign.toml") from None
-    except OSError as error:
-        raise DataFormatError(
-            f"{path}: cannot be read ({error.strerror}); check the path and its permissions"
-        ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataFormatError(f"{path}: not valid TOML ({error}); correct that line") from error
+    content = read_toml(path, "a campaign is a folder with a campaign.toml")
     if not content.get("record"):
         raise DataFormatError(f"{path}: the campaign has no [[record]]; add one for each position and level")
     try:
@@ -187,3 +178,8 @@ def _say(error: Any) -> str:
         return f"{where}: {error['msg'].removeprefix('Value error, ')}"
     hint = "; y_b / L lies strictly inside (0, 1)" if error["loc"][-1] == "position" else ""
     return f"{where} = {value!r}: {error['msg'][0].lower()}{error['msg'][1:]}{hint}"
+
+
+def toml_text(value: str | float | tuple[float, ...]) -> str:
+    """A TOML value: JSON's strings and numbers are TOML's as well, but for DEL."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

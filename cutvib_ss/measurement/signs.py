@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutvib_ss.measurement.estimation import estimate
+from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.inputs import port_of
 from cutvib_ss.measurement.records import FORCE, MachineLike, Record
 from cutvib_ss.model.protocol import Model
@@ -24,7 +24,7 @@ def turned_signs(
     (a hammer that acts along -X turns every channel) or one sensor is read from the correlation with the nominal model.
     """
     if frf is None:
-        frf = estimate(record) if record.frf is None else record.frf
+        frf = measured_response(record)
     against = _against_nominal(frf, record, machine)
     turned = []
     for k, name in enumerate(record.channels):

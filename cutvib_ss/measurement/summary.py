@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cutvib_ss.measurement.blow_noise import blow_scatter
-from cutvib_ss.measurement.estimation import estimate
+from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.plausibility import levels_over_nominal
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
@@ -188,7 +188,7 @@ class Summary:
 
 def summarise(campaign: Campaign) -> Summary:
     """Figures of every record of a campaign, and of the pairs that can be compared."""
-    frfs = tuple(estimate(r) if r.frf is None else r.frf for r in campaign.records)
+    frfs = tuple(measured_response(r) for r in campaign.records)
     records = tuple(_record(r, h, campaign.machine) for r, h in zip(campaign.records, frfs, strict=True))
     repeated: list[PairSummary] = []
     levels: list[PairSummary] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, replace
@@ -17,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from cutvib_ss.effects import catalogue
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DataFormatError, ParameterError
+from cutvib_ss.files import read_toml
 from cutvib_ss.model.elements import Attachment, SprungMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import Rail
@@ -154,17 +154,7 @@ def read_machine(path: str | os.PathLike[str]) -> Model:
         If a value is impossible, such as a negative mass; the message names file and key.
     """
     file = Path(path)
-    try:
-        with file.open("rb") as stream:
-            content = tomllib.load(stream)
-    except FileNotFoundError:
-        raise DataFormatError(f"{file}: there is no such file; give the path of a machine.toml") from None
-    except OSError as error:
-        raise DataFormatError(
-            f"{file}: cannot be read ({error.strerror}); check the path and its permissions"
-        ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataFormatError(f"{file}: not valid TOML ({error}); correct that line") from error
+    content = read_toml(file, "give the path of a machine.toml")
     try:
         return model_of(content, str(file))
     except ValidationError as error:

@@ -22,10 +22,9 @@ from cutvib_ss.plot.style import (
     modulus_limits,
     on_grid,
     position_name,
-    unit_text,
+    scale_of,
 )
 from cutvib_ss.results import FloatArray
-from cutvib_ss.units import STANDARD_GRAVITY
 
 _LINES = 260
 """Bands of frequency in an error map: finer ones would only show the estimator's scatter."""
@@ -63,7 +62,7 @@ def comparison_grid(comparisons: Sequence[Comparison], channels: Sequence[str] |
                     panels[r, c].set_title(name)
             position = float(comparison.measured.positions[0])
             panels[r, 0].set_ylabel(
-                f"{position_name(position, comparison.label)}\n[{_scale(comparison.measured.units[0])[1]}]"
+                f"{position_name(position, comparison.label)}\n[{scale_of(comparison.measured.units[0])[1]}]"
             )
         for axes in panels[-1]:
             axes.set_xlabel("frequency [Hz]")
@@ -71,7 +70,7 @@ def comparison_grid(comparisons: Sequence[Comparison], channels: Sequence[str] |
         panels[0, 0].set_xlim(freq[0], freq[-1])
         for c, name in enumerate(names):
             shown = [x.measured.sel(output=name) for x in comparisons if name in x.measured.outputs]
-            moduli = np.concatenate([_scale(frf.unit)[0] * np.abs(frf.data).ravel() for frf in shown])
+            moduli = np.concatenate([scale_of(frf.unit)[0] * np.abs(frf.data).ravel() for frf in shown])
             panels[0, c].set_ylim(*modulus_limits(moduli, 3.2))
         for axes in panels.flat:
             # Fifteen panels of minor ticks cost more to draw than the curves do.
@@ -82,7 +81,7 @@ def comparison_grid(comparisons: Sequence[Comparison], channels: Sequence[str] |
 
 def _compare(axes: Axes, comparison: Comparison, channel: str) -> None:
     measured = comparison.measured.sel(output=channel)
-    scale, _ = _scale(measured.unit)
+    scale, _ = scale_of(measured.unit)
     noise = scale * np.sqrt(measured.variance[0, 0, 0])
     axes.semilogy(measured.freq, scale * np.abs(measured.data[0, 0, 0]), color=MEASURED, lw=2.2, label="measured")
     for model, colour, style, width, label in (
@@ -93,11 +92,6 @@ def _compare(axes: Axes, comparison: Comparison, channel: str) -> None:
         data = model.sel(output=channel).data[0, 0, 0]
         axes.semilogy(model.freq, scale * np.abs(data), color=colour, linestyle=style, lw=width, label=label)
     axes.semilogy(measured.freq, noise, color=INK, lw=0.7, linestyle=":", label="noise of the measurement")
-
-
-def _scale(unit: str) -> tuple[float, str]:
-    """Factor and unit in which a response is drawn: accelerance in g/N, as the paper's figures and the gap."""
-    return (1.0 / STANDARD_GRAVITY, "g/N") if unit == "m/s^2/N" else (1.0, unit_text(unit))
 
 
 def error_map(comparisons: Sequence[Comparison], which: str = "tuned", *, ax: Any = None) -> Any:

@@ -20,6 +20,7 @@ from PIL import Image
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.files import check_picture, staged
+from cutvib_ss.units import STANDARD_GRAVITY
 
 INK, GREY, GRID = "#1d2733", "#6b7683", "#dfe4e9"
 MEASURED, NOMINAL, TUNED, CORRECTED = "#b0b9c2", "#c8553d", "#d9a441", "#1f6f8f"
@@ -220,6 +221,11 @@ def position_colours(positions: Sequence[float]) -> list[Any]:
     places = sorted(set(positions))
     last = max(len(places) - 1, 1)
     return [CORRECTED if np.isnan(p) else POSITIONS(places.index(p) / last) for p in positions]
+
+
+def scale_of(unit: str) -> tuple[float, str]:
+    """Factor and unit in which a response is shown: accelerance in g/N, as the paper's figures and the gap."""
+    return (1.0 / STANDARD_GRAVITY, "g/N") if unit == "m/s^2/N" else (1.0, unit_text(unit))
 
 
 def unit_text(unit: str) -> str:

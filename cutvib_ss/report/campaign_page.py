@@ -12,8 +12,8 @@ from cutvib_ss.identification.stabilisation import stabilisation
 from cutvib_ss.measurement.inputs import port_of
 from cutvib_ss.measurement.records import FORCE, Campaign, Record
 from cutvib_ss.measurement.summary import PAIR_HEADS, RecordSummary, Summary
-from cutvib_ss.plot.style import WORKING_FREQUENCY, unit_text
-from cutvib_ss.report.frame import complex_lists, number_list, page, scale_of
+from cutvib_ss.plot.style import WORKING_FREQUENCY, scale_of, unit_text
+from cutvib_ss.report.frame import complex_lists, number_list, page
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.units import SI_UNIT

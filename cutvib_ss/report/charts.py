@@ -13,8 +13,8 @@ from cutvib_ss.diagnosis.result import Comparison, Diagnosis
 from cutvib_ss.effects.scales import FREE_FREQUENCY, port_scale
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.plot.diagnosis import error_over_noise
-from cutvib_ss.plot.style import WORKING_FREQUENCY, unit_text
-from cutvib_ss.report.frame import complex_lists, number, number_list, scale_of
+from cutvib_ss.plot.style import WORKING_FREQUENCY, scale_of, unit_text
+from cutvib_ss.report.frame import complex_lists, number, number_list
 from cutvib_ss.results import ComplexArray
 
 _MOST_LINES = 4000

@@ -12,9 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from numpy.typing import ArrayLike
 
-from cutvib_ss.plot.style import unit_text
 from cutvib_ss.results import ComplexArray
-from cutvib_ss.units import STANDARD_GRAVITY
 
 
 def page(template: str, script: str, data: Mapping[str, Any] | None, /, **content: Any) -> str:
@@ -42,11 +40,6 @@ def plotly_script() -> Markup:
 def embedded(data: Mapping[str, Any]) -> Markup:
     """JSON that may stand in a script element."""
     return Markup(json.dumps(data, separators=(",", ":"), allow_nan=False, ensure_ascii=False).replace("<", "\\u003c"))
-
-
-def scale_of(unit: str) -> tuple[float, str]:
-    """Factor and unit in which a response is shown: accelerance in g/N, as the gap is."""
-    return (1.0 / STANDARD_GRAVITY, "g/N") if unit == "m/s^2/N" else (1.0, unit_text(unit))
 
 
 def complex_lists(values: ComplexArray) -> dict[str, list[float | None]]:

@@ -27,42 +27,11 @@ def nonlinear_system(
     sticking_rate: float = 1e-6,
 ) -> control.NonlinearIOSystem:
     """
-    The model with its nonlinear elements as a `control.nlsys`.
+    The model, its measurement chain apart, with its nonlinear elements as a `control.nlsys` from ``force`` to the outputs.
 
-    Parameters
-    ----------
-    machine : Machine or Structure
-        The model; its measurement chain is not applied.
-    position : float, optional
-        y_b / L of the head, strictly inside (0, 1); left out for a structure.
-    outputs : sequence of str, optional
-        Channels or ports; the channels by default.
-    quantity : {"displacement", "velocity", "acceleration"}, optional
-        Motion of the outputs; by default each channel's own, displacement of a port.
-    viscous_at : float, optional
-        Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
-    sticking_rate : float
-        Rate [rad/s or m/s] over which friction turns from one sign to the other: a solver of differential equations cannot stick.
-
-    Returns
-    -------
-    control.NonlinearIOSystem
-        Input ``force``; the states of the linear plant, then the force of each slipping element.
-
-    Raises
-    ------
-    ParameterError
-        If a signal is impossible.
-    CouplingError
-        If damping is hysteretic and no ``viscous_at`` is given.
-
-    Notes
-    -----
     Friction is torque · tanh(rate/sticking_rate); it creeps where `time_response` sticks. Slip has corners, on which implicit
     methods stall: integrate it with an explicit one (RK45), and always with a ``max_step`` below the force's shortest detail.
 
-    Examples
-    --------
     >>> from cutvib_ss.effects.cubic_stiffness import CubicStiffness
     >>> from cutvib_ss.model.machine import published_machine
     >>> nonlinear_system(CubicStiffness("joint2", 8e9).apply(published_machine()), 0.5).nstates

@@ -9,7 +9,7 @@ from cutvib_ss.results.arrays import (
     Quantity,
     read_only,
 )
-from cutvib_ss.results.frequency import FrequencyResponse, MeasuredFrequencyResponse
+from cutvib_ss.results.frequency import Estimator, FrequencyResponse, MeasuredFrequencyResponse
 from cutvib_ss.results.modes import Modes, TrackedModes
 from cutvib_ss.results.moving import Energies, MovingResponse
 from cutvib_ss.results.time import TimeResponse
@@ -19,6 +19,7 @@ __all__ = [
     "AbsorberCheck",
     "ComplexArray",
     "Energies",
+    "Estimator",
     "FloatArray",
     "Form",
     "FrequencyResponse",

@@ -62,9 +62,9 @@ def position_at(value: Any) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
-def position_array(positions: Sequence[float | None]) -> FloatArray:
-    """Positions as an array, where NaN stands for none."""
-    return np.array([np.nan if y is None else y for y in positions])
+def optional_array(values: Sequence[float | None]) -> FloatArray:
+    """Positions or other values as an array, where NaN stands for none."""
+    return np.array([np.nan if y is None else y for y in values])
 
 
 def positions_given(positions: FloatArray) -> FloatArray | None:

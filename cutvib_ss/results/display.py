@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from html import escape
@@ -79,3 +80,14 @@ def optional(module: str, asked: str) -> Any:
         raise CutvibError(
             f"{asked} needs the package {module}, which is not installed: pip install 'cutvib_ss[data]'"
         ) from error
+
+
+def finite(value: Any) -> Any:
+    """Plain data as JSON has it: None in place of NaN and Infinity."""
+    if isinstance(value, dict):
+        return {k: finite(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(v) for v in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

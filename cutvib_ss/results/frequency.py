@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Self
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from cutvib_ss.results.arrays import (
 from cutvib_ss.results.display import Drawn, Table, optional, span
 from cutvib_ss.units import DERIVATIVE_ORDER, rate_unit, ratio_unit
 
+EstimatorKind: TypeAlias = Literal["H1", "H2", "Hv"]
 _BY_OUTPUT = ("outputs", "quantities", "displacement_units")
 _BY_INPUT = ("inputs", "input_units")
 
@@ -168,6 +169,23 @@ class FrequencyResponse(Drawn):
         outs = label_indices(self.outputs, output, "output")
         return self._take(rows, outs, label_indices(self.inputs, input, "input"))
 
+    def at_lines(self, keep: np.ndarray | slice) -> Self:
+        """
+        Part of the response by frequency line.
+
+        Parameters
+        ----------
+        keep : ndarray or slice
+            Lines to keep: a mask, indices or a slice of ``freq``.
+
+        Returns
+        -------
+        FrequencyResponse
+            The part, with all four axes.
+        """
+        arrays: dict[str, Any] = {name: getattr(self, name)[..., keep] for name in self._arrays}
+        return replace(self, freq=self.freq[keep], **arrays)
+
     def _take(self, rows: NDArray[np.intp], outs: list[int], ins: list[int]) -> Self:
         index = np.ix_(rows, np.array(outs), np.array(ins), np.arange(self.freq.size))
         labels: dict[str, Any] = {name: tuple(getattr(self, name)[k] for k in outs) for name in _BY_OUTPUT}
@@ -279,10 +297,40 @@ class FrequencyResponse(Drawn):
         return "Frequency response"
 
 
+@dataclass(frozen=True)
+class Estimator:
+    """
+    What an estimator did to a record on the way to its frequency responses.
+
+    Parameters
+    ----------
+    kind : {"H1", "H2", "Hv"} or None
+        Which estimator it is; None where only its responses were recorded.
+    block : float
+        Length of the block that follows a blow [s]; infinite where nothing of the response is cut off.
+    blow_at : float or None
+        Instant of the blow in the block [s]; None where it is not known.
+    exponential_decay : float
+        Decay rate [1/s] of an exponential window on the response alone.
+    scatter_seen : bool
+        Whether the noise was seen to scatter, over repetitions or by a coherence; else it is read off how smooth the response is.
+    ordering : tuple of float or None
+        Of each output, how probable it is that single blows order with their force as much as they do by chance; None where that
+        cannot be told, nothing where it was not looked at.
+    """
+
+    kind: EstimatorKind | None = None
+    block: float = float("inf")
+    blow_at: float | None = None
+    exponential_decay: float = 0.0
+    scatter_seen: bool = True
+    ordering: tuple[float | None, ...] = ()
+
+
 @dataclass(frozen=True, repr=False)
 class MeasuredFrequencyResponse(FrequencyResponse):
     """
-    An estimated frequency response: the computed type plus what is known of its noise.
+    An estimated frequency response: the computed type plus its noise and its estimator.
 
     Parameters
     ----------
@@ -292,11 +340,14 @@ class MeasuredFrequencyResponse(FrequencyResponse):
         Ordinary coherence γ² between input and output, 0 to 1; NaN where unknown.
     averages : int
         Number of blows or blocks behind each estimate.
+    estimator : Estimator
+        What the estimator did to the record.
     """
 
     variance: FloatArray = None  # type: ignore[assignment]
     coherence: FloatArray = None  # type: ignore[assignment]
     averages: int = 1
+    estimator: Estimator = Estimator()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -307,9 +358,30 @@ class MeasuredFrequencyResponse(FrequencyResponse):
             if getattr(self, name).shape != self.data.shape:
                 raise ParameterError(f"{name} has shape {getattr(self, name).shape}, the data {self.data.shape}")
 
+    def computed(self, data: ComplexArray) -> FrequencyResponse:
+        """
+        What a model shows in place of the measurement.
+
+        Parameters
+        ----------
+        data : ndarray of complex, shape (position, output, input, frequency)
+            The model's responses, in the units of these.
+
+        Returns
+        -------
+        FrequencyResponse
+            With the labels of the measurement.
+        """
+        labels: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(FrequencyResponse) if f.name != "data"}
+        return FrequencyResponse(data, **labels)
+
     @property
     def _arrays(self) -> tuple[str, ...]:
         return ("data", "variance", "coherence")
+
+    def _take(self, rows: NDArray[np.intp], outs: list[int], ins: list[int]) -> Self:
+        ordering = tuple(self.estimator.ordering[k] for k in outs) if self.estimator.ordering else ()
+        return replace(super()._take(rows, outs, ins), estimator=replace(self.estimator, ordering=ordering))
 
     def _scaled(self, factor: ComplexArray) -> dict[str, Any]:
         return {"data": self.data * factor, "variance": self.variance * np.abs(factor) ** 2}

@@ -65,24 +65,6 @@ class MovingResponse(TimeResponse):
         object.__setattr__(self, "path", read_only(self.path, np.float64))
 
     def after(self, start: float) -> Self:
-        """
-        The histories from an instant on, for instance once a transient has gone.
-
-        Parameters
-        ----------
-        start : float
-            The instant [s].
-
-        Returns
-        -------
-        MovingResponse
-            The part; its time starts at zero again.
-
-        Raises
-        ------
-        ParameterError
-            If nothing is left.
-        """
         left = super().after(start)
         path = self.path[-left.force.size :]
         return replace(left, path=path, position=float(path[0]), energies=None)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.campaign import read_campaign
-from cutvib_ss.measurement.estimation import estimate
+from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.records import Record
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.response.frequency import frequency_response
@@ -62,7 +62,7 @@ def features(folder: Path) -> FloatArray:
 
 
 def _read(machine: Machine, record: Record) -> list[tuple[str, _Seen]]:
-    measured = estimate(record) if record.frf is None else record.frf
+    measured = measured_response(record)
     lines = (measured.freq >= EDGES[0]) & (measured.freq <= EDGES[-1])
     freq = measured.freq[lines]
     position = 0.5 if record.position is None else record.position

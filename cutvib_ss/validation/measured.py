@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +17,7 @@ from cutvib_ss.errors import CutvibError, DataFormatError, ParameterError
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.measurement.records import Campaign, History, Record
 from cutvib_ss.results import ComplexArray, FloatArray, MeasuredFrequencyResponse
+from cutvib_ss.results.display import finite
 from cutvib_ss.validation.files import read_json
 
 SCHEMA = "cutvib-blind-real/1"
@@ -140,34 +140,16 @@ def add_element(record: Record, z: Element, *, channel: str | None = None) -> Re
     """
     A record as it would be with an element at the drive point: the same motion x, and the force that it then takes.
 
-    Parameters
-    ----------
-    record : Record
-        Measured with a force, not on a shaken base.
-    z : callable
-        Dynamic stiffness of the element [N/m] over s = jω, shapes (frequency,): ``lambda s: 0.2 * s**2`` is a mass of 0.2 kg.
-    channel : str, optional
-        The channel that reads the motion of the drive point along the force; may be left out where there is only one.
+    z is the element's dynamic stiffness [N/m] over s = jω: ``lambda s: 0.2 * s**2`` is a mass of 0.2 kg. ``channel`` reads the
+    motion of the drive point along the force; it may be left out where there is only one.
 
-    Returns
-    -------
-    Record
-        Frequency responses: F becomes F (1 + z H) with the drive-point receptance H, and all responses are divided by
-        1 + z H, their variances carried along to first order (errors of channels independent). Histories: f + z * x.
-
-    Raises
-    ------
-    ParameterError
-        If the drive point's channel cannot be told, the input is no force, or z is not finite where it is needed.
-
-    Notes
-    -----
     With D the rest of the structure, linear or not, f = D(x). The element adds z * x, so that the same x now takes
-    f + z * x: no model enters. The product is formed in the frequency domain: periodic histories are exact, and so is
-    any history where z over the power of s of the channel is constant (a mass under an accelerometer). Otherwise a
-    history must be at rest at both ends. Where z over that power is infinite at zero frequency (a spring under an
-    accelerometer) the mean is left out, which an accelerometer does not see. An FRF that was cut off by its block is
-    that of the block, and 1 + z H is then as truncated as H.
+    f + z * x: no model enters. Frequency responses are divided by 1 + z H with the drive-point receptance H, their variances
+    carried along to first order (errors of channels independent). Of histories the product is formed in the frequency domain:
+    periodic ones are exact, and so is any where z over the power of s of the channel is constant (a mass under an
+    accelerometer). Otherwise a history must be at rest at both ends. Where z over that power is infinite at zero frequency (a
+    spring under an accelerometer) the mean is left out, which an accelerometer does not see. An FRF that was cut off by its
+    block is that of the block, and 1 + z H is then as truncated as H.
     """
     if record.input_quantity != "force":
         raise ParameterError(
@@ -206,8 +188,8 @@ def _told(row: MeasuredRow, found: Diagnosis, label: DocumentedCause | None) -> 
         row,
         verdict=found.verdict,
         named=f"{first.effect} at {first.place}",
-        share=_number(first.share),
-        repeatability=_number(found.repeatability),
+        share=finite(first.share),
+        repeatability=finite(found.repeatability),
         confidence=float(
             sum(c.probability for c in found.causes if (c.effect, c.place) == (first.effect, first.place))
         ),
@@ -220,7 +202,7 @@ def _told(row: MeasuredRow, found: Diagnosis, label: DocumentedCause | None) -> 
         probability=sum(c.probability for _, c in those),
         rank=those[0][0] if those else None,
         place_right=bool({found.where.place, *found.where.place_set} & set(label.places)),
-        share=_number(those[0][1].share) if those else None,
+        share=finite(those[0][1].share) if those else None,
         limits=tuple(dict(vars(x)) for x in found.limits if label.names(x.effect, x.place)),
     )
 
@@ -249,10 +231,6 @@ def _names(given: dict[str, Any], key: str, file: Path) -> tuple[str, ...]:
             f'{file}: {key} = {value!r}; give a name or a list of names, for instance {key} = ["one", "two"]'
         )
     return tuple(names)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def _drive(record: Record, channel: str | None) -> int:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from cutvib_ss.results import FloatArray
+from cutvib_ss.results.display import finite
 from cutvib_ss.validation.cases import NONE, UNKNOWN, Case, Causes, name_of
 from cutvib_ss.validation.measured import MeasuredRow
 from cutvib_ss.validation.rows import (
@@ -133,8 +134,8 @@ class Score:
             "cases": [case_data(c) for c in self.cases],
             "baselines": {name: [_row(r) for r in own] for name, own in self.baselines.items()},
         }
-        finite: dict[str, Any] = _finite(data)
-        return finite
+        cleaned: dict[str, Any] = finite(data)
+        return cleaned
 
 
 def scored(cases: Sequence[Case], about: Mapping[str, Any], measured: Sequence[MeasuredRow] = ()) -> Score:
@@ -327,13 +328,3 @@ def _group(group: Group) -> dict[str, Any]:
         "calibration_error": group.calibration_error,
         "if_perfect": group.if_perfect,
     }
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(v) for v in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value

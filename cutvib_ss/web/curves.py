@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, TypeAlias
@@ -92,15 +92,10 @@ def measured_curves(
     frfs: Sequence[MeasuredFrequencyResponse], records: Sequence[RecordSummary], chosen: Sequence[int], output: str
 ) -> list[Curve]:
     """Chosen records' responses of one channel, in their bands."""
-    curves, names = [], labels_of(records)
-    for colour, k in enumerate(chosen):
-        frf, record = frfs[k], records[k]
-        if output not in frf.outputs:
-            continue
-        part = frf.sel(output=output)
-        at = np.flatnonzero((part.freq >= record.band_hz[0]) & (part.freq <= record.band_hz[1]) & (part.freq > 0))
-        keep = thinned(np.abs(part.data[0, 0, 0]), at, MOST_LINES)
-        curves.append(Curve(names[k], part.freq[keep], part.data[0, 0, 0, keep], "measured", part.units[0], colour))
+    curves = []
+    for name, colour, part, inside in _in_bands(frfs, records, chosen, output):
+        keep = thinned(np.abs(part.data[0, 0, 0]), np.flatnonzero(inside), MOST_LINES)
+        curves.append(Curve(name, part.freq[keep], part.data[0, 0, 0, keep], "measured", part.units[0], colour))
     return curves
 
 
@@ -108,19 +103,25 @@ def coherence_curves(
     frfs: Sequence[MeasuredFrequencyResponse], records: Sequence[RecordSummary], chosen: Sequence[int], output: str
 ) -> list[Curve]:
     """Chosen records' coherence of one channel, where it is known."""
-    curves, names = [], labels_of(records)
-    for colour, k in enumerate(chosen):
-        frf, record = frfs[k], records[k]
-        if output not in frf.outputs:
-            continue
-        row = frf.coherence[0, frf.outputs.index(output), 0]
-        at = np.flatnonzero(
-            np.isfinite(row) & (frf.freq >= record.band_hz[0]) & (frf.freq <= record.band_hz[1]) & (frf.freq > 0)
-        )
+    curves = []
+    for name, colour, part, inside in _in_bands(frfs, records, chosen, output):
+        row = part.coherence[0, 0, 0]
+        at = np.flatnonzero(np.isfinite(row) & inside)
         if at.size:
             keep = thinned(row, at, MOST_LINES // 2)
-            curves.append(Curve(names[k], frf.freq[keep], row[keep].astype(complex), "coherence", "", colour))
+            curves.append(Curve(name, part.freq[keep], row[keep].astype(complex), "coherence", "", colour))
     return curves
+
+
+def _in_bands(
+    frfs: Sequence[MeasuredFrequencyResponse], records: Sequence[RecordSummary], chosen: Sequence[int], output: str
+) -> Iterator[tuple[str, int, MeasuredFrequencyResponse, np.ndarray]]:
+    """Of chosen records that have a channel their name, colour, response and lines in the band."""
+    names = labels_of(records)
+    for colour, k in enumerate(chosen):
+        if output in frfs[k].outputs:
+            part, (low, high) = frfs[k].sel(output=output), records[k].band_hz
+            yield names[k], colour, part, (part.freq >= low) & (part.freq <= high) & (part.freq > 0)
 
 
 def model_curves(

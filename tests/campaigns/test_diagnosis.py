@@ -116,14 +116,11 @@ def is_right(label, diagnosis):
     )
 
 
-@pytest.mark.parametrize("name", ["c01"])
+LINEAR = [pytest.param(f"c{k:02}", marks=pytest.mark.slow) for k in (2, 3, 4, 7, 8, 9, 10, 11)]
+
+
+@pytest.mark.parametrize("name", ["c01", *LINEAR])
 def test_labelled_campaigns(shared, name):
-    assert is_right(*labelled(shared, name))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["c02", "c03", "c04", "c07", "c08", "c09", "c10", "c11"])
-def test_more_labelled_campaigns(shared, name):
     assert is_right(*labelled(shared, name))
 
 

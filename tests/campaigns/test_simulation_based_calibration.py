@@ -14,13 +14,14 @@ from scipy import stats
 
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.records import Entry, Records
+from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.unknowns import to_unknown
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import StructureTolerances
+from tests.unit.record_example import entry_of
 
 pytestmark = pytest.mark.slow
 
@@ -62,9 +63,7 @@ def drawn(rng, mass=0.0, stiffness=0.0, damping=0.0):
         std = NOISE * np.median(np.abs(shown), axis=1, keepdims=True) * np.ones(shown.shape)
         noise = std / np.sqrt(2) * (rng.standard_normal(shown.shape) + 1j * rng.standard_normal(shown.shape))
         entries.append(
-            Entry(
-                k, None, 1.0, shown + noise, std**2, FREQ, ("y1", "y2"), ("acceleration",) * 2, np.inf, 0.0, 0.0, False
-            )
+            entry_of(k, None, 1.0, shown + noise, std**2, FREQ, ("y1", "y2"), ("acceleration",) * 2, blow_at=0.0)
         )
     return Records(tuple(entries))
 

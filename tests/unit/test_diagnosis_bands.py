@@ -13,7 +13,7 @@ from cutvib_ss.diagnosis.likelihood import Sizes
 from cutvib_ss.diagnosis.linearity import blows_order, level_stands_out
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.measurement.records import Campaign, History, Record
 from cutvib_ss.model.machine import published_machine
@@ -21,6 +21,7 @@ from cutvib_ss.model.paths import with_values
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
 from tests.unit.measurement_rig import FS, blow
+from tests.unit.record_example import entry_of
 
 W0, ZETA = 2 * np.pi * 60.0, 0.02
 FREQ = np.arange(30.0, 150.0, 0.5)
@@ -43,10 +44,7 @@ def sessions(drift, bump=0.0, count=8):
         data = data * (1.0 + bump * 20.0 * S / (S**2 + 20.0 * S + (2 * np.pi * 110.0) ** 2))
         variance = (NOISE * np.abs(data)) ** 2
         data = data + np.sqrt(variance / 2) * (rng.standard_normal(S.size) + 1j * rng.standard_normal(S.size))
-        out.append(
-            Entry(k, None, np.nan, data[None], variance[None], FREQ, ("a",), ("acceleration",), np.inf, np.nan, 0.0,
-                  False)
-        )  # fmt: skip
+        out.append(entry_of(k, None, None, data[None], variance[None], FREQ, ("a",), ("acceleration",)))
     return out
 
 

@@ -8,13 +8,14 @@ import pytest
 from cutvib_ss.diagnosis.comparison import compared
 from cutvib_ss.diagnosis.linearity import level_stands_out, levels_compared
 from cutvib_ss.diagnosis.prediction import Prediction
-from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.where import level_dependence
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.paths import with_values
 from cutvib_ss.response.frequency import frequency_response
+from tests.unit.record_example import entry_of
 
 MACHINE = published_machine()
 SOFTER = with_values(MACHINE, {("head", "k2"): 0.97 * MACHINE.head.k2})
@@ -25,15 +26,15 @@ RELATIVE = 0.01
 def entry(number, freq, level, model=MACHINE, block=np.inf, **more):
     """A record of a machine at y/L = 0.4 with noise of a percent."""
     rng = np.random.default_rng(number)
-    blank = Entry(
+    blank = entry_of(
         number, 0.4, level, np.zeros((3, freq.size), dtype=complex), np.ones((3, freq.size)), freq, CHANNELS,
-        ("acceleration",) * 3, block, 0.05, 0.0, False, **more,
+        ("acceleration",) * 3, block=block, blow_at=0.05, **more,
     )  # fmt: skip
     (group,) = merged([blank])
     data = Prediction(model, group).data[0]
     variance = (RELATIVE * np.abs(data)) ** 2
     noise = np.sqrt(variance / 2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
-    return replace(blank, data=data + noise, variance=variance)
+    return blank.showing(data + noise, variance)
 
 
 FINE, COARSE, ASIDE, NARROW = (
@@ -69,9 +70,9 @@ def test_a_change_with_the_level_shows_across_grids(one, other):
 
 def test_other_inputs_and_sessions_are_not_compared():
     a, b = entry(0, FINE, 20.0), entry(1, COARSE, 60.0, SOFTER)
-    assert not level_stands_out(Records((a, replace(b, input="head_x"))))
+    assert not level_stands_out(Records((a, replace(b, response=replace(b.response, inputs="head_x")))))
     assert not level_stands_out(Records((replace(a, session="monday"), replace(b, session="friday"))))
-    assert np.isnan(repeatability((a, replace(b, level=20.0, input="head_x"))))
+    assert np.isnan(repeatability((a, replace(b, level=20.0, response=replace(b.response, inputs="head_x")))))
 
 
 def test_blocks_of_unlike_length_lose_unlike_tails():
@@ -90,13 +91,12 @@ def test_blocks_of_unlike_length_lose_unlike_tails():
 
 def test_channels_in_common():
     a, b = entry(0, FINE, 20.0), entry(1, COARSE, 60.0)
-    less = replace(b, channels=("base_x", "tool_x"), data=b.data[[2, 0]], variance=b.variance[[2, 0]],
-                   quantities=("acceleration",) * 2)  # fmt: skip
+    less = replace(b, response=b.response.sel(output=["base_x", "tool_x"]))
     pair = compared(a, less)
     assert pair.channels == ("tool_x", "base_x")
     assert pair.power.mean() == pytest.approx(1.0, abs=0.15)
-    assert compared(a, replace(less, channels=("p", "q"))) is None
-    assert compared(a, replace(less, quantities=("velocity",) * 2)) is None
+    assert compared(a, replace(less, response=replace(less.response, outputs=("p", "q")))) is None
+    assert compared(a, replace(less, response=replace(less.response, quantities=("velocity",) * 2))) is None
     assert compared(a, entry(1, np.arange(500.0, 600.0, 1.0), 60.0)) is None
 
 
@@ -120,3 +120,14 @@ def test_repeatability_of_records_on_different_grids():
     same = repeatability((a, entry(1, FINE, 20.0, moved)))
     assert same > 2 * RELATIVE
     assert repeatability((a, entry(1, COARSE, 20.0, moved))) == pytest.approx(same, rel=0.15)
+
+
+def test_merged_records_are_one_measured_response():
+    a, b = (entry(k, COARSE, 20.0, block=2.0) for k in (0, 1))
+    (group,) = merged([a, b])
+    both = group.entry(0)
+    np.testing.assert_array_equal(both.data, group.data[0])
+    assert both.response.averages == 2
+    assert both.estimator == a.estimator
+    assert both.position == 0.4
+    assert replace(a, response=replace(a.response, positions=np.nan)).position is None

@@ -12,11 +12,12 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.observations import Observations
-from cutvib_ss.diagnosis.records import Entry, Records
+from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.units import STANDARD_GRAVITY
+from tests.unit.record_example import entry_of
 
 FREQ = np.arange(20.0, 400.0, 1.0)
 CHANNELS = ("tool_x", "tool_z", "base_x")
@@ -25,7 +26,7 @@ SOFT = ParameterShift("joint2", "k2", 0.9)
 MACHINE = SOFT.apply(NOMINAL)
 
 
-def entries(positions=(0.1, 0.4, 0.8), levels=(np.nan,)):
+def entries(positions=(0.1, 0.4, 0.8), levels=(None,)):
     rng, out = np.random.default_rng(7), []
     for y in positions:
         for level in levels:
@@ -33,8 +34,8 @@ def entries(positions=(0.1, 0.4, 0.8), levels=(np.nan,)):
             std = 1e-3 * np.abs(data).max(axis=1, keepdims=True) * np.ones(FREQ.size)
             data = data + std * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape)) / np.sqrt(2)
             out.append(
-                Entry(
-                    len(out), y, level, data, std**2, FREQ, CHANNELS, ("acceleration",) * 3, np.inf, np.nan, 0.0, False
+                entry_of(
+                    len(out), y, level, data, std**2, FREQ, CHANNELS, ("acceleration",) * 3
                 )
             )  # fmt: skip
     return tuple(out)

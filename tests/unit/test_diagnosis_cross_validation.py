@@ -1,6 +1,5 @@
 """What a fit on few records leaves on others, and how sure it can be of them."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +13,7 @@ from cutvib_ss.diagnosis.likelihood import Layout, Sizes
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, simulated
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.calibration_error import CalibrationError
@@ -23,6 +22,7 @@ from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
+from tests.unit.record_example import entry_of
 from tests.unit.test_diagnosis_simulation import NOISE as NOISE_OF_LAWS
 from tests.unit.test_diagnosis_simulation import records as with_forces
 
@@ -39,8 +39,8 @@ def measured(machine, positions, rng):
         size = NOISE * np.abs(data).mean(axis=1, keepdims=True) * np.ones(FREQ.size)
         noise = (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape)) * size / np.sqrt(2)
         out.append(
-            Entry(
-                i, y, 50.0, data + noise, size**2, FREQ, CHANNELS, ("acceleration",) * 3, np.inf, np.nan, 0.0, False
+            entry_of(
+                i, y, 50.0, data + noise, size**2, FREQ, CHANNELS, ("acceleration",) * 3
             )
         )  # fmt: skip
     return tuple(out)
@@ -108,7 +108,7 @@ def test_a_prediction_is_as_uncertain_as_its_unknowns():
 
     # What the unknowns may be off by, and by as much they are.
     off = x + 2.0 * root @ rng.standard_normal(problem.size)
-    entry = replace(entries[1], data=entries[1].data + shown(off) - shown(x))
+    entry = entries[1].showing(entries[1].data + shown(off) - shown(x))
     seen = cross_validation.predicted(entry, MACHINE, 0.0, problem, x)
     found = cross_validation.judged(entry, seen, problem, uncertain(problem, x, root)).chi2
     np.testing.assert_allclose(found, left(shown, x, root, entry), rtol=0.01)
@@ -127,7 +127,7 @@ def test_a_law_is_as_uncertain_where_it_was_not_fitted():
     root = 1e-6 * np.eye(x.size)
     root[-1, -1] = 1e-4
     noise = np.random.default_rng(2).standard_normal((2, *group.data[0].shape)) * NOISE_OF_LAWS / np.sqrt(2)
-    entry = replace(group.entries[0][0], data=shown(x + 2.0 * root[-1]) + noise[0] + 1j * noise[1])
+    entry = group.entries[0][0].showing(shown(x + 2.0 * root[-1]) + noise[0] + 1j * noise[1])
     seen = cross_validation.Shown(shown(x), np.zeros(entry.data.shape), simulated(problem.applied(x), group))
     found = cross_validation.judged(entry, seen, problem, uncertain(problem, x, root)).chi2
     np.testing.assert_allclose(found, left(shown, x, root[:, -1:], entry), rtol=0.02)

@@ -13,7 +13,7 @@ from cutvib_ss.diagnosis.modification import Lines
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.place import locate
 from cutvib_ss.diagnosis.prediction import Prediction
-from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, simulated
 from cutvib_ss.diagnosis.variants import variants
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
@@ -29,6 +29,7 @@ from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.response.stepping import modal_form, step
+from tests.unit.record_example import entry_of
 
 MASS = np.diag([2.0, 1.5, 1.0, 1.2])
 STIFFNESS = 1e5 * np.array([[5.0, -2.0, 0, 0], [-2.0, 4.5, -2.5, 0], [0, -2.5, 4.0, -1.5], [0, 0, -1.5, 3.0]])
@@ -59,9 +60,9 @@ def roving(inputs, seed=0):
         data = h[:, 0, PORTS.index(struck)][None]
         data = data + NOISE / np.sqrt(2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
         entries.append(
-            Entry(
-                k, None, np.nan, data, np.full(data.shape, NOISE**2), FREQ, ("a",), ("acceleration",), np.inf,
-                np.nan, 0.0, False, session="day", input="force" if name == "p1" else name,
+            entry_of(
+                k, None, None, data, np.full(data.shape, NOISE**2), FREQ, ("a",), ("acceleration",), session="day",
+                input="force" if name == "p1" else name,
             )
         )  # fmt: skip
     return Records(tuple(entries))
@@ -94,14 +95,14 @@ CHANNELS = ("tool_x", "tool_z", "base_x")
 STRUCK = ("force", "rail@0.25", "head_x", "rail@0.7")
 
 
-def on_the_machine(inputs, level=np.nan, position=0.4):
+def on_the_machine(inputs, level=None, position=0.4):
     """Empty records of the machine, one an input."""
     empty = np.zeros((3, LINES.size), dtype=complex)
-    replay = None if np.isnan(level) else assumed_blow(LINES, 0.5, 0.05, level)
+    replay = None if level is None else assumed_blow(LINES, 0.5, 0.05, level)
     return [
-        Entry(
-            k, position, level, empty, np.full(empty.shape, 1e-6), LINES, CHANNELS, ("acceleration",) * 3, 0.5, 0.05,
-            0.0, False, replay, input=name,
+        entry_of(
+            k, position, level, empty, np.full(empty.shape, 1e-6), LINES, CHANNELS, ("acceleration",) * 3, block=0.5, blow_at=0.05,
+            replay=replay, input=name,
         )
         for k, name in enumerate(inputs)
     ]  # fmt: skip

@@ -16,6 +16,7 @@ from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.model.structure import Structure
 from tests.unit.diagnosis_example import example_structure
+from tests.unit.record_example import entry_of
 
 FREQ = np.linspace(20.0, 110.0, 31)
 
@@ -42,8 +43,7 @@ def entries(structure: Structure, drift: float, seed: int = 1, count: int = 6) -
         variance = np.full(data.shape, 1.0) * (2e-3 * np.abs(data).max(axis=1, keepdims=True)) ** 2
         noise = np.sqrt(variance / 2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
         found.append(
-            Entry(i, None, 1.0, data + noise, variance, FREQ, ("y", "a"), ("displacement", "acceleration"),
-                  np.inf, np.nan, 0.0, False)
+            entry_of(i, None, 1.0, data + noise, variance, FREQ, ("y", "a"), ("displacement", "acceleration"))
         )  # fmt: skip
     return tuple(found)
 

@@ -1,12 +1,9 @@
 """The record that would tell most."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.next_test import next_test
-from cutvib_ss.diagnosis.records import Entry
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.dry_friction import DryFriction
@@ -14,6 +11,7 @@ from cutvib_ss.effects.rail_added_mass import RailAddedMass
 from cutvib_ss.measurement.replay import assumed_blow
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
+from tests.unit.record_example import entry_of
 
 MACHINE = published_machine()
 FREQ = np.arange(20.0, 400.0, 1.0)
@@ -24,8 +22,8 @@ def record(level, position=0.5):
     data = np.ones((2, FREQ.size), dtype=complex)
     variance = np.full(data.shape, (0.05 / level) ** 2)
     replay = assumed_blow(FREQ, 1.0, 0.02, level)
-    return Entry(
-        0, position, level, data, variance, FREQ, CHANNELS, ("acceleration",) * 2, 1.0, 0.02, 0.0, False, replay
+    return entry_of(
+        0, position, level, data, variance, FREQ, CHANNELS, ("acceleration",) * 2, block=1.0, blow_at=0.02, replay=replay
     )  # fmt: skip
 
 
@@ -54,6 +52,6 @@ def test_level_matters_where_a_cause_depends_on_it(other, level):
 def test_odds_decide_which_pair_is_worth_telling():
     heavy, light = AddedMass("tool", 0.4).apply(MACHINE), AddedMass("tool", 0.39).apply(MACHINE)
     rail = RailAddedMass("rail", 0.3, 2.0, 1.0).apply(MACHINE)
-    entries = [replace(record(50.0), variance=np.full((2, FREQ.size), 1e-4))]
+    entries = [(given := record(50.0)).showing(given.data, np.full((2, FREQ.size), 1e-4))]
     likely = next_test([heavy, light, rail], ["a", "b", "c"], entries, [0.49, 0.49, 0.02])
     assert likely.channel == "tool_x"

@@ -9,7 +9,7 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import cost, on_all_lines
-from cutvib_ss.diagnosis.records import Entry, Records
+from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
@@ -17,6 +17,7 @@ from cutvib_ss.effects.bilinear_stiffness import BilinearStiffness
 from cutvib_ss.effects.end_fixity import EndFixity
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.paths import with_values
+from tests.unit.record_example import entry_of
 
 FREQ = np.arange(18.0, 400.0, 2.0)
 S = 2j * np.pi * FREQ
@@ -39,7 +40,9 @@ def clamped_and_crossed(fraction=0.16):
         data[1] += fraction * data[0]
         noise = 1e-3 * np.abs(data).max(axis=1, keepdims=True) * np.ones(FREQ.size)
         data = data + noise * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape)) / np.sqrt(2)
-        out.append(Entry(k, y, np.nan, data, noise**2, FREQ, CHANNELS, ("acceleration",) * 3, BLOCK, 0.05, 0.0, False))
+        out.append(
+            entry_of(k, y, None, data, noise**2, FREQ, CHANNELS, ("acceleration",) * 3, block=BLOCK, blow_at=0.05)
+        )
     return Records(tuple(out))
 
 

@@ -11,7 +11,7 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypotheses import candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.plan import PlannedCampaign, plan
-from cutvib_ss.diagnosis.records import Entry, Records
+from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.severity import runs
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.cross_axis import CrossAxis
@@ -19,6 +19,7 @@ from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
+from tests.unit.record_example import entry_of
 
 MACHINE = published_machine()
 CAMPAIGN = PlannedCampaign((0.1, 0.4, 0.8), (50.0,), error=0.0)
@@ -53,9 +54,9 @@ def test_what_is_just_seen_brings_the_evidence_that_is_asked(planned, name, buil
     rng = np.random.default_rng(5)
     noise = [np.sqrt(variance / 2) * (rng.standard_normal((3, freq.size, 2)) @ [1.0, 1j]) for _ in CAMPAIGN.positions]
     entries = tuple(
-        Entry(
+        entry_of(
             k, y, 50.0, frequency_response(machine, [y], freq).data[0, :, 0] + noise[k], variance, freq, CAMPAIGN.channels,
-            ("acceleration",) * 3, np.inf, np.nan, 0.0, False,
+            ("acceleration",) * 3,
         )
         for k, y in enumerate(CAMPAIGN.positions)
     )  # fmt: skip

@@ -7,13 +7,14 @@ import pytest
 from scipy import signal
 
 from cutvib_ss.diagnosis.prediction import Prediction
-from cutvib_ss.diagnosis.records import Entry, Group, merged
+from cutvib_ss.diagnosis.records import Group, merged
 from cutvib_ss.diagnosis.simulation import simulated as stepped_in_time
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.paths import value_at, with_value
+from tests.unit.record_example import entry_of
 
 CHANNELS = ("tool_x", "tool_z", "base_x")
 BLOCK, BLOW_AT = 2.0, 0.0525
@@ -143,9 +144,9 @@ def test_blows_of_finite_length_in_short_blocks_are_seen_as_they_are_simulated()
     force = 60.0 * np.where((time >= 0.1) & (time < 0.106), np.sin(np.pi * (time - 0.1) / 0.006) ** 2, 0.0)
     lines = np.arange(10, 120)
     freq, shape = lines * fs / size, (3, lines.size)
-    entry = Entry(
+    entry = entry_of(
         0, 0.3, 60.0, np.ones(shape, complex), np.ones(shape), freq, CHANNELS, ("acceleration",) * 3,
-        size / fs, 0.103, 0.0, False, Replay((force,), fs, lines),
+        block=size / fs, blow_at=0.103, replay=Replay((force,), fs, lines),
     )  # fmt: skip
     (whole,) = merged([entry])
     stepped = stepped_in_time(machine, whole, steps=40.0).data

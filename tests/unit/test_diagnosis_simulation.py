@@ -10,7 +10,7 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Directions
 from cutvib_ss.diagnosis.prediction import Prediction
-from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, _window, problem_for, simulated
@@ -22,6 +22,7 @@ from cutvib_ss.effects.rail_added_mass import RailAddedMass
 from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.measurement.replay import assumed_blow
 from cutvib_ss.model.machine import published_machine
+from tests.unit.record_example import entry_of
 
 MACHINE = published_machine()
 FREQ = np.arange(20.0, 400.0, 2.0)
@@ -35,7 +36,7 @@ def records(*levels, position=0.5):
     for i, level in enumerate(levels):
         empty = np.zeros((len(CHANNELS), FREQ.size), dtype=complex)
         entries.append(
-            Entry(
+            entry_of(
                 i,
                 position,
                 level,
@@ -44,11 +45,9 @@ def records(*levels, position=0.5):
                 FREQ,
                 CHANNELS,
                 ("acceleration",) * 3,
-                0.5,
-                0.05,
-                0.0,
-                False,
-                assumed_blow(FREQ, 0.5, 0.05, level),
+                block=0.5,
+                blow_at=0.05,
+                replay=assumed_blow(FREQ, 0.5, 0.05, level),
             )
         )
     return Records(tuple(entries))
@@ -60,7 +59,7 @@ def measured(empty, model, force_scale=None, seed=0):
     shown = simulated(model, group, force_scale=force_scale).data
     rng = np.random.default_rng(seed)
     noise = NOISE / np.sqrt(2) * (rng.standard_normal(shown.shape) + 1j * rng.standard_normal(shown.shape))
-    return Records(tuple(replace(e, data=d) for e, d in zip(empty.entries, shown + noise, strict=True)))
+    return Records(tuple(e.showing(d) for e, d in zip(empty.entries, shown + noise, strict=True)))
 
 
 def test_without_a_law_the_simulation_is_the_closed_form():

@@ -11,7 +11,7 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import motions
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import Entry, Records, SineTest, merged, thinned
+from cutvib_ss.diagnosis.records import Records, SineTest, merged, thinned
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
 from cutvib_ss.diagnosis.sweeps import branches, swept
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
@@ -19,6 +19,7 @@ from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.results import MeasuredFrequencyResponse
+from tests.unit.record_example import entry_of
 
 W0, ZETA, K3 = 2 * np.pi * 50.0, 0.01, 1e9
 FREQ = np.linspace(44.0, 60.0, 97)
@@ -52,9 +53,9 @@ def record(data, sine, seed=0, number=0):
     rng = np.random.default_rng(seed)
     variance = (NOISE * np.abs(data)) ** 2
     noise = np.sqrt(variance / 2) * (rng.standard_normal(data.size) + 1j * rng.standard_normal(data.size))
-    return Entry(
+    return entry_of(
         number, None, float(np.median(sine.force)), (data + noise)[None], variance[None], FREQ, ("x",),
-        ("displacement",), np.inf, np.nan, 0.0, False, sine=sine, session="day",
+        ("displacement",), sine=sine, session="day",
     )  # fmt: skip
 
 
@@ -212,7 +213,7 @@ def test_what_a_record_states_of_its_sine():
     column = np.linspace(2.0, 3.0, FREQ.size)
     gain = np.abs(duffing(1e-3))
     assert seen().sine is None
-    assert np.isnan(seen().level)
+    assert seen().level is None
     one = seen(peak_force=4.0, sweep="up")
     assert (one.level, one.sine.direction) == (4.0, "up")
     np.testing.assert_array_equal(one.sine.force, np.full(FREQ.size, 4.0))

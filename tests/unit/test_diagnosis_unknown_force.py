@@ -11,12 +11,13 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import confounded
 from cutvib_ss.diagnosis.ranking import some
-from cutvib_ss.diagnosis.records import Entry, Records
+from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce
 from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
+from tests.unit.record_example import entry_of
 
 FREQ = np.linspace(100.0, 300.0, 60)
 LEVELS = (10.0, 100.0)
@@ -32,8 +33,8 @@ def records(by_level: dict[float, float]) -> Records:
             size = 0.005 * np.abs(data)
             noise = size / np.sqrt(2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
             entries.append(
-                Entry(2 * i + j, position, level, data + noise, size**2, FREQ, ("tool_x",), ("acceleration",),
-                      np.inf, 0.0, 0.0, False)
+                entry_of(2 * i + j, position, level, data + noise, size**2, FREQ, ("tool_x",), ("acceleration",),
+                      blow_at=0.0)
             )  # fmt: skip
     return Records(tuple(entries))
 
@@ -79,7 +80,9 @@ def test_where_levels_agree_it_pays_for_its_freedom() -> None:
 
 def test_records_of_all_levels_are_scanned() -> None:
     apart = records({10.0: 0.0, 100.0: 0.05}).entries
-    more = tuple(replace(e, record=4 + e.record, position=e.position + 0.1) for e in apart)
+    more = tuple(
+        replace(e, record=4 + e.record, response=replace(e.response, positions=e.position + 0.1)) for e in apart
+    )
     kept = some(Records(apart + more))
     assert sorted(e.level for e in kept.entries) == [10.0, 10.0, 100.0, 100.0]
     assert len({e.position for e in kept.entries}) == 4

@@ -7,10 +7,11 @@ import pytest
 
 from cutvib_ss.diagnosis import cross_validation, where
 from cutvib_ss.diagnosis.observations import Observations
-from cutvib_ss.diagnosis.records import Entry, Group, merged
+from cutvib_ss.diagnosis.records import Group, merged
 from cutvib_ss.diagnosis.result import Cause
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.verdict import ambiguity_set, verdict
+from tests.unit.record_example import entry_of
 
 FREQ = np.arange(10.0, 200.0, 0.5)
 
@@ -19,9 +20,9 @@ def entry(record, position=0.5, level=50.0, scale=1.0, check=False, seed=None):
     rng = np.random.default_rng(record if seed is None else seed)
     noise = (rng.standard_normal((2, FREQ.size)) + 1j * rng.standard_normal((2, FREQ.size))) / np.sqrt(2)
     data = scale * np.ones((2, FREQ.size)) + 0.1 * noise
-    return Entry(
+    return entry_of(
         record, position, level, data, np.full((2, FREQ.size), 0.01), FREQ, ("tool_x", "base_x"),
-        ("acceleration",) * 2, np.inf, np.nan, 0.0, check,
+        ("acceleration",) * 2, check=check,
     )  # fmt: skip
 
 
@@ -90,7 +91,7 @@ def test_interval_of_shrinkage_holds_its_value():
 
 def test_merging_weighs_by_precision():
     a, b = entry(0), entry(1, scale=2.0)
-    b = dataclasses.replace(b, variance=b.variance / 9)
+    b = b.showing(b.data, b.variance / 9)
     (group,) = merged([a, b])
     assert group.data.mean() == pytest.approx(1.9, abs=0.02)
     np.testing.assert_allclose(group.variance, 0.001)

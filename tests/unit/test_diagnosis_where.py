@@ -1,7 +1,5 @@
 """The place of elements that no catalogue knows, from unknown dynamic stiffnesses; the laws that these suggest."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -10,10 +8,11 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
 from cutvib_ss.diagnosis.place import locate
-from cutvib_ss.diagnosis.records import Entry, Records
+from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.paths import with_values
+from tests.unit.record_example import entry_of
 
 FREQ = np.arange(18.0, 400.0, 4.0)
 S = 2j * np.pi * FREQ
@@ -27,8 +26,8 @@ def entry(index, position, level, data, rng):
     noise = 2e-3 * np.abs(data).max(axis=1, keepdims=True) * np.ones(FREQ.size)
     blurred = data + noise * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape)) / np.sqrt(2)
     quantities = ("acceleration",) * 3
-    return Entry(
-        index, position, level, blurred, noise**2, FREQ, CHANNELS, quantities, np.inf, np.nan, 0.0, False
+    return entry_of(
+        index, position, level, blurred, noise**2, FREQ, CHANNELS, quantities
     )  # fmt: skip
 
 
@@ -53,7 +52,7 @@ def located(entries, by_level=False):
 def test_place_of_a_fractional_damper():
     rng, z = np.random.default_rng(1), 40.0 * S**0.5
     found = located(
-        [entry(k, y, np.nan, dense(published_machine(), y, {"joint2": z}), rng) for k, y in enumerate(POSITIONS)]
+        [entry(k, y, None, dense(published_machine(), y, {"joint2": z}), rng) for k, y in enumerate(POSITIONS)]
     )
     assert found.best == "joint2"
     assert found.scores[0].probability > 0.9
@@ -70,7 +69,7 @@ def test_place_of_ends_on_fractional_dampers():
     rng, stiff = np.random.default_rng(2), 1.5e7
     machine = SupportCompliance("rail_ends", stiff, 2 * stiff, 0.0, 0.0).apply(published_machine())
     ends = {"rail_left": 0.3 * stiff * (S / 1e3) ** 0.4, "rail_right": 0.6 * stiff * (S / 1e3) ** 0.4}
-    found = located([entry(k, y, np.nan, dense(machine, y, ends), rng) for k, y in enumerate(POSITIONS)])
+    found = located([entry(k, y, None, dense(machine, y, ends), rng) for k, y in enumerate(POSITIONS)])
     assert found.best == "rail_ends"
     left = next(e for e in found.stiffness if e.label == "left")
     assert np.median(np.abs(left.value[0] * (stiff + ends["rail_left"]) - 1)[FREQ > 100]) < 0.15
@@ -96,7 +95,7 @@ def test_place_of_a_slow_sensor():
     for k, y in enumerate(POSITIONS):
         data = dense(published_machine(), y, {})
         data[1] /= 1 + S / 2e3
-        entries.append(entry(k, y, np.nan, data, rng))
+        entries.append(entry(k, y, None, data, rng))
     found = located(entries)
     assert found.best == "measurement"
     assert found.stiffness[0].label == "tool_z"
@@ -107,7 +106,7 @@ def test_place_of_a_slow_sensor():
 def test_place_of_a_cable_between_tool_and_carriage():
     rng, z = np.random.default_rng(6), 1e6 * (1 + S / 4e3) ** 1.5
     found = located(
-        [entry(k, y, np.nan, dense(published_machine(), y, {"tool_x-base": z}), rng) for k, y in enumerate(POSITIONS)]
+        [entry(k, y, None, dense(published_machine(), y, {"tool_x-base": z}), rng) for k, y in enumerate(POSITIONS)]
     )
     assert (found.best, found.scores[0].variant) == ("tool", "tool_x-base")
     [element] = [e for e in found.stiffness if e.place == "tool"]
@@ -142,12 +141,12 @@ def test_mains_interference_is_told_by_its_multiples(tones, found):
     rng, entries = np.random.default_rng(9), []
     for k, y in enumerate(POSITIONS):
         elements = {} if tones else {"joint2": 400.0 * S**0.5}
-        e = entry(k, y, np.nan, dense(published_machine(), y, elements), rng)
+        e = entry(k, y, None, dense(published_machine(), y, elements), rng)
         interference = np.zeros_like(e.data)
         if tones:
             on = np.abs(FREQ - np.round(FREQ / tones) * tones) < 2.5
             interference[:, on] = 30.0 * np.sqrt(e.variance[:, on]) * np.exp(2j * np.pi * rng.random((3, on.sum())))
-        entries.append(replace(e, data=e.data + interference))
+        entries.append(e.showing(e.data + interference))
     records = Records(tuple(entries))
     none = fit(OFF, records, Hypothesis())
     assert none.reduced > 2.0

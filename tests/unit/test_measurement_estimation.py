@@ -6,7 +6,8 @@ from scipy import signal
 
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.measurement import History, Record, estimate
-from cutvib_ss.measurement.estimation import coherence, h1, h2, hv
+from cutvib_ss.measurement.estimation import coherence, h1, h2, hv, measured_response
+from cutvib_ss.results import Estimator, MeasuredFrequencyResponse
 from tests.unit.measurement_rig import FS, accelerance, blow, impact
 
 
@@ -231,3 +232,55 @@ def test_zero_force(kind):
     history = History(FS, np.zeros(2000), np.ones((1, 2000)), ("a",), "1")
     with pytest.raises(DataFormatError, match="force is zero"):
         estimate(Record("r", kind, None, None, None, ("a",), ("acceleration",), (history,)))
+
+
+# --- what the estimator did ------------------------------------------------------------------------------------------
+
+
+def test_an_estimate_carries_what_its_estimator_did():
+    record = impact(3, seconds=0.6)
+    done = estimate(record, estimator="H2").estimator
+    assert (done.kind, done.block, done.scatter_seen) == ("H2", pytest.approx(0.6), True)
+    first = record.histories[0]
+    assert done.blow_at == pytest.approx(first.time[np.argmax(first.force)])
+    assert not estimate(impact(1)).estimator.scatter_seen
+    assert measured_response(record).estimator.kind == "H1"
+
+
+@pytest.mark.parametrize(
+    ("excitation", "stated", "coherence", "done"),
+    [
+        ("impact", {}, 0.9, Estimator(None, 2.0)),
+        ("impact", {"block": 1.5, "blow_at": 0.1}, np.nan, Estimator(None, 1.5, 0.1, scatter_seen=False)),
+        ("impact", {"exponential_decay": 3.0}, 0.9, Estimator(None, 2.0, None, 3.0)),
+        ("random", {"block": 1.5}, 0.9, Estimator()),
+    ],
+)
+def test_recorded_responses_carry_what_the_record_states(excitation, stated, coherence, done):
+    freq = np.arange(10.0, 20.0, 0.5)
+    frf = MeasuredFrequencyResponse(
+        np.ones((1, 1, 1, freq.size)), freq, np.nan, "tool_x", "force", ["acceleration"],
+        variance=np.ones((1, 1, 1, freq.size)), coherence=np.full((1, 1, 1, freq.size), coherence),
+    )  # fmt: skip
+    record = Record(
+        "r", "frf", None, None, None, ("tool_x",), ("acceleration",), (), frf, 1, excitation, input="base", **stated
+    )
+    found = measured_response(record)
+    assert found.estimator == done
+    assert found.inputs == ("base",)
+
+
+def test_parts_of_a_measured_response_keep_its_estimator():
+    found = estimate(impact(3))
+    few = found.at_lines(slice(4, None, 5))
+    assert few.estimator == found.estimator
+    np.testing.assert_array_equal(few.freq, found.freq[4::5])
+    np.testing.assert_array_equal(few.variance, found.variance[..., 4::5])
+    two = MeasuredFrequencyResponse(
+        np.ones((1, 2, 1, 3)), [1.0, 2.0, 3.0], 0.5, ["a", "b"], "force", ["acceleration"] * 2,
+        estimator=Estimator(ordering=(0.2, None)),
+    )  # fmt: skip
+    assert two.sel(output="b").estimator.ordering == (None,)
+    shown = two.computed(2.0 * two.data)
+    assert type(shown) is not MeasuredFrequencyResponse
+    assert (shown.outputs, shown.quantities, shown.data[0, 1, 0, 2]) == (two.outputs, two.quantities, 2.0)

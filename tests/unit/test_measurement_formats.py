@@ -29,6 +29,7 @@ from cutvib_ss.measurement.reading import read_file
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.second_order import Channel
 from cutvib_ss.results import MeasuredFrequencyResponse
+from tests.unit.lab_files import set58
 from tests.unit.measurement_rig import lvm_text, small_campaign
 
 LAYOUT = layout_of(published_machine())
@@ -202,17 +203,6 @@ def test_csv_blows_keep_their_order_and_may_start_anew(tmp_path):
 # --- UFF -------------------------------------------------------------------------------------------------------------
 
 
-def _set58(**fields):
-    """A data set 58 as pyuff takes it, with every field it needs."""
-    base = pyuff.prepare_58(
-        binary=0, func_type=4, rsp_node=1, rsp_dir=1, ref_node=1, ref_dir=1, id1="NONE", load_case_id=0,
-        rsp_ent_name="NONE", ref_ent_name="NONE", abscissa_spacing=1, abscissa_spec_data_type=18,
-        ordinate_spec_data_type=12, orddenom_spec_data_type=13, z_axis_spec_data_type=0,
-        x=np.arange(1.0, 41.0), data=np.arange(40) * (1 + 2j),
-    )  # fmt: skip
-    return base | fields
-
-
 def _uff(tmp_path, sets, name="r.uff", **options):
     path = tmp_path / name
     pyuff.UFF(str(path)).write_sets(sets, mode="overwrite", **options)
@@ -239,7 +229,7 @@ def _interleaved(freq, data, spacing):
 @pytest.mark.parametrize("data", [np.arange(1, 42) * (1 + 2j), np.arange(1, 42) * 1.5])
 def test_uff_ascii_and_binary_even_and_uneven_real_and_complex(tmp_path, binary, spacing, data):
     freq = np.arange(1.0, 42.0)
-    path = _uff(tmp_path, [_set58(abscissa_spacing=spacing, x=freq, data=data)])
+    path = _uff(tmp_path, [set58(abscissa_spacing=spacing, x=freq, data=data)])
     if binary:
         _binary(path, _interleaved(freq, data, spacing))
     frf = read_file(path, True, LAYOUT).frf
@@ -250,7 +240,7 @@ def test_uff_ascii_and_binary_even_and_uneven_real_and_complex(tmp_path, binary,
 @pytest.mark.parametrize("data", [np.arange(1, 42) * (1 + 2j), np.arange(1, 42) * 1.5])
 def test_uff_single_precision(tmp_path, data):
     order = 5 if np.iscomplexobj(data) else 2
-    path = _uff(tmp_path, [_set58(data=data, x=np.arange(1.0, 42.0), ord_data_type=order)], force_double=False)
+    path = _uff(tmp_path, [set58(data=data, x=np.arange(1.0, 42.0), ord_data_type=order)], force_double=False)
     np.testing.assert_allclose(read_file(path, True, LAYOUT).frf.responses[0].values, data, rtol=1e-5)
 
 
@@ -258,19 +248,19 @@ def test_uff_single_precision(tmp_path, data):
 @pytest.mark.parametrize("line_end", [b"", b"\n", b"\r\n"])
 def test_uff_58b_of_either_byte_order_with_or_without_a_line_end_after_the_data(tmp_path, order, line_end):
     data = np.arange(40) * (1 + 2j)
-    path = _binary(_uff(tmp_path, [_set58()]), _interleaved(None, data, 1), order, line_end)
+    path = _binary(_uff(tmp_path, [set58()]), _interleaved(None, data, 1), order, line_end)
     np.testing.assert_allclose(read_file(path, True, LAYOUT).frf.responses[0].values, data)
 
 
 def test_uff_58b_of_single_precision(tmp_path):
     data = np.arange(41) * (1 + 2j)
-    path = _uff(tmp_path, [_set58(data=data, x=np.arange(41.0), ord_data_type=5)], force_double=False)
+    path = _uff(tmp_path, [set58(data=data, x=np.arange(41.0), ord_data_type=5)], force_double=False)
     _binary(path, _interleaved(None, data, 1), real="f4")
     np.testing.assert_allclose(read_file(path, True, LAYOUT).frf.responses[0].values, data)
 
 
 def test_uff_numbers_that_touch_blank_line_ends_and_fortran_exponents(tmp_path):
-    path = _uff(tmp_path, [_set58(data=-1e-3 * np.arange(1, 42) * (1 + 2j), x=np.arange(1.0, 42.0))])
+    path = _uff(tmp_path, [set58(data=-1e-3 * np.arange(1, 42) * (1 + 2j), x=np.arange(1.0, 42.0))])
     head, body = path.read_text().split("\n")[:13], path.read_text().split("\n")[13:]
     body = [line.replace("e-", "D-").replace("e+", "D+").ljust(80) if "e" in line else line for line in body]
     path.write_text("\r\n".join(head + body))
@@ -282,7 +272,7 @@ def test_uff_several_records_a_node(tmp_path):
     """X, Y and Z, coherence and power spectra of one node; only the model's channels are taken, each with its own."""
     level = {4: 1 + 1j, 6: 0.3, 2: 5.0}
     sets = [
-        _set58(
+        set58(
             func_type=function,
             rsp_dir=direction,
             data=np.full(40, direction * level[function]),
@@ -299,32 +289,32 @@ def test_uff_several_records_a_node(tmp_path):
 
 
 def test_uff_negative_directions_turn_the_sign(tmp_path):
-    sets = [_set58(rsp_dir=-1, data=np.ones(40) * 1j), _set58(rsp_dir=3, ref_dir=-1, data=np.ones(40) * 1j)]
+    sets = [set58(rsp_dir=-1, data=np.ones(40) * 1j), set58(rsp_dir=3, ref_dir=-1, data=np.ones(40) * 1j)]
     frf = read_file(_uff(tmp_path, sets), True, LAYOUT).frf
     np.testing.assert_allclose(frf.responses[0].values, -1j)
     np.testing.assert_allclose(frf.responses[1].values, -1j)
 
 
 def test_uff_units_of_label_and_of_data_set_164(tmp_path):
-    labelled = _set58(ordinate_axis_units_lab="g", orddenom_axis_units_lab="N")
+    labelled = set58(ordinate_axis_units_lab="g", orddenom_axis_units_lab="N")
     assert read_file(_uff(tmp_path, [labelled]), True, LAYOUT).frf.responses[0].unit == "g/N"
-    whole = _set58(ordinate_axis_units_lab="g/N")
+    whole = set58(ordinate_axis_units_lab="g/N")
     assert read_file(_uff(tmp_path, [whole]), True, LAYOUT).frf.responses[0].unit == "g/N"
     millimetres = {
         "type": 164, "units_code": 5, "units_description": "mm", "temp_mode": 1,
         "length": 1000.0, "force": 1000.0, "temp": 1.0, "temp_offset": 0.0,
     }  # fmt: skip
-    frf = read_file(_uff(tmp_path, [millimetres, _set58(data=np.full(40, 2.0 + 0j))]), True, LAYOUT).frf
+    frf = read_file(_uff(tmp_path, [millimetres, set58(data=np.full(40, 2.0 + 0j))]), True, LAYOUT).frf
     np.testing.assert_allclose(frf.responses[0].values, 2.0)  # mm/s^2 per mN is m/s^2 per N
     long = millimetres | {"force": 1.0}
-    frf = read_file(_uff(tmp_path, [long, _set58(data=np.full(40, 2.0 + 0j))]), True, LAYOUT).frf
+    frf = read_file(_uff(tmp_path, [long, set58(data=np.full(40, 2.0 + 0j))]), True, LAYOUT).frf
     np.testing.assert_allclose(frf.responses[0].values, 2e-3)
 
 
 def test_uff_time_records_of_several_blows(tmp_path):
     time = np.arange(100) / 4096
     sets = [
-        _set58(
+        set58(
             func_type=1, x=time, data=100.0 * blow + np.arange(100.0), rsp_dir=direction, ref_node=0, ref_dir=0,
             abscissa_spec_data_type=17, ordinate_spec_data_type=kind, orddenom_spec_data_type=0,
         )
@@ -340,7 +330,7 @@ def test_uff_time_records_of_several_blows(tmp_path):
 def test_uff_time_records_on_an_uneven_axis_that_is_even(tmp_path):
     time = np.arange(100) * 0.001
     sets = [
-        _set58(
+        set58(
             func_type=1, x=time, data=np.arange(100.0), ref_node=0, ref_dir=0, abscissa_spacing=0,
             abscissa_spec_data_type=17, ordinate_spec_data_type=kind, orddenom_spec_data_type=0,
         )
@@ -378,7 +368,7 @@ def test_uff_quantity_tells_channels_of_one_place_apart(tmp_path):
         channels={"d": Channel("p", "displacement"), "a": Channel("p", "acceleration")},
         input_port="p", input_quantity="force", has_position=False,
     )  # fmt: skip
-    sets = [_set58(ordinate_spec_data_type=12), _set58(ordinate_spec_data_type=8)]
+    sets = [set58(ordinate_spec_data_type=12), set58(ordinate_spec_data_type=8)]
     frf = read_file(_uff(tmp_path, sets), True, layout_of(machine)).frf
     assert {r.name: r.unit for r in frf.responses} == {"d": "m/N", "a": "m/s^2/N"}
 
