@@ -22,7 +22,7 @@ from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.place import Located, locate
-from cutvib_ss.diagnosis.posterior import Counts, kind_of, probabilities
+from cutvib_ss.diagnosis.posterior import Counts, kind_of, probabilities, second_proven
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
@@ -136,9 +136,10 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     of_each = len(SETTINGS.unknown_amplitudes) * max(kinds, 1)
     variants = {**known, **{("unknown", p): of_each * ports.count(p) for p in ports}}
     counts = Counts(len(known), len(set(ports)))
-    odds = probabilities(ranked, counts, variants)
-    shown = sorted(causes, key=lambda r: -odds[r.name])
     workers.say("judging causes on held-out records")
+    odds = probabilities(ranked, counts, variants)
+    odds = second_proven(ranked, odds, lambda r: judged(r).reduced, lambda r: _share(judged(none), judged(r)))
+    shown = sorted(causes, key=lambda r: -odds[r.name])
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)
     held = {"none": tuned}
@@ -280,18 +281,21 @@ def _share(tuned: _Held | None, after: _Held | None) -> float:
 
 def _parameters(fit: Fit) -> dict[str, FittedParameter]:
     out: dict[str, FittedParameter] = {}
+    causes = fit.hypothesis.causes
     for k, e in enumerate(fit.hypothesis.effects):
+        before = [x for x in fit.hypothesis.effects[:k] if (x.effect, x.place) == (e.effect, e.place)]
+        again = f"_{len(before) + 1}" if before else ""
         for f in parameter_fields(type(e)):
             if f"{k}.{f.name}" not in fit.stds:
                 continue
-            name = f.name if len(fit.hypothesis.effects) == 1 else f"{e.effect}.{f.name}"
+            name = (f.name if len(causes) == 1 else f"{e.effect}.{f.name}") + again
             out[name] = FittedParameter(
                 float(getattr(e, f.name)), float(fit.stds[f"{k}.{f.name}"]), f.metadata["range"].unit
             )
         continuous = {f.name for f in parameter_fields(type(e))}
         for f in fields(e):
             if f.name not in continuous | {"place"}:
-                out[f.name] = FittedParameter(getattr(e, f.name), 0.0, f.metadata.get("unit", ""))
+                out[f.name + again] = FittedParameter(getattr(e, f.name), 0.0, f.metadata.get("unit", ""))
     return out
 
 

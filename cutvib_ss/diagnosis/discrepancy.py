@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from cutvib_ss.diagnosis.records import Group
 
 
+ALONG_THE_RAIL = ("rail", "rail_ends")
+"""Places of causes that shape the rail's motion."""
+
+
 def smooth_shapes(freq: FloatArray, band: tuple[float, float]) -> FloatArray:
     """Reduced-rank squared-exponential process over log frequency, shape (shape, frequency): coefficients are N(0, 1)."""
     low, high = (float(np.log(max(f, 1e-9))) for f in band)
@@ -63,10 +67,17 @@ def cause_weights(problem: Problem, x: FloatArray) -> FloatArray:
 
 
 def features(g: Group, row: int, problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """Over what a cause's discrepancy is smooth, in correlation lengths: log frequency, and log amplitude if it is nonlinear."""
+    """
+    Over what a cause's discrepancy is smooth, in correlation lengths: log frequency, and what else its form depends on.
+
+    That is the log amplitude of a restoring force, and the head's position for causes along the rail: how supports, torsion or
+    shear shape the rail's motion is part of their form.
+    """
     u = np.log(g.freq) / SETTINGS.discrepancy_length
     if problem.hypothesis.linear:
-        return u, np.zeros(u.size)
+        along = any(e.place in ALONG_THE_RAIL for e in problem.hypothesis.effects)
+        at = float(g.positions[row]) / SETTINGS.discrepancy_position_length if along else 0.0
+        return u, np.full(u.size, np.nan_to_num(at))
     return u, level_of(g, row) / SETTINGS.discrepancy_amplitude_length
 
 

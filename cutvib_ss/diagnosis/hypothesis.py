@@ -17,14 +17,19 @@ class Hypothesis:
     motions: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def causes(self) -> tuple[tuple[str, str], ...]:
+        """Effect and place of each; two channels or two values of one place are one cause."""
+        return tuple(dict.fromkeys((e.effect, e.place) for e in self.effects))
+
+    @property
     def effect(self) -> str:
         """Ids, joined by ``+``."""
-        return "+".join(e.effect for e in self.effects) or "none"
+        return "+".join(effect for effect, _ in self.causes) or "none"
 
     @property
     def place(self) -> str:
         """Places, joined by ``+``."""
-        return "+".join(e.place for e in self.effects) or "none"
+        return "+".join(place for _, place in self.causes) or "none"
 
     @property
     def linear(self) -> bool:

@@ -11,7 +11,7 @@ part of what the form of the first leaves does not pass for known: it has to lea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,9 +38,9 @@ class Counts:
 
 def kind_of(hypothesis: Hypothesis) -> str:
     """``"none"``, ``"known"``, ``"unknown"`` or ``"sums"``."""
-    effects = hypothesis.effects
-    if len(effects) < 2:
-        return "none" if not effects else "unknown" if effects[0].effect == UNKNOWN else "known"
+    causes = hypothesis.causes
+    if len(causes) < 2:
+        return "none" if not causes else "unknown" if causes[0][0] == UNKNOWN else "known"
     return "sums"
 
 
@@ -51,7 +51,9 @@ def probabilities(ranked: Sequence[Ranked], counts: Counts, variants: dict[tuple
     score = []
     for r in ranked:
         h = r.fit.hypothesis
-        prior = SETTINGS.priors[kind_of(h)] * share[kind_of(h)] / max(variants.get((h.effect, h.place), 1), 1)
+        # A cause that takes two values or channels at once is one of as many variants as there are pairs of them.
+        each = max(variants.get((h.effect, h.place), 1), 1) ** (len(h.effects) if len(h.causes) == 1 else 1)
+        prior = SETTINGS.priors[kind_of(h)] * share[kind_of(h)] / each
         score.append(np.log(prior))
     # What was not fitted on all lines has no evidence to count with: it lay far behind on few.
     evidence = np.array([r.fit.log_evidence if r.refined else -np.inf for r in ranked])
@@ -60,3 +62,36 @@ def probabilities(ranked: Sequence[Ranked], counts: Counts, variants: dict[tuple
     total = np.array(score) + (evidence - evidence.max()) / heat
     weight = np.exp(total - total.max())
     return dict(zip([r.name for r in ranked], (weight / weight.sum()).tolist(), strict=True))
+
+
+def second_proven(
+    ranked: Sequence[Ranked],
+    odds: Mapping[str, float],
+    leaves: Callable[[Ranked], float],
+    share: Callable[[Ranked], float],
+) -> dict[str, float]:
+    """
+    Probabilities in which a second known cause has to leave noise on records that the fit has not seen.
+
+    What the form of a first cause leaves is structured: of many second causes some takes a part of it away. One that leaves more
+    than noise is not known to be there. Its probability goes to the first cause alone where that closes all but a few percent, and
+    else to the first cause beside something unknown.
+    """
+    out = dict(odds)
+    for r in ranked:
+        causes = r.fit.hypothesis.causes
+        known = kind_of(r.fit.hypothesis) == "sums" and all(effect != UNKNOWN for effect, _ in causes)
+        if not known or out[r.name] < SETTINGS.verdict_hardly or leaves(r) <= SETTINGS.verdict_noise:
+            continue
+        alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in [(c,) for c in causes]]
+        if not alone:
+            continue
+        first = max(alone, key=lambda x: x.fit.log_evidence)
+        target = first
+        if share(first) < SETTINGS.verdict_closed:
+            beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
+            unknown = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
+            target = max(unknown, key=lambda x: x.fit.log_evidence, default=first)
+        out[target.name] += out[r.name]
+        out[r.name] = 0.0
+    return out

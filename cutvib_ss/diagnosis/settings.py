@@ -86,6 +86,8 @@ class Settings:
     discrepancy_amplitude_length: float = _of(1.0, "ln(amplitude)",
         "The same of a restoring force over the amplitude of its motion", "smoother discrepancies",
         "as over frequency, wider since amplitude spans decades")
+    discrepancy_position_length: float = _of(0.3, "rail length", "The same of a cause along the rail over the head's position",
+        "smoother discrepancies", "mode shapes of the first two bending or torsional modes differ so by their end conditions")
     discrepancy_least_variance: float = _of(1e-3, "1", "Relative variance below which a shape of the process is dropped",
         "fewer shapes", _NUMERICAL)
     discrepancy_points: int = _of(25, "points", "Points of a record that stand for the process behind a cause's discrepancy",
@@ -121,6 +123,11 @@ class Settings:
         "the usual level of a credible set")
     verdict_half: float = _of(0.5, "probability", "From which no cause, or an unknown one, is the verdict",
         "fewer such verdicts", "more probable than not")
+    verdict_noise: float = _of(1.1, "χ² a datum", "On held-out records, up to which a second cause counts as known",
+        "second causes are believed that leave more", "as verdict_stands_out")
+    verdict_closed: float = _of(0.97, "excess", "That a cause alone has to close to be the answer where no second one is known",
+        "more answers say that something is left", "restoring forces and supports hold to ten or twenty percent: squared, a few")
+    verdict_hardly: float = _of(0.01, "probability", "Below which a cause is not looked at again", "longer", _TIME)
     verdict_judged: int = _of(3, "causes", "Causes judged on held-out records while they carry any probability", "longer",
         _TIME)
     verdict_stands_out: float = _of(1.1, "χ² a datum", "Of the re-tuned model, from which its gap stands out",
