@@ -175,8 +175,8 @@ def _band_remarks(b: Band) -> str:
         said.append(f"moves with the position, {min(centres):.4g} to {max(centres):.4g} Hz")
     if b.moves_with_level:
         said.append("moves with the level")
-    if np.isfinite(b.coherence):
-        said.append(f"{100 * b.coherence:.0f} % repeats in all records of a position")
+    if np.isfinite(b.coherence) and b.coherence >= 0.005:
+        said.append(f"{100 * b.coherence:.0f} % is common to all records of a position")
     return "; ".join(said)
 
 
