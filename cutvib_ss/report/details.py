@@ -180,6 +180,11 @@ def _band_remarks(b: Band) -> str:
     return "; ".join(said)
 
 
+def second_judged(d: Diagnosis) -> bool:
+    """Whether another answer was judged on records kept out of the fit: else its column would hold dashes alone."""
+    return any(m.second is not None for m in d.findings.metrics) or any(np.isfinite(b.second) for b in d.findings.bands)
+
+
 def second_best_sentence(d: Diagnosis) -> str:
     """What the choice of the best cause is worth against the second-best."""
     judged = [c for c in d.causes if c.effect not in ("none", "unknown") and np.isfinite(c.after)]

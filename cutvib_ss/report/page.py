@@ -146,6 +146,7 @@ def _details(d: Diagnosis) -> dict[str, Any]:
         "bands_of": details.band_rows(f.bands),
         "metrics": [(by, details.metric_rows(f.metrics, by)) for by in ("channel", "position", "level")],
         "second_best": details.second_best_sentence(d),
+        "second_judged": details.second_judged(d),
         "consequences": f.consequences,
         "means": "" if f.consequences is None else details.consequences_sentence(f.consequences),
         "vibration": [] if f.consequences is None else details.consequence_rows(f.consequences),
