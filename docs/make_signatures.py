@@ -104,7 +104,9 @@ def positions_text(s: Signature) -> str:
     size = np.sqrt(np.mean(parts(s), axis=(1, 2)))
     if size.max() < 1.5 * size.min():
         return "alike"
-    most, least = s.positions[size.argmax()], s.positions[size.argmin()]
+    # of two mirror positions that differ by rounding alone, the first
+    even = np.round(size / size.max(), 6)
+    most, least = s.positions[even.argmax()], s.positions[even.argmin()]
     return f"most {most:.2f}, least {least:.2f} ({size.max() / max(size.min(), 1e-300):.1f} x)"
 
 

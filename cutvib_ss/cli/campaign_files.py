@@ -36,6 +36,9 @@ def campaign_init_command(
     position: Annotated[
         float | None, typer.Option("--position", metavar="Y", help="y_b / L of the head in every record.")
     ] = None,
+    averages: Annotated[
+        int | None, typer.Option("--averages", min=1, metavar="N", help="Blows or blocks behind each FRF in the files.")
+    ] = None,
     title: Annotated[str, typer.Option("--title", help="Title; by default the folder's name.")] = "",
     machine: MachineOption = None,
     json: JsonOption = None,
@@ -44,11 +47,13 @@ def campaign_init_command(
     check_outputs(json)
     if position is not None and not 0.0 < position < 1.0:
         raise ParameterError(f"--position {position:g}: y_b / L lies strictly between 0 and 1")
+    if not any(path.is_file() for path in folder.rglob("*")):
+        raise ParameterError(f"{folder}: is empty; give the folder with the .tdms, .uff, .csv, .mat or .lvm files")
     from cutvib_ss.measurement.draft import Wishes, draft
     from cutvib_ss.measurement.survey import survey
 
     model = load_model(machine)
-    wishes = Wishes(*_stated(channel or [], model), position=position, title=title)
+    wishes = Wishes(*_stated(channel or [], model), position=position, title=title, averages=averages)
     with working("reading the files"):
         found = survey(folder, force=wishes.names.get("force"))
     if not found.files:
@@ -180,6 +185,7 @@ def _print_init(found: Survey, made: Draft, written: dict[str, bool], folder: Pa
         rate = "" if file.fs is None else f"{file.fs:g}"
         rows.append([file.name, file.kind, str(file.blows), rate, level, str(len(file.columns))])
     show(console, "Files", ["file", "kind", "blows", "rate [Hz]", "peaks", "columns"], rows, "llrrrr")
+    shown: list[list[list[str]]] = []
     for name, mapped in made.mapped.items():
         rows = [
             [channel, column.name, column.unit or "?", "" if mapped.sure.get(channel, True) else "TODO: check"]
@@ -187,10 +193,11 @@ def _print_init(found: Survey, made: Draft, written: dict[str, bool], folder: Pa
         ]
         rows += [[channel, "-", "", "not found"] for channel in mapped.missing]
         rows += [["(not used)", column, "", ""] for column in mapped.left]
+        if rows in shown:
+            continue  # as in a file above
+        shown.append(rows)
         say(console, "")
         show(console, f"Channels of {name}", ["channel", "column", "unit", ""], rows, "llll")
-        if list(made.mapped.values()).count(mapped) == len(made.mapped):
-            break  # alike in all files
     for words in found.refused:
         say(messages(), f"note: not read: {words}")
     say(console, "")

@@ -171,7 +171,9 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
         say(console, "")
         say(console, f"By channel, on held-out records [{gap.unit}]")
         heads = ["", "before", "tuned", "after", "second-best", "noise", "FRAC before", "after", "dB before", "after"]
-        show(console, "", heads, by_channel, "lrrrrrrrrr")
+        kept = [k for k, head in enumerate(heads) if head != "second-best" or details.second_judged(found)]
+        table = [[row[k] for k in kept] for row in by_channel]
+        show(console, "", [heads[k] for k in kept], table, "l" + "r" * (len(kept) - 1))
     heads, correlated = details.frac_rows(found.findings.frac)
     if len(correlated) > 1:
         say(console, "")

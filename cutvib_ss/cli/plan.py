@@ -17,6 +17,7 @@ from cutvib_ss.cli.options import (
     load_model,
 )
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
+from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -53,6 +54,9 @@ def plan_command(
     """Which causes a planned campaign could see and tell apart, and how little of each, before any test."""
     check_outputs(json)
     lines = limits(band, "15:450")
+    # before the libraries that the plan needs are loaded
+    if min([*(levels or [1.0]), block, noise]) <= 0 or error < 0:
+        raise ParameterError("--level, --block and --noise must be above zero, --error not below")
     check_position_given(machine, positions)
     model = load_model(machine)
     places = check_places(model, positions)

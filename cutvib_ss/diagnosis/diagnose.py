@@ -138,7 +138,9 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     counts = Counts(len(known), len(set(ports)))
     workers.say("judging causes on held-out records")
     odds = probabilities(ranked, counts, variants)
-    odds = second_proven(ranked, odds, lambda r: judged(r).reduced, lambda r: _share(judged(none), judged(r)))
+    odds = second_proven(
+        ranked, odds, lambda r: judged(r).reduced, lambda r: _share(judged(none), judged(r), judged(r))
+    )
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)
@@ -172,7 +174,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         located = locate(nominal, none.fit, fitted, tuned_blow, by_level)
         interference = mains(nominal, none.fit, records)
         located = located if interference is None else with_mains_interference(located, interference)
-    rows = _causes(none, shown, odds, located.best, held, before, observed)
+    rows = _causes(none, shown, odds, located.best, held, before, observed, after)
     interval = cross_validation.shrinkage_interval(before, after.records, seed)
     stands_out = none.reduced > SETTINGS.verdict_stands_out or first is not none
     result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end))
@@ -241,6 +243,7 @@ def _causes(
     held: dict[str, _Held],
     before: Sequence[cross_validation.Judged],
     observed: Observations,
+    accepted: _Held,
 ) -> tuple[Cause, ...]:
     """All hypotheses as rows, variants of one cause together, and "unknown"."""
     start = cross_validation.mean_error(before)
@@ -260,7 +263,9 @@ def _causes(
             after=after / observed.per_unit,
             shrinkage=1.0 - after / start,
             reduced_chi2=held[r.name].reduced if r.name in held else float("nan"),
-            share=float("nan") if key[0] in ("none", "unknown") else _share(held.get("none"), held.get(r.name)),
+            share=float("nan")
+            if key[0] in ("none", "unknown")
+            else _share(held.get("none"), held.get(r.name), accepted),
         )
     unknown = [c for c in rows.values() if c.effect == "unknown"]
     # One row for an unknown element, at the place where it is likeliest.
@@ -270,12 +275,16 @@ def _causes(
     return tuple(sorted(out, key=lambda c: -c.probability))
 
 
-def _share(tuned: _Held | None, after: _Held | None) -> float:
-    """Part of the excess over noise and repeatability that a cause closes on held-out records."""
+def _share(tuned: _Held | None, after: _Held | None, accepted: _Held) -> float:
+    """
+    Part of the excess over noise and repeatability that a cause closes on held-out records.
+
+    Their floor is that under the accepted answer: the fit of a poor cause takes its own misfit for noise and drift.
+    """
     if tuned is None or after is None:
         return float("nan")
     start, end = (float(np.mean([j.squares for j in h.records])) for h in (tuned, after))
-    floor = min(float(np.mean([j.floor for j in after.records])), start)
+    floor = min(start, *(float(np.mean([j.floor for j in h.records])) for h in (after, accepted)))
     return float(np.clip((start - end) / max(start - floor, 1e-300), 0.0, 1.0)) if start > end else 0.0
 
 
@@ -335,6 +344,12 @@ def _bands(problem: Problem, none: Fit, sizes: Sizes) -> tuple[tuple[float, floa
     return where.bands(list(zip(problem.groups, residuals, strict=True)), SETTINGS.band_width, drifts)
 
 
+def _alike(e: Entry, apart: bool) -> tuple[object, ...]:
+    """What records share that one curve of a model stands for: of a law that depends on the level, the level too."""
+    level = e.record if e.level is None else e.level
+    return (*measured_at(e), level) if apart else measured_at(e)
+
+
 def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry]) -> tuple[Comparison, ...]:
     groups = merged(entries)
     out = []
@@ -345,13 +360,14 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
         (none.model, start.blow_at(none.x), start, none.x),
         (chosen.model, end.blow_at(chosen.x), end, chosen.x),
     ]
-    seen: set[tuple[float | None, str]] = set()
+    seen: set[tuple[object, ...]] = set()
+    apart = bool(chosen.model.nonlinear)
     for e in entries:
-        here = measured_at(e)
+        here = _alike(e, apart)
         if here in seen:
             continue
         seen.add(here)
-        same = [x for x in entries if measured_at(x) == here and x.channels == e.channels]
+        same = [x for x in entries if _alike(x, apart) == here and x.channels == e.channels]
         measured = merged(same)[0].entry(0).response
         computed = []
         for model, blow_at, problem, x in sides:
@@ -359,7 +375,12 @@ def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry
                 model = problem.model_of(x, merged(same[:1])[0])
             shown = cross_validation.predicted(same[0], model, blow_at, problem, x).data
             computed.append(measured.computed(shown[None, :, None]))
-        told = ["" if here[0] is None else f"position {here[0]:.3g}", "" if e.input == FORCE else f"force at {e.input}"]
+        unit = "N" if nominal.input_quantity == "force" else "m/s^2"
+        told = [
+            "" if e.position is None else f"position {e.position:.3g}",
+            f"{e.level:.3g} {unit}" if apart and e.level is not None else "",
+            "" if e.input == FORCE else f"force at {e.input}",
+        ]
         label = ", ".join(part for part in told if part)
         out.append(Comparison(label, measured, *computed))
     return tuple(out)

@@ -68,7 +68,7 @@ def second_proven(
     ranked: Sequence[Ranked],
     odds: Mapping[str, float],
     leaves: Callable[[Ranked], float],
-    share: Callable[[Ranked], float],
+    share: Callable[[Ranked, Ranked], float],
 ) -> dict[str, float]:
     """
     Probabilities in which a second known cause has to leave noise on records that the fit has not seen.
@@ -88,7 +88,7 @@ def second_proven(
             continue
         first = max(alone, key=lambda x: x.fit.log_evidence)
         target = first
-        if share(first) < SETTINGS.verdict_closed:
+        if share(first, r) < SETTINGS.verdict_closed:
             beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
             unknown = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
             target = max(unknown, key=lambda x: x.fit.log_evidence, default=first)

@@ -17,6 +17,7 @@ from cutvib_ss.measurement.survey import (
     grouped,
     guess_channels,
     guess_force,
+    guess_level,
     guess_position,
 )
 from cutvib_ss.units import SI_UNIT
@@ -26,12 +27,13 @@ _VOLTS = ("V", "mV")
 
 @dataclass(frozen=True)
 class Wishes:
-    """What the user states because it cannot be told: columns of channels, position, units by channel."""
+    """What the user states because it cannot be told: columns of channels, position, units by channel, averages of FRFs."""
 
     names: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     position: float | None = None
     title: str = ""
+    averages: int | None = None
 
 
 @dataclass(frozen=True)
@@ -188,9 +190,15 @@ def _record_lines(group: Sequence[FoundFile], machine: MachineLike, wishes: Wish
         spread = f"{min(peaks):.3g} to {max(peaks):.3g} {unit}" if len(peaks) > 1 else unit
         lines.append(f"peak_force = {median(peaks):.4g}  # {spread}")
     if first.kind == "frf":
-        lines.append("averages = 1  # TODO blows or blocks behind each FRF; with one the coherence says nothing")
+        level = guess_level(PurePosixPath(first.name).stem) if machine.input_quantity == "force" else None
+        if level is not None:
+            lines.append(f"peak_force = {level:g}  # N, as the name says")
+        if wishes.averages is None:
+            lines.append("averages = 1  # TODO blows or blocks behind each FRF; with one the coherence says nothing")
+            todo.append("averages: how many blows or blocks are behind each FRF? (--averages states it for all)")
+        else:
+            lines.append(f"averages = {wishes.averages}")
         lines.append('# excitation = "impact"  # or "random", "multisine", "sine"')
-        todo.append(f"{first.name}: averages")
         if len(first.references) > 1:
             lines.append(
                 f"# it holds FRFs to {', '.join(first.references)}; add a record with `input` for each other one"

@@ -33,6 +33,7 @@ _POSITION = re.compile(
     r"(?:pos(?:ition)?|y_?l?|x|p)[\s_=-]*(0[.,p]\d+)(?![.\d])|(?<![\d.,])(\d{1,2})\s*(?:%|pct|percent|proz)",
     re.IGNORECASE,
 )
+_LEVEL = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?) ?N(?![A-Za-z0-9])|_(\d+(?:[.,]\d+)?) ?N(?![A-Za-z0-9])")
 _QUIET = 0.05  # of the largest force: below it the structure is left alone
 _MOSTLY = 0.8  # of the samples of a blow's force that are quiet
 
@@ -160,6 +161,13 @@ def guess_position(name: str) -> float | None:
         if 0 < value < 1:
             return value
     return None
+
+
+def guess_level(name: str) -> float | None:
+    """Peak force in newtons from a file's name: ``50N``, ``150 N``. FRFs do not hold it, and laws of the joints ask for it."""
+    match = _LEVEL.search(name)
+    value = float((match[1] or match[2]).replace(",", ".")) if match else 0.0
+    return value if value > 0 else None
 
 
 def grouped(files: Sequence[FoundFile]) -> list[list[FoundFile]]:

@@ -75,7 +75,8 @@ def comparison_grid(comparisons: Sequence[Comparison], channels: Sequence[str] |
         for axes in panels.flat:
             # Fifteen panels of minor ticks cost more to draw than the curves do.
             axes.yaxis.set_minor_locator(NullLocator())
-        grid.legend(panels[0, 0], "outside upper left", ncols=5)
+        # five names in a row are wider than one or two panels
+        grid.legend(panels[0, 0], "outside upper left", ncols=min(2 * columns - 1, 5))
     return grid.drawn
 
 

@@ -263,8 +263,11 @@ def colour_bar(figure: Figure, axes: Any, colours: Colormap | str, norm: Normali
 
 
 def position_name(position: float, label: str = "") -> str:
-    """How a picture calls a position."""
-    return label if np.isnan(position) else f"y/L = {position:.3g}"
+    """How a picture calls a position; what a label says beside it, a level or an input, goes below."""
+    if np.isnan(position):
+        return label
+    _, comma, rest = label.partition(", ") if label.startswith("position ") else ("", "", "")
+    return f"y/L = {position:.3g}" + (f"\n{rest}" if comma else "")
 
 
 def modulus_limits(values: np.ndarray, decades: float = 4.0) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from cutvib_ss.report.wording import (
     cause_name,
     figure,
     inspection_text,
+    known_floor,
     next_test_sentence,
     place_name,
     repeatability_in_gap,
@@ -18,13 +19,17 @@ from cutvib_ss.report.wording import (
 
 Row = tuple[str, ...]
 
+SAVE = "--save-machine writes them"
+"""Where the values of the corrected model are to be had."""
+
 
 def why_sentences(d: Diagnosis) -> list[str]:
     """How sure the answer is, and what that rests on."""
     best = d.causes[0]
     rivals = [c for c in d.causes[1:] if c.probability >= 1e-3]
+    what = "that the model lacks nothing, against" if best.effect == "none" else "of this answer, among"
     said = [
-        f"Probability {probability_text(best.probability)} among the causes of the catalogue and elements of unknown form"
+        f"Probability {probability_text(best.probability)} {what} the causes of the catalogue and elements of unknown form"
     ]
     if rivals:
         c = rivals[0]
@@ -46,18 +51,29 @@ def why_sentences(d: Diagnosis) -> list[str]:
         said.append(place_set_sentence(d))
         said += independent_sentences(d)
     if math.isfinite(best.reduced_chi2):
-        left = (
-            "no more than noise and repeatability" if best.reduced_chi2 < 1.2 else "more than noise and repeatability"
-        )
-        said.append(f"It leaves {left} (χ² a datum {figure(best.reduced_chi2)} on held-out records).")
+        said.append(_left_over(d))
     return [s for s in said if s]
+
+
+def _left_over(d: Diagnosis) -> str:
+    """Whether the answer leaves more than noise and repeatability: by χ², and by the size of the error itself."""
+    best, known = d.causes[0], known_floor(d)
+    what = "The tuned model" if d.verdict == "no_gap" else "It"
+    chi2 = f"χ² a datum {figure(best.reduced_chi2)} on records kept out of the fit"
+    if best.reduced_chi2 >= 1.2:
+        return f"{what} leaves more than noise and repeatability ({chi2})."
+    if d.gap.after > 1.5 * known and math.isfinite(known):
+        # χ² counts the discrepancy that the fit itself asks for: a law of the wrong form can reach 1 with it.
+        return (
+            f"{what} leaves {figure(d.gap.after / known)} times what noise and repeatability explain; only the discrepancy that "
+            f"is granted to the model covers it ({chi2})."
+        )
+    return f"{what} leaves no more than noise and repeatability ({chi2})."
 
 
 def tuning_suffices(d: Diagnosis) -> bool:
     """Whether the tuned model without any cause leaves less than a tenth above noise and repeatability."""
-    repeats = repeatability_in_gap(d)
-    known = math.hypot(d.gap.noise_floor, repeats if math.isfinite(repeats) else 0.0)
-    return d.verdict != "no_gap" and d.gap.tuned < 1.1 * known
+    return d.verdict != "no_gap" and d.gap.tuned < 1.1 * known_floor(d)
 
 
 def place_set_sentence(d: Diagnosis) -> str:
@@ -76,10 +92,10 @@ def independent_sentences(d: Diagnosis) -> list[str]:
     if len(scores) < 2:
         return []
     first, second = scores[0], scores[1]
-    figures = f"{figure(first.left)} of noise is left there, {figure(second.left)} at the next place"
+    figures = f"it leaves {figure(first.left)} times the noise there, {figure(second.left)} times at the next place"
     if first.place in d.where.place.split("+"):
         return [
-            f"A search without any law, one unknown dynamic stiffness at each place, points to the same place ({figures})."
+            f"A search without any law, with one unknown dynamic stiffness at each place, points to the same place ({figures})."
         ]
     return [f"A search without any law points elsewhere, to {place_name(first.place)} ({figures}): look there too."]
 
@@ -89,9 +105,15 @@ def to_do(d: Diagnosis) -> list[str]:
     steps = []
     if d.verdict == "no_gap":
         low, high = d.gap.band_hz
-        return [
+        steps.append(
             f"Nothing is to be inspected: the model holds from {figure(low)} to {figure(high)} Hz as far as was measured."
-        ]
+        )
+        if d.gap.before > 1.2 * d.gap.tuned:
+            steps.append(
+                f"Work with the tuned values ({SAVE}): the model as given errs by {figure(d.gap.before)} {d.gap.unit}, tuned by "
+                f"{figure(d.gap.tuned)}."
+            )
+        return steps
     for i in d.ambiguity_set:
         c = d.causes[i]
         words = inspection_text(c.effect, c.place, c.parameters)
@@ -157,7 +179,10 @@ def sizes_sentence(d: Diagnosis) -> str:
     parts = [f"noise accounts for {figure(gap.noise_floor)} {gap.unit}"]
     if math.isfinite(repeats):
         parts.append(f"repeatability for about {figure(repeats)}")
-    known = math.hypot(gap.noise_floor, repeats if math.isfinite(repeats) else 0.0)
+    known = known_floor(d)
+    if gap.after <= known:
+        told = "noise" if len(parts) == 1 else "noise and repeatability"
+        return f"The {figure(gap.after)} {gap.unit} that are left are no more than {told} would leave ({figure(known)} {gap.unit})."
     rest = math.sqrt(max(gap.after**2 - known**2, 0.0))
     parts.append(
         f"what remains, about {figure(rest)}, is discrepancy of the model"

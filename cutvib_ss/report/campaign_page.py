@@ -41,6 +41,7 @@ def campaign_html(campaign: Campaign, found: Summary) -> str:
         "campaign.html.j2",
         "campaign.js",
         data,
+        filters={"unit": unit_text},
         found=found,
         sentences=found.sentences(),
         pair_heads=PAIR_HEADS,

@@ -13,7 +13,7 @@ from cutvib_ss.diagnosis.result import Comparison, Diagnosis
 from cutvib_ss.effects.scales import FREE_FREQUENCY, port_scale
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.plot.diagnosis import error_over_noise
-from cutvib_ss.plot.style import WORKING_FREQUENCY, scale_of, unit_text
+from cutvib_ss.plot.style import WORKING_FREQUENCY, position_name, scale_of, unit_text
 from cutvib_ss.report.frame import complex_lists, number, number_list
 from cutvib_ss.results import ComplexArray
 
@@ -43,9 +43,9 @@ def charts_data(d: Diagnosis) -> dict[str, Any]:
 
 
 def record_name(c: Comparison) -> str:
-    """What a record is called: its position, or its label."""
+    """What a record is called: its position, level and input as far as they tell it apart."""
     position = float(c.measured.positions[0])
-    return c.label or "the record" if np.isnan(position) else f"y/L = {position:.3g}"
+    return position_name(position, c.label).replace("\n", ", ") or "the record"
 
 
 def _record(c: Comparison) -> dict[str, Any]:

@@ -175,9 +175,14 @@ def _band_remarks(b: Band) -> str:
         said.append(f"moves with the position, {min(centres):.4g} to {max(centres):.4g} Hz")
     if b.moves_with_level:
         said.append("moves with the level")
-    if np.isfinite(b.coherence):
-        said.append(f"{100 * b.coherence:.0f} % repeats in all records of a position")
+    if np.isfinite(b.coherence) and b.coherence >= 0.005:
+        said.append(f"{100 * b.coherence:.0f} % is common to all records of a position")
     return "; ".join(said)
+
+
+def second_judged(d: Diagnosis) -> bool:
+    """Whether another answer was judged on records kept out of the fit: else its column would hold dashes alone."""
+    return any(m.second is not None for m in d.findings.metrics) or any(np.isfinite(b.second) for b in d.findings.bands)
 
 
 def second_best_sentence(d: Diagnosis) -> str:

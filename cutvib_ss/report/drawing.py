@@ -74,8 +74,8 @@ def _machine(marked: set[str], odds: Mapping[str, float], spot: float | None) ->
     if spot is not None:
         out.append(f'<g class="part marked"><circle cx="{60 + 480 * spot:.1f}" cy="99" r="12"/></g>')
     axes = (
-        '<path d="M470 250 h44 m-7 -4 l7 4 l-7 4 M470 250 v-34 m-4 7 l4 -7 l4 7"/>'
-        '<text x="522" y="254">Y</text><text x="466" y="210">Z</text>'
+        '<path d="M470 216 h44 m-7 -4 l7 4 l-7 4 M470 216 v34 m-4 -7 l4 7 l4 -7"/>'
+        '<text x="522" y="220">Y</text><text x="466" y="268">X</text>'
     )
     return "".join(out) + f'<g class="axes">{axes}</g>'
 

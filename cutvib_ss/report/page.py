@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cutvib_ss import __version__
-from cutvib_ss.diagnosis.result import Comparison, Diagnosis, FittedParameter, GapFigures
+from cutvib_ss.diagnosis.result import Comparison, Diagnosis, GapFigures
 from cutvib_ss.files import staged
 from cutvib_ss.plot.diagnosis import comparison_grid, probability_text
 from cutvib_ss.plot.style import png
@@ -109,7 +109,9 @@ def _content(d: Diagnosis, command: str) -> dict[str, Any]:
             {
                 "cause": c,
                 "name": wording.cause_name(c.effect, c.place, c.parameters),
-                "parameters": [(name, wording.parameter_text(p), _interval(p)) for name, p in c.parameters.items()],
+                "parameters": [
+                    (name, wording.parameter_text(p), wording.interval_text(p)) for name, p in c.parameters.items()
+                ],
                 "likely": c in likely,
                 "percent": f"{100 * c.probability:.1f}",
                 "share": f"{100 * c.share:.0f} %" if np.isfinite(c.share) else "-",
@@ -133,15 +135,6 @@ def _content(d: Diagnosis, command: str) -> dict[str, Any]:
     }
 
 
-def _interval(p: FittedParameter) -> str:
-    """95 % interval of a fitted value."""
-    if isinstance(p.value, str) or not np.isfinite(p.std) or p.std <= 0:
-        return ""
-    unit = "" if p.unit in ("", "1", "-") else f" {p.unit}"
-    low, high = p.value - 1.96 * p.std, p.value + 1.96 * p.std
-    return f"{low:.4g} to {high:.4g}{unit}"
-
-
 def _details(d: Diagnosis) -> dict[str, Any]:
     """What was found beside the verdict."""
     f = d.findings
@@ -153,6 +146,7 @@ def _details(d: Diagnosis) -> dict[str, Any]:
         "bands_of": details.band_rows(f.bands),
         "metrics": [(by, details.metric_rows(f.metrics, by)) for by in ("channel", "position", "level")],
         "second_best": details.second_best_sentence(d),
+        "second_judged": details.second_judged(d),
         "consequences": f.consequences,
         "means": "" if f.consequences is None else details.consequences_sentence(f.consequences),
         "vibration": [] if f.consequences is None else details.consequence_rows(f.consequences),
@@ -177,7 +171,7 @@ def _bars(gap: GapFigures) -> list[tuple[str, float, float]]:
 
 
 def _chosen(comparisons: Sequence[Comparison]) -> list[Comparison]:
-    """All comparisons where they are few; else the one of least noise at each position."""
+    """All comparisons where they are few; else that of least noise at each position."""
     if len(comparisons) <= _SHOWN_RECORDS:
         return list(comparisons)
     best: dict[float | str, Comparison] = {}

@@ -133,21 +133,28 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     best = diagnosis.causes[0]
     name = cause_name(best.effect, best.place, best.parameters)
     if diagnosis.verdict == "no_gap":
+        noisy = gap.tuned <= 1.1 * gap.noise_floor
         return (
-            "Model and machine agree: once the model's values are tuned within their tolerances, the residual on "
-            f"held-out records is noise ({figure(gap.tuned)} against {figure(gap.noise_floor)} {gap.unit})."
+            "Model and machine agree: once the model's values are tuned within their tolerances, the error on records kept "
+            f"out of the fit {'is noise' if noisy else 'does not stand out of noise and drift'} "
+            f"({figure(gap.tuned)} {gap.unit}; noise alone {figure(gap.noise_floor)})."
         )
     if diagnosis.verdict in ("explained", "partly_explained"):
         if diagnosis.verdict == "explained":
-            said = f"Mainly one cause: {name}. With it the mean error on held-out records"
+            said = (
+                f"One cause explains {_part_closed(diagnosis)}: {name}. With it in the model the mean error on records kept out "
+                "of the fit"
+            )
         else:
             effect, _, _ = best.effect.rpartition("+")
             at, _, rest = best.place.rpartition("+")
             said = (
-                f"Mainly one known cause: {cause_name(effect, at, best.parameters)}. With it and an element of unknown form, "
-                f"most probably at {place_name(rest)}, the mean error on held-out records"
+                f"One known cause and something else: {cause_name(effect, at, best.parameters)}. With it and an element of "
+                f"unknown form, most probably at {place_name(rest)}, the mean error on records kept out of the fit"
             )
         said += f" falls from {figure(gap.before)} to {figure(gap.after)} {gap.unit}"
+        if gap.after <= 1.05 * gap.noise_floor:
+            return f"{said}: no more than the noise of the measurement ({figure(gap.noise_floor)})."
         repeats = repeatability_in_gap(diagnosis)
         if math.isfinite(repeats) and repeats > 0.2 * gap.after:
             return (
@@ -169,6 +176,20 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         f"explains: the best of them ({cause_name(nearest.effect, nearest.place, nearest.parameters)}) leaves "
         f"{figure(nearest.after)} {gap.unit}, noise alone {figure(gap.noise_floor)}."
     )
+
+
+def known_floor(diagnosis: Diagnosis) -> float:
+    """Error that noise and repeatability leave together, in the gap's unit."""
+    repeats = repeatability_in_gap(diagnosis)
+    return math.hypot(diagnosis.gap.noise_floor, repeats if math.isfinite(repeats) else 0.0)
+
+
+def _part_closed(diagnosis: Diagnosis) -> str:
+    """How much of the gap the cause closes, in words: all, where hardly more than noise and repeatability is left."""
+    gap, known = diagnosis.gap, known_floor(diagnosis)
+    if gap.after < 1.5 * known:
+        return "the gap"
+    return "most of the gap" if gap.after - known < 0.5 * (gap.before - known) else "part of the gap"
 
 
 def repeatability_in_gap(diagnosis: Diagnosis) -> float:
@@ -244,12 +265,10 @@ def parameter_text(parameter: FittedParameter) -> str:
     value, std = parameter.value, parameter.std
     if isinstance(value, str):  # the name of a channel, or of the value that is off
         return value
-    unit = "" if parameter.unit in ("", "1", "-") else f" {parameter.unit.replace('^2', '²').replace('^3', '³')}"
+    unit = _unit(parameter)
     if not math.isfinite(value):
         return "not determined"
-    largest = max(abs(value), std if math.isfinite(std) else 0.0)
-    power = math.floor(math.log10(largest)) if largest > 0 else 0
-    shift = power if power >= 5 or power <= -4 else 0
+    shift = _shift(max(abs(value), std if math.isfinite(std) else 0.0))
     mantissa = value / 10.0**shift
     if not math.isfinite(std) or std <= 0:
         text = f"{mantissa:.4g}"
@@ -257,10 +276,43 @@ def parameter_text(parameter: FittedParameter) -> str:
         error = std / 10.0**shift
         digits = min(max(0, 1 - math.floor(math.log10(error))), 8)
         text = f"{mantissa:.{digits}f} ± {error:.{digits}f}"
+    return (f"({text}){_power(shift)}" if "±" in text and shift else f"{text}{_power(shift)}") + unit
+
+
+def interval_text(parameter: FittedParameter) -> str:
+    """
+    The 95 % interval of a fitted value; empty where there is none.
+
+    Examples
+    --------
+    >>> interval_text(FittedParameter(7.923e9, 1.9e7, "N m/rad^3"))
+    '(7.886 to 7.960)·10⁹ N m/rad³'
+    """
+    value, std = parameter.value, parameter.std
+    if isinstance(value, str) or not math.isfinite(std) or std <= 0:
+        return ""
+    low, high = value - 1.96 * std, value + 1.96 * std
+    shift = _shift(max(abs(low), abs(high)))
+    text = f"{low / 10.0**shift:.4g} to {high / 10.0**shift:.4g}"
     if shift:
-        raised = str(shift).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-        text = f"({text})·10{raised}" if "±" in text else f"{text}·10{raised}"
-    return text + unit
+        digits = min(max(0, 1 - math.floor(math.log10(std / 10.0**shift))), 8)
+        text = f"({low / 10.0**shift:.{digits}f} to {high / 10.0**shift:.{digits}f}){_power(shift)}"
+    return text + _unit(parameter)
+
+
+def _unit(parameter: FittedParameter) -> str:
+    return "" if parameter.unit in ("", "1", "-") else f" {parameter.unit.replace('^2', '²').replace('^3', '³')}"
+
+
+def _shift(largest: float) -> int:
+    """Power of ten that is written apart: that of large and of small values."""
+    power = math.floor(math.log10(largest)) if largest > 0 else 0
+    return power if power >= 5 or power <= -4 else 0
+
+
+def _power(shift: int) -> str:
+    raised = str(shift).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"·10{raised}" if shift else ""
 
 
 def parameters_text(cause: Cause) -> list[tuple[str, str]]:

@@ -73,6 +73,8 @@ MISTYPED = [
     (["absorber", "check", "--plot", "x.bmp"], "x.bmp: suffix '.bmp' is no picture"),
     (["control", "check", "--corrected", "nowhere.toml"], "nowhere.toml: there is no such file"),
     (["plan"], "--position is missing"),
+    (["plan", "--position", "0.5", "--level", "-3"], "--level, --block and --noise must be above zero"),
+    (["campaign", "init", "EMPTY"], "is empty; give the folder with the .tdms"),
     (["blind", "score", "nowhere"], "nowhere: there is no such folder"),
     (["blind", "real", "nowhere"], "nowhere: there is no such folder"),
     (["fleet", "nowhere"], "nowhere: there is no such folder"),
@@ -90,10 +92,18 @@ print(json.dumps(told))
 """
 
 
+def _filled(part: str, named: dict[str, str]) -> str:
+    for key, value in named.items():
+        part = part.replace(key, value)
+    return part
+
+
 def test_simple_errors_are_told_before_anything_slow_is_imported(tmp_path: Path) -> None:
     """scipy and control take seconds to import: whoever mistypes a name waits for neither."""
     (tmp_path / "x.toml").touch()
-    asked = [[part.replace("FOLDER", str(tmp_path)) for part in arguments] for arguments, _ in MISTYPED]
+    (tmp_path / "empty").mkdir()
+    named = {"FOLDER": str(tmp_path), "EMPTY": str(tmp_path / "empty")}
+    asked = [[_filled(part, named) for part in arguments] for arguments, _ in MISTYPED]
     ended = subprocess.run(
         [sys.executable, "-c", RUN_THEM, json.dumps(asked)], capture_output=True, text=True, check=True, timeout=120
     )

@@ -1,11 +1,13 @@
 """Probabilities, ambiguity sets and verdicts; folds of leaving out; bands and levels."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis import cross_validation, where
+from cutvib_ss.diagnosis.diagnose import _alike, _share
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.records import Group, merged
 from cutvib_ss.diagnosis.result import Cause
@@ -29,6 +31,27 @@ def entry(record, position=0.5, level=50.0, scale=1.0, check=False, seed=None):
 def as_shown(data):
     """A prediction of which nothing is uncertain."""
     return cross_validation.Shown(data, np.zeros(data.shape), None)
+
+
+def test_levels_are_drawn_apart_where_the_cause_depends_on_them() -> None:
+    """The mean of a quiet and a loud record is the response of no level, so a nonlinear law cannot be compared with it."""
+    quiet, loud = (
+        SimpleNamespace(position=0.5, input="force", level=level, record=k) for k, level in enumerate((15.0, 150.0))
+    )
+    assert _alike(quiet, False) == _alike(loud, False)
+    assert _alike(quiet, True) != _alike(loud, True)
+    unstated = [SimpleNamespace(position=0.5, input="force", level=float("nan"), record=k) for k in range(2)]
+    assert _alike(unstated[0], True) != _alike(unstated[1], True)
+
+
+def _held(squares: float, floor: float) -> SimpleNamespace:
+    return SimpleNamespace(records=(SimpleNamespace(squares=squares, floor=floor),))
+
+
+def test_the_share_of_a_poor_cause_is_not_flattered_by_its_own_noise() -> None:
+    tuned, accepted, poor = _held(100.0, 40.0), _held(1.0, 1.0), _held(90.0, 90.0)
+    assert _share(tuned, accepted, accepted) == 1.0
+    assert _share(tuned, poor, accepted) == pytest.approx(10.0 / 99.0)
 
 
 @pytest.mark.parametrize(

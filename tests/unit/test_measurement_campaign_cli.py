@@ -98,6 +98,21 @@ def test_a_folder_of_frequency_responses(write, tmp_path, capsys):
         np.testing.assert_allclose(record.frf.data[0, :, 0], expected[record.position], rtol=1e-8)
 
 
+def test_averages_and_levels_of_frequency_responses(tmp_path, capsys):
+    freq = np.arange(20.0, 300.0, 0.5)
+    for y in POSITIONS:
+        data = frequency_response(published_machine(), [y], freq, outputs=ALL).data[0].transpose(1, 0, 2)
+        lab.uff_frfs(tmp_path / f"pos{y}_50N.uff", freq, data)
+    assert main(["campaign", "init", str(tmp_path), "--averages", "5"]) == 0
+    out = capsys.readouterr().out
+    # the files are alike: their channels stand there once, and nothing is left to do
+    assert out.count("Channels of") == 1
+    assert "To do" not in out
+    for record in read_campaign(tmp_path).records:
+        assert record.averages == 5
+        assert record.peak_force == 50.0
+
+
 def test_nothing_is_overwritten(tmp_path, tables, capsys):
     STYLES["bk"][0](tmp_path, tables)
     (tmp_path / "campaign.toml").write_text("# mine\n")

@@ -31,6 +31,17 @@ def _labels(figure: Figure) -> set[str]:
     return {text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel())} - {""}
 
 
+@pytest.mark.parametrize("channels", [["tool_x"], ["tool_x", "tool_z"], None])
+def test_the_names_in_a_comparison_are_not_cut_off(channels: list[str] | None) -> None:
+    figure = plot.comparison_grid(example_diagnosis(lines=50, records=2).comparisons, channels)
+    figure.canvas.draw()
+    (legend,) = figure.legends
+    box, paper = legend.get_window_extent(), figure.bbox
+    assert paper.x0 <= box.x0
+    assert box.x1 <= paper.x1
+    assert box.y1 <= paper.y1
+
+
 def test_bode_draws_modulus_and_phase_of_every_output_and_position() -> None:
     frf = frequency_response(published_machine(), [0.02, 0.5], FREQ)
     figure = plot.bode(frf)

@@ -67,8 +67,8 @@ def test_the_verdict_comes_first_in_one_sentence(page: str) -> None:
     reader = _read(page)
     sentence = verdict_sentence(example_diagnosis(lines=20, records=1))
     assert sentence == (
-        "Mainly one cause: the supports under the rail's ends give. With it the mean error on held-out records "
-        "falls from 0.0286 to 0.00214 g/N; noise alone leaves 0.0019."
+        "One cause explains the gap: the supports under the rail's ends give. With it in the model the mean error on records "
+        "kept out of the fit falls from 0.0286 to 0.00214 g/N; noise alone leaves 0.0019."
     )
     text = reader.text[0]
     assert text.index(sentence) < text.index("How sure, and why") < text.index("What to do") < text.index("Inspect: ")
@@ -88,7 +88,7 @@ def test_it_carries_parameters_figures_warnings_and_the_caveat(page: str) -> Non
         "92.5 % is closed (95 % interval 91.0 to 94.0 %); of what stood above the noise, 99 %.",
         "blow 2: double hit",
         "None is exact",
-        "95 %: 1.263e+07 to 1.357e+07 N/m",
+        "95 %: (1.263 to 1.357)·10⁷ N/m",
     ):
         assert said in text
     assert "nan" not in text.lower()

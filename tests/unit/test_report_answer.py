@@ -38,7 +38,7 @@ def test_partly_explained_names_what_is_known_and_what_is_not() -> None:
     d = example_diagnosis("partly_explained", lines=20, records=1)
     said = verdict_sentence(d)
     assert said.startswith(
-        "Mainly one known cause: the supports under the rail's ends give. With it and an element of unknown"
+        "One known cause and something else: the supports under the rail's ends give. With it and an element of unknown"
     )
     assert "most probably at joint 2 (tool in its slot)" in said
     steps = " ".join(answer.to_do(d))
@@ -47,6 +47,27 @@ def test_partly_explained_names_what_is_known_and_what_is_not() -> None:
     page = " ".join(report_html(d).split())
     assert "Partly explained" in page
     assert "together with: an element of unknown form at joint 2 (tool in its slot)" in page
+
+
+@pytest.mark.parametrize(("left", "part"), [(0.002, "the gap"), (0.006, "most of the gap"), (0.02, "part of the gap")])
+def test_the_sentence_says_how_much_of_the_gap_is_explained(left: float, part: str) -> None:
+    d = replace(EXAMPLE, gap=replace(EXAMPLE.gap, after=left))
+    assert verdict_sentence(d).startswith(f"One cause explains {part}: ")
+
+
+def test_what_is_left_is_judged_by_its_size_too() -> None:
+    """A law of the wrong form reaches χ² = 1 by the discrepancy that is granted to it."""
+    causes = (replace(EXAMPLE.causes[0], reduced_chi2=0.97), *EXAMPLE.causes[1:])
+    d = replace(EXAMPLE, causes=causes)
+    assert "It leaves no more than noise and repeatability" in " ".join(answer.why_sentences(d))
+    poor = replace(d, gap=replace(d.gap, after=5 * d.gap.noise_floor))
+    assert "It leaves 5 times what noise and repeatability explain" in " ".join(answer.why_sentences(poor))
+
+
+def test_less_than_the_noise_is_not_split_into_parts() -> None:
+    d = replace(EXAMPLE, gap=replace(EXAMPLE.gap, after=0.5 * EXAMPLE.gap.noise_floor))
+    assert "no more than noise would leave" in answer.sizes_sentence(d)
+    assert "no more than the noise of the measurement" in verdict_sentence(d)
 
 
 def test_places_that_cannot_be_told_apart_are_said_and_marked() -> None:

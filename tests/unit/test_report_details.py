@@ -75,7 +75,7 @@ def page():
         "is not sure of its margins",
         "The winding condition holds",
         "moves with the position, 210 to 223 Hz",
-        "98 % repeats",
+        "98 % is common to all records of a position",
         "What it means",
         "0.21 (0.2 to 0.22)",
         "-28.6 % (-33.0 to -22.0 %)",
