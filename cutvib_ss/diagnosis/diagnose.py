@@ -139,7 +139,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     workers.say("judging causes on held-out records")
     odds = probabilities(ranked, counts, variants)
     odds = second_proven(
-        ranked, odds, lambda r: judged(r).reduced, lambda r: _share(judged(none), judged(r), judged(r))
+        ranked, odds, lambda r: judged(r).reduced, lambda one, both: _share(judged(none), judged(one), judged(both))
     )
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = cross_validation.judge_as_given(nominal, observed, none.fit)

@@ -1,0 +1,64 @@
+"""A second cause has to leave noise on held-out records; two values of one place are one cause."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import cast
+
+import pytest
+
+from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.posterior import kind_of, second_proven
+from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.unknown_element import UnknownElement
+from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.base import Effect
+from cutvib_ss.effects.channel_delay import ChannelDelay
+from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+
+MASS, CUBIC = AddedMass("tool", 0.1), CubicStiffness("joint2", 1e9)
+UNKNOWN = UnknownElement("joint1", "joint1", 1e5, 10.0, 400.0)
+
+
+@dataclass(frozen=True)
+class OnlyEvidence:
+    hypothesis: Hypothesis
+    log_evidence: float
+
+
+def ranked(name: str, evidence: float, *effects: Effect) -> Ranked:
+    return Ranked(name, cast(Fit, OnlyEvidence(Hypothesis(effects), evidence)), True)
+
+
+MAIN, OTHER, BOTH = ranked("main", 100.0, MASS), ranked("other", 10.0, CUBIC), ranked("both", 200.0, MASS, CUBIC)
+BESIDE = ranked("beside", 150.0, MASS, UNKNOWN)
+ODDS = {"main": 0.03, "other": 0.0, "both": 0.95, "beside": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("left", "closed", "best"), [(1.05, 0.99, "both"), (1.3, 0.99, "main"), (1.3, 0.8, "beside"), (1.05, 0.8, "both")]
+)
+def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: float, best: str) -> None:
+    every = [MAIN, OTHER, BOTH, BESIDE]
+    found = second_proven(every, ODDS, lambda r: left, lambda first, both: closed)
+    assert max(found, key=lambda name: found[name]) == best
+    assert sum(found.values()) == pytest.approx(1.0)
+    # Nothing is taken from what was not in question.
+    assert found["other"] == 0.0
+
+
+def test_what_is_improbable_is_not_judged_again() -> None:
+    def never(*_: Ranked) -> float:
+        raise AssertionError
+
+    odds = {**ODDS, "both": 0.001, "main": 0.979}
+    assert second_proven([MAIN, OTHER, BOTH, BESIDE], odds, never, never) == odds
+
+
+def test_two_channels_of_a_delay_are_one_cause() -> None:
+    one, two = ChannelDelay("measurement", "tool_x", 1e-4), ChannelDelay("measurement", "tool_z", 2e-4)
+    both = Hypothesis((one, two))
+    assert (both.effect, both.place, kind_of(both)) == ("channel_delay", "measurement", "known")
+    elsewhere = Hypothesis((MASS, replace(MASS, place="head")))
+    assert (elsewhere.effect, kind_of(elsewhere)) == ("added_mass+added_mass", "sums")
