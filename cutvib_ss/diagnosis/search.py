@@ -88,10 +88,12 @@ def search(
         workers.say("fitting causes that act together")
         seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
         ranked += fit_pairs(nominal, records, ranked, seconds, motion, workers)
-    if _gap(ranked, none):
+    left = not _enough(ranked, none, leaves)
+    by_law = not max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence).fit.hypothesis.linear
+    # A restoring force that leaves nothing at any level needs no element that is the same at all.
+    if _gap(ranked, none) and (left or not by_law):
         workers.say("fitting elements of unknown form")
         # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
-        left = not _enough(ranked, none, leaves)
         ranked += _unknown(nominal, records, few, observed, ranked if left else (), workers)
         if dependent and left:
             ranked += _unknown_forces(nominal, records, few, observed, none, workers)
