@@ -222,7 +222,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         ),
         reduced_chi2=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
         data_count=problem.count,
-        sizes=dict(vars(chosen.spread.sizes)),
+        sizes=_sizes(chosen),
         limits=limits(nominal, chosen, records, observed, counts),
         repeatability=repeatability(fitted),
         findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
@@ -336,6 +336,12 @@ def _places(ranked: Sequence[Ranked], odds: dict[str, float]) -> tuple[tuple[str
         place = r.fit.hypothesis.place
         total[place] = total.get(place, 0.0) + odds[r.name]
     return tuple(sorted(total.items(), key=lambda item: -item[1]))
+
+
+def _sizes(chosen: Fit) -> dict[str, float]:
+    """Sizes in the likelihood of a fit; that of drift within sessions only where records were followed."""
+    moving = bool(chosen.spread.layout.records)
+    return {name: v for name, v in vars(chosen.spread.sizes).items() if moving or name != "within"}
 
 
 def _bands(problem: Problem, none: Fit, sizes: Sizes) -> tuple[tuple[float, float], ...]:

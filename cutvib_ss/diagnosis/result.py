@@ -172,8 +172,8 @@ class Diagnosis(Drawn):
     repeatability : float
         rms(H_a - H_b) beyond noise over √2 rms(H), of records of the same thing; NaN where none repeat.
     sizes : mapping of str to float
-        Of the accepted answer: ``drift`` between sessions, discrepancy of the ``nominal`` elements and of the ``cause`` (relative
-        standard deviations), and the factor on the variance of the ``noise``.
+        Of the accepted answer: ``drift`` between sessions, ``within`` them where their records differ, discrepancy of the
+        ``nominal`` elements and of the ``cause`` (relative standard deviations), and the factor on the variance of the ``noise``.
     """
 
     verdict: Verdict

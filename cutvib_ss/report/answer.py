@@ -164,6 +164,7 @@ def size_rows(d: Diagnosis) -> list[Row]:
         )
     for key, name, words in (
         ("drift", "drift", "by how much stiffnesses and gains move between sessions (standard deviation)"),
+        ("within", "drift within sessions", "the same from record to record of a session"),
         ("nominal", "discrepancy, nominal", "how far the nominal elements err in dynamic stiffness once tuned"),
         ("cause", "discrepancy, cause", "how far the named law errs in dynamic stiffness"),
     ):
