@@ -47,7 +47,7 @@ def campaign_init_command(
     check_outputs(json)
     if position is not None and not 0.0 < position < 1.0:
         raise ParameterError(f"--position {position:g}: y_b / L lies strictly between 0 and 1")
-    if not any(path.is_file() for path in folder.rglob("*")):
+    if not channel and folder.is_dir() and not any(path.is_file() for path in folder.rglob("*")):
         raise ParameterError(f"{folder}: is empty; give the folder with the .tdms, .uff, .csv, .mat or .lvm files")
     from cutvib_ss.measurement.draft import Wishes, draft
     from cutvib_ss.measurement.survey import survey

@@ -169,7 +169,7 @@ def test_without_a_force_it_says_what_to_do(tmp_path, tables, capsys):
     ("arguments", "words"),
     [
         (["nowhere"], "no such folder"),
-        (["."], "holds no measurement"),
+        (["."], "is empty; give the folder"),
         ([".", "--channel", "tip=a"], "--channel tip=a"),
         ([".", "--position", "1.5"], "--position 1.5"),
     ],
