@@ -137,7 +137,8 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     variants = {**known, **{("unknown", p): of_each * ports.count(p) for p in ports}}
     counts = Counts(len(known), len(set(ports)))
     workers.say("judging causes on held-out records")
-    odds = probabilities(ranked, counts, variants)
+    best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
+    odds = probabilities(ranked, counts, variants, judged(best).reduced)
     odds = second_proven(
         ranked, odds, lambda r: judged(r).reduced, lambda one, both: _share(judged(none), judged(one), judged(both))
     )

@@ -4,9 +4,9 @@ From evidence to probabilities: evidence times prior, normalised over all hypoth
 Half of the prior lies on no cause. Known causes share theirs equally by effect and place, however many variants each has; an
 unknown element shares its by place; sums of two share theirs as if all were tried. What was not fitted
 on all lines counts nothing. Where even the best hypothesis leaves more than noise, its likelihood is wrong everywhere:
-differences of log evidence are then divided by its reduced χ² (quasi-likelihood, McCullagh and Nelder 1989, chapter 9),
-and by the number of residuals that tell the same thing (`likelihood.Directions.correlation`). So a second cause that takes away
-part of what the form of the first leaves does not pass for known: it has to leave noise.
+differences of log evidence are then divided by its reduced χ², on held-out records if that is more (quasi-likelihood,
+McCullagh and Nelder 1989, chapter 9), and by the number of residuals that tell the same thing
+(`likelihood.Directions.correlation`). A second known cause has to leave noise (`second_proven`).
 """
 
 from __future__ import annotations
@@ -44,8 +44,10 @@ def kind_of(hypothesis: Hypothesis) -> str:
     return "sums"
 
 
-def probabilities(ranked: Sequence[Ranked], counts: Counts, variants: dict[tuple[str, str], int]) -> dict[str, float]:
-    """Probability of every hypothesis by name; they sum to one."""
+def probabilities(
+    ranked: Sequence[Ranked], counts: Counts, variants: dict[tuple[str, str], int], left: float = 1.0
+) -> dict[str, float]:
+    """Probability of every hypothesis by name; they sum to one. The best leaves `left` times the noise on held-out records."""
     share = {"none": 1.0, "known": 1.0 / max(counts.known, 1), "unknown": 1.0 / max(counts.unknown, 1)}
     share["sums"] = 1.0 / counts.sums
     score = []
@@ -58,7 +60,7 @@ def probabilities(ranked: Sequence[Ranked], counts: Counts, variants: dict[tuple
     # What was not fitted on all lines has no evidence to count with: it lay far behind on few.
     evidence = np.array([r.fit.log_evidence if r.refined else -np.inf for r in ranked])
     best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
-    heat = max(1.0, best.fit.chi2 / best.fit.count) * best.fit.correlation
+    heat = max(1.0, left, best.fit.chi2 / best.fit.count) * best.fit.correlation
     total = np.array(score) + (evidence - evidence.max()) / heat
     weight = np.exp(total - total.max())
     return dict(zip([r.name for r in ranked], (weight / weight.sum()).tolist(), strict=True))
