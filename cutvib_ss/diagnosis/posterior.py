@@ -77,9 +77,16 @@ def second_proven(
 
     What the form of a first cause leaves is structured: of many second causes some takes a part of it away. One that leaves more
     than noise is not known to be there. Its probability goes to the first cause alone where that closes all but a few percent, and
-    else to the first cause beside something unknown.
+    else to the first cause beside something unknown. No cause at all, too, has to leave noise: where it leaves far more, something
+    unknown is there.
     """
     out = dict(odds)
+    unknown = [x for x in ranked if x.refined and kind_of(x.fit.hypothesis) == UNKNOWN]
+    for r in ranked:
+        bare = not r.fit.hypothesis.effects and out[r.name] >= SETTINGS.verdict_hardly
+        if bare and unknown and leaves(r) > SETTINGS.verdict_misfit:
+            out[max(unknown, key=lambda x: x.fit.log_evidence).name] += out[r.name]
+            out[r.name] = 0.0
     for r in ranked:
         causes = r.fit.hypothesis.causes
         known = kind_of(r.fit.hypothesis) == "sums" and all(effect != UNKNOWN for effect, _ in causes)
@@ -92,8 +99,8 @@ def second_proven(
         target = first
         if share(first, r) < SETTINGS.verdict_closed:
             beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
-            unknown = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
-            target = max(unknown, key=lambda x: x.fit.log_evidence, default=first)
+            partly = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
+            target = max(partly, key=lambda x: x.fit.log_evidence, default=first)
         out[target.name] += out[r.name]
         out[r.name] = 0.0
     return out

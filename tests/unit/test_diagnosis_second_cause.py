@@ -56,6 +56,14 @@ def test_what_is_improbable_is_not_judged_again() -> None:
     assert second_proven([MAIN, OTHER, BOTH, BESIDE], odds, never, never) == odds
 
 
+def test_a_model_alone_that_leaves_far_more_than_noise_gives_way_to_something_unknown() -> None:
+    none, other = ranked("none", 50.0), ranked("unknown", 40.0, UNKNOWN)
+    for left, best in ((1.2, "none"), (3.0, "unknown")):
+        found = second_proven([none, other], {"none": 0.7, "unknown": 0.3}, lambda r, left=left: left, lambda *_: 1.0)  # type: ignore[misc]
+        assert max(found, key=lambda name: found[name]) == best
+    assert second_proven([none], {"none": 1.0}, lambda r: 3.0, lambda *_: 1.0) == {"none": 1.0}
+
+
 def test_two_channels_of_a_delay_are_one_cause() -> None:
     one, two = ChannelDelay("measurement", "tool_x", 1e-4), ChannelDelay("measurement", "tool_z", 2e-4)
     both = Hypothesis((one, two))
