@@ -106,8 +106,14 @@ class Truth:
 
     @property
     def others(self) -> tuple[Causes, ...]:
-        """Other names under which the truth is right: where a measured rig's documented cause has several."""
-        return tuple(causes_of(one["effect"], one["place"], {}) for one in self.label.get("or") or ())
+        """
+        Other names under which the truth is right: where a measured rig's documented cause has several, and slip at one torque.
+        """
+        named = list(self.label.get("or") or ())
+        if (self.label.get("effect"), self.label.get("form")) == ("joint_slip", "jenkins"):
+            # Without a spread of its slip torques it goes by this name.
+            named.append({"effect": "dry_friction", "place": self.label["place"]})
+        return tuple(causes_of(one["effect"], one["place"], {}) for one in named)
 
 
 @dataclass(frozen=True)

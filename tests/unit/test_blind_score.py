@@ -471,3 +471,18 @@ def test_the_interval_matches_scipy() -> None:
     found = proportion([True] * 3 + [False] * 17)
     assert found.low == pytest.approx(stats.beta.ppf(0.025, 3, 18))
     assert found.high == pytest.approx(stats.beta.ppf(0.975, 4, 17))
+
+
+def test_slip_at_one_torque_goes_by_the_name_of_dry_friction():
+    label = {
+        "effect": "joint_slip",
+        "place": "joint2",
+        "kind": "single",
+        "form": "jenkins",
+        "grade": 0,
+        "gap_sigma": 1.0,
+    }
+    friction = frozenset({("dry_friction", "joint2")})
+    assert truth_of(label).holds(friction)
+    assert truth_of(label).holds(frozenset({("joint_slip", "joint2")}))
+    assert not truth_of({**label, "form": "iwan"}).holds(friction)
