@@ -62,16 +62,23 @@ def staged(path: str | os.PathLike[str]) -> Iterator[Path]:
 def read_toml(file: Path, wanted: str) -> dict[str, Any]:
     """Content of a TOML file; where there is none, the message says what is wanted."""
     try:
-        with file.open("rb") as stream:
+        with readable(file, wanted), file.open("rb") as stream:
             return tomllib.load(stream)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DataFormatError(f"{file}: not valid TOML ({error}); correct that line") from error
+
+
+@contextmanager
+def readable(file: Path, wanted: str = "correct the path") -> Iterator[None]:
+    """Around what reads a file: one that is missing, or cannot be opened, is a `DataFormatError` that says what is wanted."""
+    try:
+        yield
     except FileNotFoundError:
         raise DataFormatError(f"{file}: there is no such file; {wanted}") from None
     except OSError as error:
         raise DataFormatError(
             f"{file}: cannot be read ({error.strerror}); check the path and its permissions"
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataFormatError(f"{file}: not valid TOML ({error}); correct that line") from error
 
 
 def check_target(path: str | os.PathLike[str]) -> Path:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from cutvib_ss.control_design.hardware import ForceActuator, Hardware, InertialActuator, Sampling, Sensor
 from cutvib_ss.control_design.scheduling import ScheduledController
 from cutvib_ss.errors import DataFormatError, ParameterError
+from cutvib_ss.files import readable
 from cutvib_ss.results import Quantity
 
 SCHEMA = "cutvib-controller/1"
@@ -134,10 +135,9 @@ def read_controller(path: str | os.PathLike[str]) -> tuple[control.StateSpace | 
     """
     file = Path(path)
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataFormatError(f"{file}: there is no such file; give a controller's name or its JSON file") from None
-    except (OSError, ValueError) as error:
+        with readable(file, "give a controller's name or its JSON file"):
+            content = json.loads(file.read_text(encoding="utf-8"))
+    except ValueError as error:
         raise DataFormatError(f"{file}: cannot be read as JSON ({error})") from error
     if not isinstance(content, dict) or content.pop("schema", None) != SCHEMA:
         raise DataFormatError(f"{file}: is no controller; `cutvib control design --out FILE.json` writes {SCHEMA}")

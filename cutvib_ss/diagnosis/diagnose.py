@@ -22,7 +22,7 @@ from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.place import Located, locate
-from cutvib_ss.diagnosis.posterior import Counts, kind_of, probabilities, second_proven
+from cutvib_ss.diagnosis.posterior import Counts, judged_on_held_out, kind_of, probabilities
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
@@ -139,7 +139,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     workers.say("judging causes on held-out records")
     best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
     odds = probabilities(ranked, counts, variants, judged(best).reduced)
-    odds = second_proven(
+    odds = judged_on_held_out(
         ranked, odds, lambda r: judged(r).reduced, lambda one, both: _share(judged(none), judged(one), judged(both))
     )
     shown = sorted(causes, key=lambda r: -odds[r.name])

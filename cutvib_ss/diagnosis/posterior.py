@@ -6,7 +6,7 @@ unknown element shares its by place; sums of two share theirs as if all were tri
 on all lines counts nothing. Where even the best hypothesis leaves more than noise, its likelihood is wrong everywhere:
 differences of log evidence are then divided by its reduced χ², on held-out records if that is more (quasi-likelihood,
 McCullagh and Nelder 1989, chapter 9), and by the number of residuals that tell the same thing
-(`likelihood.Directions.correlation`). A second known cause has to leave noise (`second_proven`).
+(`likelihood.Directions.correlation`). A second known cause has to leave noise (`judged_on_held_out`).
 """
 
 from __future__ import annotations
@@ -66,14 +66,14 @@ def probabilities(
     return dict(zip([r.name for r in ranked], (weight / weight.sum()).tolist(), strict=True))
 
 
-def second_proven(
+def judged_on_held_out(
     ranked: Sequence[Ranked],
     odds: Mapping[str, float],
     leaves: Callable[[Ranked], float],
     share: Callable[[Ranked, Ranked], float],
 ) -> dict[str, float]:
     """
-    Probabilities in which a second known cause has to leave noise on records that the fit has not seen.
+    Probabilities in which a second known cause, and no cause, have to leave noise on records that the fit has not seen.
 
     What the form of a first cause leaves is structured: of many second causes some takes a part of it away. One that leaves more
     than noise is not known to be there. Its probability goes to the first cause alone where that closes all but a few percent, and

@@ -152,11 +152,7 @@ class Records:
 
     def apart_groups(self, by: By | None = None) -> tuple[Group, ...]:
         """Groups with one row a record, those that can be simulated alone."""
-        return (
-            Records(self.simulable)._grouped(True, by)
-            if len(self.simulable) < len(self.entries)
-            else self._grouped(True, by)
-        )
+        return self._alone._grouped(True, by)
 
     def _grouped(self, apart: bool, by: By | None) -> tuple[Group, ...]:
         if (apart, by) not in self._groups:
@@ -172,6 +168,10 @@ class Records:
     def simulable(self) -> tuple[Entry, ...]:
         """Records whose force history is known or can be assumed, and sine sweeps."""
         return tuple(e for e in self.entries if e.replay is not None or e.sine is not None)
+
+    @cached_property
+    def _alone(self) -> Records:
+        return self if len(self.simulable) == len(self.entries) else Records(self.simulable)
 
     @property
     def leaking(self) -> bool:
@@ -189,7 +189,7 @@ class Records:
 
     def coarse(self, lines: int, error: float) -> Records:
         """The same records with few lines and a widened noise."""
-        behind = {id(e): len(same) for g in self.merged for same in g.entries for e in same}
+        behind = {id(e): len(same) for g in self.groups() for same in g.entries for e in same}
         out = []
         for e in self.entries:
             few = thinned(e, slice(None, None, max(1, e.freq.size // lines)))

@@ -77,7 +77,13 @@ def search(
         workers.say(f"fitting {len(dependent)} causes that depend on the level")
         rough = _rough_laws(nominal, outlook, dependent, motion, workers)
         ranked += on_all_lines(
-            nominal, records, rough, 2, _rival(nominal, outlook, ranked), workers, SETTINGS.search_laws_refined
+            nominal,
+            records,
+            rough,
+            2,
+            _rival(nominal, outlook, _best(ranked, none)),
+            workers,
+            SETTINGS.search_laws_refined,
         )
     if (
         pairs
@@ -89,7 +95,7 @@ def search(
         seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
         ranked += fit_pairs(nominal, records, ranked, seconds, motion, workers)
     left = not _enough(ranked, none, leaves)
-    by_law = not max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence).fit.hypothesis.linear
+    by_law = not _best(ranked, none).fit.hypothesis.linear
     # A restoring force that leaves nothing at any level needs no element that is the same at all.
     if _gap(ranked, none) and (left or not by_law):
         workers.say("fitting elements of unknown form")
@@ -124,7 +130,7 @@ def _followed(nominal: Model, records: Records, r: Ranked) -> Ranked:
 
 def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked]) -> Ranked:
     """The model without a cause, tuned from where the best cause has its tuning too: it may have been caught in a side minimum."""
-    best = max(ranked, key=lambda r: r.fit.log_evidence).fit
+    best = _best(ranked, none).fit
     if best.log_evidence < none.fit.log_evidence + SETTINGS.search_caught or none.reduced > SETTINGS.fit_hopeless:
         return none
     again = fit(nominal, records, Hypothesis(), best.x[: best.first_effect])
@@ -133,13 +139,18 @@ def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence
 
 def _gap(ranked: Sequence[Ranked], none: Ranked) -> bool:
     """Whether the re-tuned model leaves more than noise and drift, or some cause does better."""
-    best = max(r.fit.log_evidence for r in ranked if r.refined)
-    return none.reduced > SETTINGS.search_enough or best > none.fit.log_evidence + SETTINGS.search_caught
+    lead = _best(ranked, none).fit.log_evidence - none.fit.log_evidence
+    return none.reduced > SETTINGS.search_enough or lead > SETTINGS.search_caught
+
+
+def _best(ranked: Sequence[Ranked], none: Ranked) -> Ranked:
+    """The best cause of those fitted on all lines; without one, the re-tuned model."""
+    return max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence, default=none)
 
 
 def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], float]) -> bool:
     """Whether the best cause leaves so little that nothing more need be tried."""
-    best = max(ranked, key=lambda r: r.fit.log_evidence)
+    best = max((none, *ranked), key=lambda r: r.fit.log_evidence)
     if best.fit.log_evidence <= none.fit.log_evidence or not best.refined:
         return False
     # A law's residual tells only beside what is not known of the force; a linear one leaves as much elsewhere.
@@ -201,13 +212,11 @@ def _unknown_forces(
 
 def _gained(ranked: Sequence[Ranked], none: Ranked) -> float:
     """Part of the re-tuned model's excess that the best single cause takes away."""
-    best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
-    return (none.reduced - best.reduced) / (none.reduced - 1.0)
+    return (none.reduced - _best(ranked, none).reduced) / (none.reduced - 1.0)
 
 
-def _rival(nominal: Model, outlook: Records, ranked: Sequence[Ranked]) -> tuple[float, float]:
+def _rival(nominal: Model, outlook: Records, best: Ranked) -> tuple[float, float]:
     """The best linear cause on the records on which laws start: its objective there, its evidence on all."""
-    best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
     there = fit(
         nominal, outlook, best.fit.hypothesis, best.fit.x, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain
     )

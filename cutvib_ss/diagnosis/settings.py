@@ -252,8 +252,8 @@ class Settings:
     search_enough: float = _of(1.1, "χ² a datum", "Below which the re-tuned model needs no cause if the level shows nothing",
         "small gaps are not searched", "as verdict_stands_out")
     search_caught: float = _of(5.0, "log evidence",
-        "Lead of a cause from which the model without one is tuned again from there",
-        "local minima of the re-tuned model stay", "a factor of 150")
+        "Lead of a cause from which there is a gap, and the model without one is tuned again from there",
+        "local minima of the re-tuned model stay; small gaps are not searched", "a factor of 150")
     search_left: float = _of(1.05, "χ² a datum", "Below which nothing is tried beside the best cause", "fewer pairs", _TIME)
     search_left_of_gap: float = _of(2e-4, "gap", "Added to it", "fewer pairs", _TIME)
     search_leads: float = _of(0.1, "excess", "That a single cause has to take away before a second is tried on top",

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.files import staged
+from cutvib_ss.files import readable, staged
 from cutvib_ss.interchange.frf_formats import (
     UNITS,
     read_mat,
@@ -93,14 +93,8 @@ def read_frf(path: str | os.PathLike[str]) -> FrequencyResponse:
     }  # fmt: skip
     if file.suffix.lower() not in readers:
         raise DataFormatError(f"{file}: suffix {file.suffix!r} does not read back; give one of {', '.join(readers)}")
-    try:
+    with readable(file):
         return readers[file.suffix.lower()](file)
-    except FileNotFoundError:
-        raise DataFormatError(f"{file}: there is no such file; correct the path") from None
-    except OSError as error:
-        raise DataFormatError(
-            f"{file}: cannot be read ({error.strerror}); check the path and its permissions"
-        ) from error
 
 
 def frf_csv(frf: FrequencyResponse) -> str:

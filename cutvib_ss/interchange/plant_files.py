@@ -18,7 +18,7 @@ import numpy as np
 from scipy import io
 
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.files import staged
+from cutvib_ss.files import readable, staged
 from cutvib_ss.plant import PlantSchedule
 
 if TYPE_CHECKING:
@@ -138,15 +138,16 @@ def read_plant(path: str | os.PathLike[str]) -> Any:
 
     file = check_plant_file(path)
     try:
-        if file.suffix.lower() == ".npz":
-            with np.load(file, allow_pickle=False) as held:
-                data: dict[str, Any] = {name: held[name] for name in held.files}
-        else:
-            data = io.loadmat(file, appendmat=False, chars_as_strings=True)
+        with readable(file):
+            if file.suffix.lower() == ".npz":
+                with np.load(file, allow_pickle=False) as held:
+                    data: dict[str, Any] = {name: held[name] for name in held.files}
+            else:
+                data = io.loadmat(file, appendmat=False, chars_as_strings=True)
         labels = {n: [_text(v) for v in np.ravel(data[n])] for n in _NAMES}
         a, b, c, d = (np.asarray(data[n], dtype=float) for n in "ABCD")
-    except OSError as error:
-        raise DataFormatError(f"{file}: cannot be read ({error.strerror}); check the path") from error
+    except DataFormatError:
+        raise
     except Exception as error:  # numpy and scipy raise many kinds on damaged files
         raise DataFormatError(f"{file}: holds no plant ({error}); write it again") from error
     if a.ndim == 2:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.files import staged
+from cutvib_ss.files import readable, staged
 from cutvib_ss.results import MovingResponse, TimeResponse
 
 TIME_SUFFIXES = (".csv", ".npz")
@@ -90,14 +90,13 @@ def read_time_response(path: str | os.PathLike[str]) -> TimeResponse:
     file = Path(path)
     position, periodic = float("nan"), False
     try:
-        if file.suffix.lower() == ".npz":
-            with np.load(file, allow_pickle=False) as held:
-                columns, names, units = held["data"], held["names"].tolist(), held["units"].tolist()
-                fs, position, periodic = float(held["fs"]), float(held["position"]), bool(held["periodic"])
-        else:
-            names, units, fs, columns = _read_csv(file)
-    except OSError as error:
-        raise DataFormatError(f"{file}: cannot be read ({error.strerror}); check the path") from error
+        with readable(file):
+            if file.suffix.lower() == ".npz":
+                with np.load(file, allow_pickle=False) as held:
+                    columns, names, units = held["data"], held["names"].tolist(), held["units"].tolist()
+                    fs, position, periodic = float(held["fs"]), float(held["position"]), bool(held["periodic"])
+            else:
+                names, units, fs, columns = _read_csv(file)
     except (KeyError, ValueError) as error:
         if isinstance(error, DataFormatError):
             raise

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError, ParameterError
+from cutvib_ss.files import readable
 from cutvib_ss.response.travel import Travel, recorded
 
 COLUMNS = ("time [s]", "position [y/L]")
@@ -36,9 +37,9 @@ def read_travel(path: str | os.PathLike[str]) -> Travel:
     """
     file = Path(path)
     try:
-        with file.open(encoding="utf-8-sig", newline="") as stream:
+        with readable(file), file.open(encoding="utf-8-sig", newline="") as stream:
             header, *rows = list(csv.reader(stream)) or [[]]
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise DataFormatError(f"{file}: cannot be read: {error}") from error
     names = [name.strip() for name in header]
     missing = [c for c in COLUMNS if c not in names]

@@ -1,0 +1,249 @@
+"""
+The climb to the maximum of a hypothesis' posterior: Levenberg-Marquardt within bounds, drift and discrepancy integrated out.
+
+What drifts by more than its direction tells is followed: sessions, and records beside them, have values of their own then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from cutvib_ss.diagnosis.discrepancy import weights
+from cutvib_ss.diagnosis.likelihood import Directions, Known, Quadratic, Sizes
+from cutvib_ss.diagnosis.prediction import Predicted
+from cutvib_ss.diagnosis.predictive import Spread
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.records import session_of
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.errors import CutvibError
+from cutvib_ss.results import ComplexArray, FloatArray
+
+
+class Beside(NamedTuple):
+    """Scatter of records about what they are merged into, its number of real data, and whether any noise was seen to scatter."""
+
+    squares: float
+    data: int
+    known: bool
+
+
+@dataclass
+class At:
+    """The objective at some unknowns and drifts of sessions, and what a step from there needs."""
+
+    problem: Problem
+    x: FloatArray
+    drift: FloatArray
+    each: list[FloatArray]
+    predictions: Sequence[Predicted]
+    residuals: list[ComplexArray]
+    squares: float
+    chi2: float
+    objective: float
+    quadratic: Quadratic | None = None
+    factor: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+class Climb:
+    """Steps from one point, on the same problem with coarser to finer groups."""
+
+    def __init__(
+        self,
+        problems: Sequence[Problem],
+        x: FloatArray,
+        spread: bool,
+        beside: Beside,
+        near: Spread | None = None,
+    ) -> None:
+        problem = problems[-1]
+        self.problem, self.spread, self.beside = problem, spread, beside
+        # Sessions in another order would have other columns.
+        self.problems = [p if p.sessions == problem.sessions else problem for p in problems]
+        self.sizes = Sizes() if near is None else near.sizes
+        self.known = Known(problem.nominal.tolerance.drift, beside.known)
+        self.count = problem.count + beside.data
+        self.precision = problem.prior_precision()
+        self.low, self.high = problem.bounds()
+        weight, _ = weights(problem)
+        self.drifting = np.flatnonzero(weight)
+        self.weight = weight[self.drifting]
+        self.n_sessions = len(problem.sessions)
+        # Of the sessions, then of the records that drift beside them.
+        drift = np.zeros((self.n_sessions + len(problem.drifting_within), self.drifting.size))
+        if near is not None and spread:
+            drift = near.drifts(problem.sessions, problem.drifting_within, self.drifting.size)
+        try:
+            self.at = self.evaluated(x, drift)
+        except CutvibError:
+            # Drifts of another fit, to first order, may be more than the model takes.
+            self.at = self.evaluated(x, np.zeros_like(drift))
+
+    def start_from(self, other: Climb) -> None:
+        """Go on from where another search of the same sessions stands."""
+        if other.problem.sessions == self.problem.sessions:
+            drift = np.zeros_like(self.at.drift)
+            drift[: len(other.at.drift)] = other.at.drift
+            there = self.evaluated(other.at.x, drift)
+            if np.isfinite(there.objective) and there.objective < self.at.objective:
+                self.at = there
+
+    def continue_from(self, other: Climb) -> None:
+        """The same with the sizes of drift and discrepancy found there."""
+        self.sizes = other.sizes
+        if self.at.quadratic is not None:
+            self._weigh(self.at)
+        self.start_from(other)
+
+    def try_from(self, x: FloatArray) -> None:
+        """Start from other unknowns if they are better."""
+        try:
+            there = self.evaluated(x, np.zeros_like(self.at.drift))
+        except CutvibError:
+            return
+        if there.objective < self.at.objective:
+            self.at = there
+
+    def redraw(self) -> None:
+        """Evaluate where it stands, with new circles around the slow poles."""
+        for problem in self.problems:
+            problem.forget_circles()
+        self.at = self.evaluated(self.at.x, self.at.drift)
+
+    def evaluated(self, x: FloatArray, drift: FloatArray) -> At:
+        """The objective at some unknowns; without drift and discrepancy it needs no derivatives."""
+        n, moves = self.n_sessions, int(np.any(drift)) + int(np.any(drift[self.n_sessions :]))
+        problem = self.problems[min(moves, len(self.problems) - 1)]
+        each = [x] * len(problem.groups)
+        if moves:
+            each = []
+            for g in problem.groups:
+                own, entry = x.copy(), g.entries[0][0]
+                moved = drift[problem.sessions.index(session_of(entry))].copy()
+                if moves > 1:
+                    moved += drift[n + problem.drifting_within.index(entry.record)]
+                own[self.drifting] += self.weight * moved
+                each.append(own)
+        predictions, residuals, squares = problem.residuals(each)
+        squares += self.beside.squares
+        at = At(
+            problem, x, drift, each, predictions, residuals, squares, squares, squares + float(self.precision @ x**2)
+        )
+        if squares > SETTINGS.fit_run_away * self.count:
+            # What drift and discrepancy leave of such squares is rounding error.
+            at.objective = np.inf
+        elif self.spread and np.isfinite(squares):
+            self._linearise(at)
+        return at
+
+    def _linearise(self, at: At) -> None:
+        """The quadratic there; none where the model has run away."""
+        if at.squares > SETTINGS.fit_run_away * self.count:
+            return
+        x = at.x
+        directions = Directions(at.problem, at.each, at.predictions, self.spread)
+        matrix, gradient = directions.normal(at.residuals)
+        if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
+            return
+        pull = gradient[: x.size] - self.precision * x
+        free = ~(((x <= self.low) & (pull < 0)) | ((x >= self.high) & (pull > 0)))
+        lay = directions.layout
+        offsets = np.zeros(lay.size)
+        for k, drift in enumerate(at.drift if self.spread else ()):
+            first = lay.unknowns + k * lay.per_session
+            offsets[first : first + drift.size] = drift
+        at.quadratic = Quadratic(
+            lay, matrix, gradient, at.squares, x, self.precision, free, self.problem.even, offsets, self.count
+        )
+        self._weigh(at)
+
+    def _weigh(self, at: At) -> None:
+        """The objective with drift and discrepancy of the present sizes integrated out."""
+        assert at.quadratic is not None
+        n = at.x.size
+        matrix, gradient = at.quadratic.system(self.sizes)
+        at.factor = linalg.cholesky(matrix[n:, n:], lower=True, check_finite=False)
+        taken = linalg.solve_triangular(at.factor, gradient[n:], lower=True, check_finite=False)
+        log_det = 2.0 * float(np.sum(np.log(np.diag(at.factor)))) + self.count * float(np.log(self.sizes.noise))
+        prior = float(self.precision @ at.x**2)
+        at.chi2 = at.quadratic.at(self.sizes) - prior - float(taken @ taken)
+        at.objective = at.chi2 + log_det + prior
+
+    def resize(self) -> None:
+        """The sizes of drift and discrepancy that suit where it stands."""
+        if self.at.quadratic is None:
+            self._linearise(self.at)
+        q = self.at.quadratic
+        if q is not None and q.layout.size > q.x.size:
+            self.sizes = q.climbed(self.sizes, self.known)
+            self._weigh(self.at)
+
+    def climb(self, max_iterations: int, tolerance: float) -> None:
+        """Steps until they gain little."""
+        damping = 1e-3
+        for k in range(max_iterations):
+            if self.at.quadratic is None:
+                self._linearise(self.at)
+            if k < 2 or k % 3 == 0:
+                self.resize()
+            if self.at.quadratic is None:
+                break
+            before = self.at.objective
+            damping = self._step(damping, self.at.quadratic)
+            gain = before - self.at.objective
+            # A residual of many times the noise needs no exact optimum.
+            far = self.at.chi2 * self.sizes.noise > SETTINGS.fit_hopeless * self.count
+            least = max(tolerance, SETTINGS.fit_hopeless_gain) if far else tolerance
+            if gain < SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0):
+                break
+
+    def _step(self, damping: float, quadratic: Quadratic) -> float:
+        """One step, damped until it gains; the damping that served, eased."""
+        n, x = self.at.x.size, self.at.x
+        matrix, gradient = quadratic.system(self.sizes)
+        beside = np.full(matrix.shape[0] - n, np.inf)
+        low, high = np.concatenate([self.low, -beside]), np.concatenate([self.high, beside])
+        start = np.concatenate([x, np.zeros(beside.size)])
+        for _ in range(8):
+            step = np.clip(start + _step(matrix, gradient, damping, start, low, high), low, high) - start
+            try:
+                trial = self.evaluated(x + step[:n], self._drifted(step[n:]))
+            except (CutvibError, np.linalg.LinAlgError):
+                damping *= 10
+                continue
+            if np.isfinite(trial.objective) and trial.objective < self.at.objective:
+                self.at = trial
+                return max(damping / 10, 1e-9)
+            damping *= 10
+        return damping
+
+    def _drifted(self, step: FloatArray) -> FloatArray:
+        """Drifts of the sessions after a step in all directions, kept within what their size allows."""
+        lay = self.at.quadratic.layout if self.at.quadratic is not None else None
+        if lay is None or not lay.sessions:
+            return self.at.drift
+        own = step[: lay.first_nominal - lay.unknowns].reshape(len(self.at.drift), -1)[:, : self.drifting.size]
+        size = np.repeat([self.sizes.drift, self.sizes.within], [self.n_sessions, len(own) - self.n_sessions])[:, None]
+        most = SETTINGS.likelihood_farthest_drift * size
+        followed = np.clip(self.at.drift + size * own, -most, most)
+        # What is small moves a response in proportion, as its directions say.
+        return np.where(size > SETTINGS.predictive_small_drift, followed, 0.0)
+
+
+def _step(
+    matrix: FloatArray, gradient: FloatArray, damping: float, x: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """A damped step that leaves alone the unknowns that a bound holds."""
+    held = ((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0))
+    free = ~held
+    inner = matrix[np.ix_(free, free)]
+    # Unknowns of unlike size: equilibrated, the system is as well conditioned as its physics.
+    size = np.sqrt(np.diag(inner) + 1e-12)
+    scaled = inner / np.outer(size, size) + damping * np.eye(size.size)
+    step = np.zeros(x.size)
+    step[free] = linalg.solve(scaled, gradient[free] / size, assume_a="sym") / size
+    return step
