@@ -208,17 +208,17 @@ class Climb:
         beside = np.full(matrix.shape[0] - n, np.inf)
         low, high = np.concatenate([self.low, -beside]), np.concatenate([self.high, beside])
         start = np.concatenate([x, np.zeros(beside.size)])
-        for _ in range(8):
+        for harder in (1e1, 1e2, 1e3, 1e4):
             step = np.clip(start + _step(matrix, gradient, damping, start, low, high), low, high) - start
             try:
                 trial = self.evaluated(x + step[:n], self._drifted(step[n:]))
             except (CutvibError, np.linalg.LinAlgError):
-                damping *= 10
+                damping *= harder
                 continue
             if np.isfinite(trial.objective) and trial.objective < self.at.objective:
                 self.at = trial
                 return max(damping / 10, 1e-9)
-            damping *= 10
+            damping *= harder
         return damping
 
     def _drifted(self, step: FloatArray) -> FloatArray:

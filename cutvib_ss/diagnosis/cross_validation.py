@@ -43,6 +43,7 @@ class Judged:
     predicted: ComplexArray  # What was predicted of it
     chi2: FloatArray  # χ² a degree of freedom, by channel
     floor: float = 0.0  # Mean square of the error of a right model, by noise and drift, over channels and lines
+    log_density: float = float("nan")  # Log predictive density, up to a constant of the data
 
     @cached_property
     def residual(self) -> ComplexArray:
@@ -218,6 +219,7 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
     total = e.variance + shown.variance
     if problem is None or fitted is None or isinstance(shown.seen, Simulated) != isinstance(problem, SimulatedProblem):
         chi2, drifts = np.mean(np.abs(e.data - shown.data) ** 2 / total, axis=1), 0.0
+        density = -float(np.sum(chi2)) * e.freq.size
     else:
         blow_at = problem.blow_at(fitted.x)
 
@@ -227,9 +229,11 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
             )
             return there.seen, (e.data - there.data) * np.sqrt(2.0 / total)
 
-        chi2, drifts = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show)
+        chi2, drifts, density = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show)
         total = fitted.spread.sizes.noise * total
-    return Judged(e, shown.data, chi2, float(total.mean() + drifts))
+    # A prediction that is uncertain by itself pays for it.
+    density -= float(np.sum(np.log1p(shown.variance / e.variance)))
+    return Judged(e, shown.data, chi2, float(total.mean() + drifts), density)
 
 
 def mean_error(records: Sequence[Judged]) -> float:

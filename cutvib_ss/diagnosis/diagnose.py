@@ -21,6 +21,7 @@ from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interferenc
 from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
+from cutvib_ss.diagnosis.odd_records import ODD, odd_records
 from cutvib_ss.diagnosis.place import Located, locate
 from cutvib_ss.diagnosis.posterior import Counts, judged_on_held_out, kind_of, probabilities
 from cutvib_ss.diagnosis.problem import Problem
@@ -28,7 +29,7 @@ from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
 from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
-from cutvib_ss.diagnosis.search import search
+from cutvib_ss.diagnosis.search import search, search_linear
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import unforced_problem
 from cutvib_ss.diagnosis.unknown_element import ports_of
@@ -116,8 +117,13 @@ def diagnose(
 
 def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
     observed = observe(campaign, nominal)
-    fitted = [e for e in observed.entries if not e.check] or list(observed.entries)
-    records = Records(tuple(fitted))
+    linear = search_linear(nominal, _to_fit(observed), observed, workers)
+    odd = odd_records(nominal, linear.records, linear.none, linear.ranked)
+    if odd:
+        observed = observed.without(odd, tuple(ODD.format(campaign.records[i].name, left) for i, left in odd.items()))
+        linear = search_linear(nominal, _to_fit(observed), observed, workers)
+    records = linear.records
+    fitted = list(records.entries)
     folds = cross_validation.folds(observed, hold_out, seed)
     judgements: dict[str, _Held] = {}
 
@@ -126,7 +132,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             judgements[r.name] = _Held(r, cross_validation.judge(nominal, folds, r.fit, workers))
         return judgements[r.name]
 
-    ranked = search(nominal, records, observed, lambda r: judged(r).reduced, workers)
+    ranked = search(nominal, observed, linear, lambda r: judged(r).reduced, workers)
     none, causes = ranked[0], ranked[1:]
     problem = Problem(nominal, records.merged, Hypothesis())
     known = considered(nominal, observed.band, observed.channels)
@@ -228,6 +234,11 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         repeatability=repeatability(fitted),
         findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
     )
+
+
+def _to_fit(observed: Observations) -> Records:
+    """The records that are not only for judging; all, where there are no others."""
+    return Records(tuple(e for e in observed.entries if not e.check) or observed.entries)
 
 
 def _same_cause(one: Ranked, two: Ranked) -> bool:

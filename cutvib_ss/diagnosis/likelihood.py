@@ -343,6 +343,12 @@ def _factor(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
         return linalg.cholesky(scaled, lower=True, check_finite=False), size
 
 
+def log_determinant(matrix: FloatArray) -> float:
+    """Logarithm of the determinant of a precision."""
+    factor, size = _factor(matrix)
+    return 2.0 * float(np.sum(np.log(np.diag(factor))) + np.sum(np.log(size)))
+
+
 def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Solution of a normal equation."""
     factor, size = _factor(matrix)

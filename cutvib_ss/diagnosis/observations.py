@@ -6,7 +6,7 @@ Nothing else of the campaign is looked at: no file name, title or order.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,7 +47,12 @@ class Observations:
     channels: tuple[str, ...]  # All response channels
     unit: str  # Unit in which errors are reported
     per_unit: float  # SI value of that unit
-    warnings: tuple[str, ...] = ()  # What the records lack for some causes
+    warnings: tuple[str, ...] = ()  # What the records lack for some causes, and which were left out
+
+    def without(self, records: Collection[int], warnings: tuple[str, ...]) -> Observations:
+        """The same without some records, by their index in the campaign."""
+        kept = tuple(e for e in self.entries if e.record not in records)
+        return replace(self, entries=kept, warnings=(*self.warnings, *warnings))
 
 
 def observe(campaign: Campaign, machine: Model) -> Observations:

@@ -75,8 +75,10 @@ class _Family:
         for second in seconds:
             name = second.candidate.name
             names = frozenset((base.name, name))
-            both = base.hypothesis.linear and second.candidate.starts[0].linear
-            if len(names) == 1 or names in self.seen or both != self.linear:
+            first, other = base.hypothesis, second.candidate.starts[0]
+            # Two restoring forces of one port are one of another form, which its discrepancy and the unknown force have.
+            alike = not first.linear and not other.linear and first.place == other.place
+            if len(names) == 1 or alike or names in self.seen or (first.linear and other.linear) != self.linear:
                 continue
             self.seen.add(names)
             added[f"{base.name} + {name}"] = second.starts(by_simulation=not self.linear)

@@ -201,15 +201,29 @@ def _blow_between(group: Group, row: int, start: float, z: ComplexArray, s: Comp
     if s[0].real or not replays or len(replays) < len(entries) or len({r.fs for r in replays}) > 1:
         return 1.0
     fs, forces = replays[0].fs, [f for r in replays for f in r.forces]
-    crossed, power = np.zeros((z.size, s.size), dtype=np.complex128), np.zeros(s.size)
-    for force in forces:
-        at = np.flatnonzero(np.abs(force) > SETTINGS.tail_force * np.abs(force).max())
-        near = slice(max(int(at[0]) - 1, 0), int(at[-1]) + 2)
-        t = np.arange(force.size)[near] / fs - start
-        spectrum = np.exp(-np.outer(s, t)) @ force[near]
-        crossed += (np.exp(-np.outer(z, t)) @ force[near])[:, None] * spectrum.conj()
-        power += np.abs(spectrum) ** 2
-    return np.asarray(crossed / np.maximum(power, 1e-12 * power.max()))
+    if (row, start) not in group.blows:
+        # Neither lines nor blows change while a group is fitted.
+        pulses = []
+        for force in forces:
+            at = np.flatnonzero(np.abs(force) > SETTINGS.tail_force * np.abs(force).max())
+            near = slice(max(int(at[0]) - 1, 0), int(at[-1]) + 2)
+            begins = near.start / fs - start
+            pulses.append((begins, force[near], _transform(force[near], begins, fs, s)))
+        power = np.sum([np.abs(spectrum) ** 2 for _, _, spectrum in pulses], axis=0)
+        power = np.maximum(power, 1e-12 * power.max())
+        group.blows[row, start] = [(t, force, spectrum.conj() / power) for t, force, spectrum in pulses]
+    each = group.blows[row, start]
+    at_poles = np.stack([_transform(force, begins, fs, z) for begins, force, _ in each], axis=1)
+    return np.asarray(at_poles @ np.stack([share for _, _, share in each]))
+
+
+def _transform(force: FloatArray, begins: float, fs: float, z: ComplexArray) -> ComplexArray:
+    """Σ f_n e^(-z t_n): the powers of e^(-z/fs) as products of short and long ones."""
+    size = int(np.ceil(np.sqrt(force.size)))
+    table = np.pad(force, (0, size * size - force.size)).reshape(size, size)
+    steps = np.arange(size) / fs
+    short, far = np.exp(-np.outer(z, steps)), np.exp(-np.outer(z, size * steps))
+    return np.asarray(np.exp(-z * begins) * np.sum(far * (short @ table.T), axis=1))
 
 
 def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:

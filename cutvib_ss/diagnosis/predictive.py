@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from cutvib_ss.diagnosis.discrepancy import weights
-from cutvib_ss.diagnosis.likelihood import Directions, Layout, Sizes, real_rows, solved
+from cutvib_ss.diagnosis.likelihood import Directions, Layout, Sizes, log_determinant, real_rows, solved
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -17,6 +17,15 @@ from cutvib_ss.results import ComplexArray, FloatArray
 if TYPE_CHECKING:
     from cutvib_ss.diagnosis.prediction import Predicted
     from cutvib_ss.diagnosis.problem import Problem
+
+
+class Left(NamedTuple):
+    """What a fit leaves of one record under its posterior predictive."""
+
+    chi2: FloatArray  # χ² a datum, by channel
+    drift: float  # Mean square of what drift alone leaves
+    # Log predictive density of all channels together, against that of the noise as stated: a constant of the data is left out
+    log_density: float
 
 
 @dataclass(frozen=True)
@@ -63,9 +72,9 @@ class Spread:
         name: tuple[float | str, ...],
         record: int,
         show: Callable[[FloatArray], tuple[Predicted, ComplexArray]],
-    ) -> tuple[FloatArray, float]:
+    ) -> Left:
         """
-        χ² a datum of one record under the posterior predictive, by channel, and the mean square that drift alone leaves.
+        One record under the posterior predictive.
 
         The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. The drift of
         a session that was not fitted is taken where the record has it, and pays its prior.
@@ -108,6 +117,8 @@ class Spread:
         out = np.empty(residual.shape[0])
         known = 0.0 if not new else float(z[at] @ z[at])
         drifts = []
+        squares, count = known, 0
+        together, drawn = own.precision.copy(), np.zeros(lay.size)
         for _, _, c, index, part in chunks:
             flat = real_rows(part) * scale[index, None]
             moving = (index >= lay.unknowns) & (index < lay.first_nominal)
@@ -117,10 +128,19 @@ class Spread:
             )
             r = real_rows(residual[None, c])[0] - mean[index] @ flat
             inner, pulled = own.precision.copy(), np.zeros(lay.size)
-            inner[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
+            gram = flat @ flat.T / own.sizes.noise
+            inner[np.ix_(index, index)] += gram
             pulled[index] = flat @ r / own.sizes.noise
+            together[np.ix_(index, index)] += gram
+            drawn += pulled
+            squares += float(r @ r) / own.sizes.noise
+            count += r.size
             if new:
                 pulled[at] -= z[at]
             gain = pulled @ solved(inner, pulled)
             out[c] = (r @ r / own.sizes.noise + known - gain) / r.size
-        return out, float(np.mean(drifts))
+        if new:
+            drawn[at] -= z[at]
+        squares -= float(drawn @ solved(together, drawn))
+        wider = log_determinant(together) - log_determinant(own.precision) + count * float(np.log(own.sizes.noise))
+        return Left(out, float(np.mean(drifts)), -0.5 * (squares + wider))

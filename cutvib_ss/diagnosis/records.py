@@ -112,6 +112,11 @@ class Group:
     entries: tuple[tuple[Entry, ...], ...] = ()  # The records behind each row
     struck: tuple[str, ...] = ()  # Where the force of each row acts, as in `Entry`; nothing: at the model's input
 
+    @cached_property
+    def blows(self) -> dict[tuple[int, float], list[tuple[float, FloatArray, ComplexArray]]]:
+        """Of each blow of a row its begin, force and share of the lines' spectrum, by the instant that times count from."""
+        return {}
+
     @property
     def inputs(self) -> tuple[str, ...]:
         """Where the force of each row acts."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,16 +32,19 @@ from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.results import FloatArray
 
 
-def search(
-    nominal: Model,
-    records: Records,
-    observed: Observations,
-    leaves: Callable[[Ranked], float],
-    workers: Workers,
-    pairs: bool = True,
-    laws: bool = True,
-) -> tuple[Ranked, ...]:
-    """Fit every cause, and pairs where no single one is enough: the tuned nominal model first, then causes by evidence."""
+class Linear(NamedTuple):
+    """The first part of a search: the tuned nominal model, and causes that are the same at every level."""
+
+    records: Records  # On which they were fitted
+    few: Records  # The same on few lines with a widened noise
+    none: Ranked  # The tuned nominal model
+    ranked: list[Ranked]  # Causes
+    candidates: Sequence[Candidate]  # All that there are
+    alone: Mapping[str, Effect]  # Values of those that were fitted on few lines
+
+
+def search_linear(nominal: Model, records: Records, observed: Observations, workers: Workers) -> Linear:
+    """Tune the nominal model, and fit the linear causes that promise most."""
     workers.say("tuning the nominal model")
     few = records.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
     scout = fit(nominal, few, Hypothesis(), None, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain)
@@ -59,6 +63,20 @@ def search(
         near=none.fit if none.reduced < SETTINGS.search_enough else None,
     )
     none = _not_caught(nominal, records, none, ranked)
+    return Linear(records, few, none, ranked, linear, alone)
+
+
+def search(
+    nominal: Model,
+    observed: Observations,
+    first: Linear,
+    leaves: Callable[[Ranked], float],
+    workers: Workers,
+    pairs: bool = True,
+    laws: bool = True,
+) -> tuple[Ranked, ...]:
+    """Go on from the linear causes to laws, pairs and unknown elements: the tuned nominal model first, then causes by evidence."""
+    records, few, none, ranked, linear, alone = first
     by_level = level_stands_out(records, none.fit.model)
     if by_level:
         records = replace(records, moving=True)
@@ -153,8 +171,10 @@ def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], f
     best = max((none, *ranked), key=lambda r: r.fit.log_evidence)
     if best.fit.log_evidence <= none.fit.log_evidence or not best.refined:
         return False
-    # A law's residual tells only beside what is not known of the force; a linear one leaves as much elsewhere.
-    left = best.reduced if best.fit.hypothesis.linear else leaves(best) * best.fit.spread.sizes.noise
+    left = best.reduced
+    if not best.fit.hypothesis.linear and (held_out := leaves(best)) > SETTINGS.verdict_misfit:
+        # What a law takes from the levels that it was fitted to may fail at others.
+        left = held_out * best.fit.spread.sizes.noise
     return left < SETTINGS.search_left + SETTINGS.search_left_of_gap * max(none.reduced - 1.0, 0.0)
 
 

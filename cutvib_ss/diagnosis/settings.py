@@ -258,6 +258,10 @@ class Settings:
     search_left_of_gap: float = _of(2e-4, "gap", "Added to it", "fewer pairs", _TIME)
     search_leads: float = _of(0.1, "excess", "That a single cause has to take away before a second is tried on top",
         "fewer pairs", "else neither is known")
+    search_odd: float = _of(10.0, "χ² a datum", "Of one record under what leaves no more than noise of all others: "
+        "from there it is left out", "fewer records are left out", "a law that shows that much in one shows in its neighbours")
+    search_odd_share: float = _of(0.125, "records", "That are left out, at most", "more records may be left out",
+        "what shows in more of them may be the machine")
     scan_records: int = _of(5, "records", "Up to which all are scanned", "longer", _TIME)
     scan_steps: int = _of(10, "steps", "Of the fit underneath a scan", "longer", _TIME)
     scan_gain: float = _of(1e-2, "1", "Relative gain at which they end", "rougher", _TIME)

@@ -1,0 +1,79 @@
+"""
+Records that fit with no others: a loose cable, a clipped channel, the wrong range.
+
+One such record makes every cause fail, and asks for one that acts in that record alone. A record is odd where the tuned model, or a
+linear cause, leaves no more than noise of all others and many times that of this one. What shows in several records is the
+machine's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cutvib_ss.diagnosis import cross_validation
+from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.records import Entry, Records
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import CutvibError
+
+ODD = (
+    "{}: left out, for it does not fit with the others: {:.3g} times its noise is left by what leaves no more than noise of "
+    "them; look for a loose cable, a clipped or wrong range, or measure it again"
+)
+
+
+def odd_records(nominal: Model, records: Records, none: Ranked, causes: Sequence[Ranked]) -> dict[int, float]:
+    """Records to leave out, by their index in the campaign, and the χ² a datum that the others' model leaves of each."""
+    most = int(SETTINGS.search_odd_share * len(records.entries))
+    refined = [r for r in causes if r.refined]
+    if most < 1 or none.reduced < SETTINGS.search_enough:
+        return {}
+    tries = [none, *sorted(refined, key=lambda r: -r.fit.log_evidence)[:1]]
+    if any(r.reduced < SETTINGS.search_enough for r in tries):
+        return {}
+    few = records.coarse(SETTINGS.search_coarse_lines, 0.0)
+    for r in tries:
+        found = _without(nominal, few, r.fit, most)
+        if found:
+            return found
+    return {}
+
+
+def _without(nominal: Model, few: Records, start: Fit, most: int) -> dict[int, float]:
+    """Records without which a hypothesis leaves no more than noise, the worst first; none where the others are not explained."""
+    out: list[Entry] = []
+    kept, current = few, start
+    while len(out) < most:
+        worst = max(kept.entries, key=lambda e: _left(nominal, kept, current, e))
+        others = tuple(e for e in kept.entries if e is not worst)
+        if not _known_beside(worst, others):
+            return {}
+        kept = replace(few, entries=others)
+        out.append(worst)
+        try:
+            current = fit(nominal, kept, start.hypothesis, start.x, SETTINGS.search_later_steps)
+        except CutvibError:
+            return {}
+        if current.reduced < SETTINGS.search_enough:
+            left = {e.record: _left(nominal, kept, current, e) for e in out}
+            return left if min(left.values()) > SETTINGS.search_odd else {}
+    return {}
+
+
+def _known_beside(e: Entry, others: Sequence[Entry]) -> bool:
+    """Whether its position and input, and its level, were measured in another record too."""
+    place = any((x.position, x.input) == (e.position, e.input) for x in others)
+    return place and (e.level is None or any(x.level is not None and x.level >= 0.9 * e.level for x in others))
+
+
+def _left(nominal: Model, records: Records, fitted: Fit, e: Entry) -> float:
+    """χ² a datum of one record under a fit, drift and discrepancy of their sizes allowed."""
+    problem = Problem(nominal, records.groups(), fitted.hypothesis)
+    shown = cross_validation.predicted(e, fitted.model, problem.blow_at(fitted.x), problem, fitted.x)
+    return float(np.mean(cross_validation.judged(e, shown, problem, fitted).chi2)) * fitted.spread.sizes.noise

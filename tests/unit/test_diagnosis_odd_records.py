@@ -1,0 +1,69 @@
+"""A record that was measured wrong is left out by name; what shows in all records is the machine's."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cutvib_ss.diagnosis.diagnose import diagnose
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.diagnosis.odd_records import odd_records
+from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.search import search_linear
+from cutvib_ss.diagnosis.workers import Workers
+from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.measurement.records import Campaign
+from tests.unit.test_diagnosis_drift import MACHINE, campaign
+
+PLACES = (0.1, 0.35, 0.6, 0.85)
+
+
+def with_gain(found: Campaign, records: tuple[int, ...], gain: float) -> Campaign:
+    """The same with the first channel of some records on a wrong range."""
+    changed = list(found.records)
+    for k in records:
+        frf = changed[k].frf
+        assert frf is not None
+        data = np.array(frf.data)
+        data[:, 0] *= gain
+        changed[k] = replace(changed[k], frf=replace(frf, data=data))
+    return replace(found, records=tuple(changed))
+
+
+def found_odd(measured: Campaign) -> dict[int, float]:
+    observed = observe(measured, MACHINE)
+    linear = search_linear(MACHINE, Records(observed.entries), observed, Workers(1))
+    assert linear.none.fit.hypothesis == Hypothesis()
+    return odd_records(MACHINE, linear.records, linear.none, linear.ranked)
+
+
+def test_a_record_on_a_wrong_range_is_left_out_and_named(tmp_path: Path) -> None:
+    right = campaign(tmp_path, {"Monday": PLACES, "Tuesday": PLACES}, 3)
+    wrong = with_gain(right, (5,), 0.7)
+    odd = found_odd(wrong)
+    assert list(odd) == [5]
+    assert odd[5] > 10.0
+    found = diagnose(wrong)
+    assert found.verdict == "no_gap"
+    assert any(w.startswith("r5: left out") for w in found.warnings)
+
+
+@pytest.mark.parametrize("records", [(5, 6), (4, 5, 6, 7)], ids=["two", "a whole session"])
+def test_what_shows_in_several_records_is_not_left_out(tmp_path: Path, records: tuple[int, ...]) -> None:
+    right = campaign(tmp_path, {"Monday": PLACES, "Tuesday": PLACES}, 3)
+    assert found_odd(with_gain(right, records, 0.7)) == {}
+
+
+def test_a_cause_that_all_records_show_leaves_none_out(tmp_path: Path) -> None:
+    right = campaign(tmp_path, {"Monday": PLACES, "Tuesday": PLACES}, 3)
+    heavier = replace(right, machine=AddedMass("tool", -0.4).apply(MACHINE))
+    observed = observe(heavier, heavier.machine)
+    linear = search_linear(heavier.machine, Records(observed.entries), observed, Workers(1))
+    assert odd_records(heavier.machine, linear.records, linear.none, linear.ranked) == {}
+
+
+def test_a_record_whose_position_no_other_has_stays(tmp_path: Path) -> None:
+    alone = campaign(tmp_path, {"Monday": PLACES, "Tuesday": (0.2, 0.45, 0.7, 0.95)}, 3)
+    assert found_odd(with_gain(alone, (5,), 0.7)) == {}
