@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from cutvib_ss.diagnosis.cross_validation import Judged, reduced_chi2
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.result import CandidateEvidence
@@ -10,7 +13,7 @@ from cutvib_ss.effects.base import discrete_values, parameter_fields
 ENDS = "{} = {} lies at the end of what is believed of it: the true value may lie beyond, or the cause be another"
 
 
-def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool = False) -> CandidateEvidence:
+def evidence_of(r: Ranked, held_out: Sequence[Judged] = ()) -> CandidateEvidence:
     """What a fitted hypothesis has to say for itself."""
     return CandidateEvidence(
         name=r.name,
@@ -20,8 +23,9 @@ def evidence_of(r: Ranked, held_reduced_chi2: float = float("nan"), judged: bool
         log_evidence=r.fit.log_evidence,
         chi2=r.fit.chi2 if r.refined else float("nan"),
         unknowns=r.fit.x.size - r.fit.first_effect,
-        judged=judged,
-        held_reduced_chi2=held_reduced_chi2,
+        judged=bool(held_out),
+        held_reduced_chi2=reduced_chi2(held_out) if held_out else float("nan"),
+        held_log_density=sum(j.log_density for j in held_out) if held_out else float("nan"),
     )
 
 

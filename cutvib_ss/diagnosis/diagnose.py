@@ -224,9 +224,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         nominal=nominal,
         corrected_machine=chosen.model,
         comparisons=_comparisons(nominal, none.fit, chosen, fitted),
-        evidence=tuple(
-            evidence_of(r, held[r.name].reduced if r.name in held else float("nan"), r.name in held) for r in ranked
-        ),
+        evidence=tuple(evidence_of(r, held[r.name].records if r.name in held else ()) for r in ranked),
         reduced_chi2=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
         data_count=problem.count,
         sizes=_sizes(chosen),

@@ -9,6 +9,7 @@ dH(z) gives the derivative: no residue has to be differentiated. Fast modes have
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -132,6 +133,13 @@ class Prediction:
             ends = 2 * (self._values[i][:, own] @ lag).real
             change[i] -= ends[:, None] * np.exp(-self.s * self.rest[i]) * self.window[i]
         return np.where(unknown, change, 0.0)
+
+
+def slow_frequencies(predictions: Sequence[Predicted]) -> list[float]:
+    """Frequencies of the modes that have not died out when the blocks of some predictions end [Hz]."""
+    circles = [p.circles for p in predictions if isinstance(p, Prediction)]
+    points = [c.points.reshape(-1, SETTINGS.tail_points).mean(axis=1) for c in circles if c.points.size]
+    return [float(z.imag) / (2 * np.pi) for z in np.concatenate(points)] if points else []
 
 
 def still_inside(circles: Circles, values: ComplexArray) -> bool:

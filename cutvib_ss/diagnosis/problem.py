@@ -123,6 +123,13 @@ class Problem:
         mean, std = SETTINGS.record_blow_at, SETTINGS.record_blow_at_std
         return max(mean + std * float(x[self._blow]), 0.0) if self.n_blow else 0.0
 
+    def struck_at(self, x: FloatArray, blow_at: float) -> FloatArray:
+        """The same unknowns with the blow at another instant, within its bounds."""
+        low, high = self.bounds()
+        out, k = x.copy(), self._blow
+        out[k] = np.clip((blow_at - SETTINGS.record_blow_at) / SETTINGS.record_blow_at_std, low[k], high[k])
+        return out
+
     def prior_precision(self) -> FloatArray:
         """Precision of the priors of the unknowns; none for effects, whose priors are even."""
         return np.where(self.even, 0.0, 1.0)

@@ -108,6 +108,8 @@ class CandidateEvidence:
     unknowns: int  # Parameters of its own, tuning and calibration apart
     judged: bool  # Whether it was judged on held-out records
     held_reduced_chi2: float  # χ² a degree of freedom there
+    # Log predictive density there, up to a constant of the data: what prediction says where evidence may err (stacking)
+    held_log_density: float = float("nan")
 
 
 @dataclass(frozen=True)

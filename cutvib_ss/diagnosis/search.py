@@ -22,10 +22,12 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import level_stands_out, levels_compared, motions
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
+from cutvib_ss.diagnosis.prediction import slow_frequencies
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, ranked_by_gain, refit, some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce, unknown_candidates
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
@@ -48,7 +50,7 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     workers.say("tuning the nominal model")
     few = records.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
     scout = fit(nominal, few, Hypothesis(), None, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain)
-    none = Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True)
+    none = _other_instants(nominal, records, Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True))
     linear = candidates(nominal, observed.band, observed.channels)
     workers.say(f"fitting {len(linear)} linear causes")
     rough = _rough(nominal, records, few, linear, none, workers)
@@ -62,6 +64,8 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
         workers,
         near=none.fit if none.reduced < SETTINGS.search_enough else None,
     )
+    if (best := _best(ranked, none)) is not none:
+        ranked[ranked.index(best)] = _other_instants(nominal, records, best)
     none = _not_caught(nominal, records, none, ranked)
     return Linear(records, few, none, ranked, linear, alone)
 
@@ -144,6 +148,28 @@ def _moving(
 def _followed(nominal: Model, records: Records, r: Ranked) -> Ranked:
     again = refit(nominal, records, r.fit.hypothesis, r.fit.x, SETTINGS.search_most_steps, near=r.fit)
     return r if again is None else replace(r, fit=again)
+
+
+def _other_instants(nominal: Model, records: Records, r: Ranked) -> Ranked:
+    """
+    A fit, or the same with the blow up to a period of the slowest mode earlier or later where that is better.
+
+    What a block cuts off of a mode that has not died out is periodic in the instant of the blow, where that is not stated.
+    """
+    sharp = records.coarse(SETTINGS.search_coarse_lines, 0.0)
+    problem = problem_for(nominal, sharp, r.fit.hypothesis)
+    if not problem.n_blow or not (slow := slow_frequencies(problem.predictions(r.fit.x))):
+        return r
+    tries = []
+    for periods in (0.0, -1.0, -0.5, 0.5, 1.0):
+        x = problem.struck_at(r.fit.x, problem.blow_at(r.fit.x) + periods / min(slow))
+        tried = first_steps(nominal, sharp, r.fit.hypothesis, x, SETTINGS.search_later_steps)
+        tries.append((np.inf if tried is None else tried.objective, tried))
+    best = min(tries, key=lambda row: row[0])[1]
+    if best is None or best is tries[0][1]:
+        return r
+    again = refit(nominal, records, r.fit.hypothesis, best.x, SETTINGS.search_most_steps)
+    return replace(r, fit=again) if again is not None and again.objective < r.fit.objective else r
 
 
 def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked]) -> Ranked:
