@@ -58,6 +58,12 @@ class _Held:
     def reduced(self) -> float:
         return cross_validation.reduced_chi2(self.records)
 
+    @property
+    def against_stated(self) -> float:
+        """The same against the noise as stated, where it was seen to scatter."""
+        known = all(j.entry.estimator.scatter_seen for j in self.records)
+        return self.reduced * (max(self.ranked.fit.spread.sizes.noise, 1.0) if known else 1.0)
+
 
 def diagnose(
     campaign: Campaign,
@@ -132,7 +138,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             judgements[r.name] = _Held(r, cross_validation.judge(nominal, folds, r.fit, workers))
         return judgements[r.name]
 
-    ranked = search(nominal, observed, linear, lambda r: judged(r).reduced, workers)
+    ranked = search(nominal, observed, linear, lambda r: judged(r).reduced, lambda r: judged(r).against_stated, workers)
     none, causes = ranked[0], ranked[1:]
     problem = Problem(nominal, records.merged, Hypothesis())
     known = considered(nominal, observed.band, observed.channels)
@@ -146,7 +152,11 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
     odds = probabilities(ranked, counts, variants, judged(best).reduced)
     odds = judged_on_held_out(
-        ranked, odds, lambda r: judged(r).reduced, lambda one, both: _share(judged(none), judged(one), judged(both))
+        ranked,
+        odds,
+        lambda r: judged(r).reduced,
+        lambda one, both: _share(judged(none), judged(one), judged(both)),
+        lambda r: judged(r).against_stated,
     )
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = cross_validation.judge_as_given(nominal, observed, none.fit)

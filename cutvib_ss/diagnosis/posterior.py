@@ -71,6 +71,7 @@ def judged_on_held_out(
     odds: Mapping[str, float],
     leaves: Callable[[Ranked], float],
     share: Callable[[Ranked, Ranked], float],
+    against_stated: Callable[[Ranked], float],
 ) -> dict[str, float]:
     """
     Probabilities in which a second known cause, and no cause, have to leave noise on records that the fit has not seen.
@@ -78,13 +79,13 @@ def judged_on_held_out(
     What the form of a first cause leaves is structured: of many second causes some takes a part of it away. One that leaves more
     than noise is not known to be there. Its probability goes to the first cause alone where that closes all but a few percent, and
     else to the first cause beside something unknown. No cause at all, too, has to leave noise: where it leaves far more, something
-    unknown is there.
+    unknown is there. That is held against the noise as stated: its own factor on it takes up what is not the machine's.
     """
     out = dict(odds)
     unknown = [x for x in ranked if x.refined and kind_of(x.fit.hypothesis) == UNKNOWN]
     for r in ranked:
         bare = not r.fit.hypothesis.effects and out[r.name] >= SETTINGS.verdict_hardly
-        if bare and unknown and leaves(r) > SETTINGS.verdict_misfit:
+        if bare and unknown and against_stated(r) > SETTINGS.verdict_misfit:
             out[max(unknown, key=lambda x: x.fit.log_evidence).name] += out[r.name]
             out[r.name] = 0.0
     for r in ranked:

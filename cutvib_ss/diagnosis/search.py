@@ -75,6 +75,7 @@ def search(
     observed: Observations,
     first: Linear,
     leaves: Callable[[Ranked], float],
+    against_stated: Callable[[Ranked], float],
     workers: Workers,
     pairs: bool = True,
     laws: bool = True,
@@ -119,7 +120,9 @@ def search(
     left = not _enough(ranked, none, leaves)
     by_law = not _best(ranked, none).fit.hypothesis.linear
     # A restoring force that leaves nothing at any level needs no element that is the same at all.
-    if _gap(ranked, none) and (left or not by_law):
+    # What drift takes up of each record by itself may fail at records that were held out.
+    gap = _gap(ranked, none) or against_stated(none) > SETTINGS.verdict_misfit
+    if gap and (left or not by_law):
         workers.say("fitting elements of unknown form")
         # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
         ranked += _unknown(nominal, records, few, observed, ranked if left else (), workers)

@@ -252,11 +252,18 @@ class Structure(BaseModel):
         return forces
 
 
+_NO_SPRING = 1e-5  # Of the largest stiffness of a degree of freedom: what five digits of a matrix leave of a sum
+
+
 def _spanned(row: FloatArray, stiffness: FloatArray) -> float:
     """Stiffness of the spring between the degrees of freedom of a port."""
     held = np.flatnonzero(row)
     if held.size == 1:
-        return float(stiffness[held[0]].sum() / row[held[0]] ** 2)
-    if held.size == 2 and row[held[0]] == -row[held[1]]:
-        return float(-stiffness[held[0], held[1]] / row[held[0]] ** 2)
-    return 0.0
+        found = float(stiffness[held[0]].sum())
+    elif held.size == 2 and row[held[0]] == -row[held[1]]:
+        found = float(-stiffness[held[0], held[1]])
+    else:
+        return 0.0
+    # Matrices are written to so many digits: what is left of a row that adds up to nothing is no spring.
+    own = float(np.abs(stiffness[held[0]]).max())
+    return found / row[held[0]] ** 2 if found > _NO_SPRING * own else 0.0

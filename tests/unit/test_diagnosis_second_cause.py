@@ -41,7 +41,7 @@ ODDS = {"main": 0.03, "other": 0.0, "both": 0.95, "beside": 0.02}
 )
 def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: float, best: str) -> None:
     every = [MAIN, OTHER, BOTH, BESIDE]
-    found = judged_on_held_out(every, ODDS, lambda r: left, lambda first, both: closed)
+    found = judged_on_held_out(every, ODDS, lambda r: left, lambda first, both: closed, lambda r: left)
     assert max(found, key=lambda name: found[name]) == best
     assert sum(found.values()) == pytest.approx(1.0)
     # Nothing is taken from what was not in question.
@@ -53,17 +53,17 @@ def test_what_is_improbable_is_not_judged_again() -> None:
         raise AssertionError
 
     odds = {**ODDS, "both": 0.001, "main": 0.979}
-    assert judged_on_held_out([MAIN, OTHER, BOTH, BESIDE], odds, never, never) == odds
+    assert judged_on_held_out([MAIN, OTHER, BOTH, BESIDE], odds, never, never, never) == odds
 
 
 def test_a_model_alone_that_leaves_far_more_than_noise_gives_way_to_something_unknown() -> None:
     none, other = ranked("none", 50.0), ranked("unknown", 40.0, UNKNOWN)
     for left, best in ((1.2, "none"), (3.0, "unknown")):
         found = judged_on_held_out(
-            [none, other], {"none": 0.7, "unknown": 0.3}, lambda r, left=left: left, lambda *_: 1.0
+            [none, other], {"none": 0.7, "unknown": 0.3}, lambda r: 1.0, lambda *_: 1.0, lambda r, left=left: left
         )  # type: ignore[misc]
         assert max(found, key=lambda name: found[name]) == best
-    assert judged_on_held_out([none], {"none": 1.0}, lambda r: 3.0, lambda *_: 1.0) == {"none": 1.0}
+    assert judged_on_held_out([none], {"none": 1.0}, lambda r: 1.0, lambda *_: 1.0, lambda r: 3.0) == {"none": 1.0}
 
 
 def test_two_channels_of_a_delay_are_one_cause() -> None:
