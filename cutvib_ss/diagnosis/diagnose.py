@@ -23,7 +23,7 @@ from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.odd_records import ODD, odd_records
 from cutvib_ss.diagnosis.place import Located, locate
-from cutvib_ss.diagnosis.posterior import Counts, judged_on_held_out, kind_of, probabilities
+from cutvib_ss.diagnosis.posterior import Counts, judged_on_held_out, kind_of, of_known_form, probabilities
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
@@ -158,6 +158,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         lambda one, both: _share(judged(none), judged(one), judged(both)),
         lambda r: judged(r).against_stated,
     )
+    odds = of_known_form(ranked, odds)
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)
@@ -191,7 +192,8 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         located = locate(nominal, none.fit, fitted, tuned_blow, by_level)
         interference = mains(nominal, none.fit, records)
         located = located if interference is None else with_mains_interference(located, interference)
-    rows = _causes(none, shown, odds, located.best, held, before, observed, after)
+    elsewhere = located.best if located.best != "none" else first.fit.hypothesis.place
+    rows = _causes(none, shown, odds, elsewhere, held, before, observed, after)
     interval = cross_validation.shrinkage_interval(before, after.records, seed)
     stands_out = none.reduced > SETTINGS.verdict_stands_out or first is not none
     result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end))
@@ -204,7 +206,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             [r.fit.model for r in remaining], [r.name for r in remaining], fitted, [odds[r.name] for r in remaining]
         )
     workers.say("computing what the result means")
-    places = _places(ranked, odds)
+    places = _places(ranked, odds, elsewhere)
     bands_hz = _bands(problem, none.fit, chosen.spread.sizes)
     second = other if first is shown[0] or no_gap else shown[0]
     sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
@@ -288,10 +290,11 @@ def _causes(
             else _share(held.get("none"), held.get(r.name), accepted),
         )
     unknown = [c for c in rows.values() if c.effect == "unknown"]
-    # One row for an unknown element, at the place where it is likeliest.
-    best = max(unknown, key=lambda c: c.probability, default=Cause("unknown", unknown_place, 0.0))
+    # One row for an unknown element, at the place where it is likeliest; what no hypothesis holds is unknown too.
+    beyond = max(1.0 - sum(odds.values()), 0.0)
+    best = max((*unknown, Cause("unknown", unknown_place, beyond)), key=lambda c: c.probability)
     out = [c for c in rows.values() if c.effect != "unknown"]
-    out.append(replace(best, probability=sum(c.probability for c in unknown), parameters={}))
+    out.append(replace(best, probability=beyond + sum(c.probability for c in unknown), parameters={}))
     return tuple(sorted(out, key=lambda c: -c.probability))
 
 
@@ -349,9 +352,10 @@ def _figures(
     )
 
 
-def _places(ranked: Sequence[Ranked], odds: dict[str, float]) -> tuple[tuple[str, float], ...]:
-    """Probability of each place, or places of a sum: that of the hypotheses there."""
+def _places(ranked: Sequence[Ranked], odds: dict[str, float], unknown_place: str) -> tuple[tuple[str, float], ...]:
+    """Probability of each place, or places of a sum: that of the hypotheses there, and of what none of them holds."""
     total: dict[str, float] = {"none": odds["none"]}
+    total[unknown_place] = total.get(unknown_place, 0.0) + max(1.0 - sum(odds.values()), 0.0)
     for r in ranked[1:]:
         place = r.fit.hypothesis.place
         total[place] = total.get(place, 0.0) + odds[r.name]

@@ -105,3 +105,21 @@ def judged_on_held_out(
         out[target.name] += out[r.name]
         out[r.name] = 0.0
     return out
+
+
+def of_known_form(ranked: Sequence[Ranked], odds: Mapping[str, float]) -> dict[str, float]:
+    """
+    Probabilities in which an answer is not sure that only stands because everything may err by the most that is believed.
+
+    Where both the nominal model's discrepancy and the cause's end at the largest sizes of their priors, the records ask for more
+    error than any that is believed: the form is not known, and no more is the cause. What such answers lose lies on something
+    unknown: with it the probabilities sum to one.
+    """
+    largest = {name: max(size for size, _ in SETTINGS.sizes[name]) for name in ("nominal", "cause")}
+    out = dict(odds)
+    for r in ranked:
+        layout, sizes = r.fit.spread.layout, vars(r.fit.spread.sizes)
+        strained = layout.nominal and layout.pivots and all(sizes[name] >= most for name, most in largest.items())
+        if strained and kind_of(r.fit.hypothesis) in ("known", "sums"):
+            out[r.name] *= SETTINGS.verdict_form
+    return out

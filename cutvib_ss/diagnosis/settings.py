@@ -129,6 +129,10 @@ class Settings:
         "more gaps are called none", "noise estimated from a few blows is right to a factor below two")
     verdict_closed: float = _of(0.97, "excess", "That a cause alone has to close to be the answer where no second one is known",
         "more answers say that something is left", "restoring forces and supports hold to ten or twenty percent: squared, a few")
+    verdict_form: float = _of(0.6, "probability",
+        "That an answer keeps where its form and the nominal model both err by the most that is believed",
+        "more such answers are sure",
+        "a right model needs both in one campaign of a thousand, by their priors; the rest is judgement")
     verdict_hardly: float = _of(0.01, "probability", "Below which a cause is not looked at again", "longer", _TIME)
     verdict_judged: int = _of(3, "causes", "Causes judged on held-out records while they carry any probability", "longer",
         _TIME)

@@ -5,12 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import cast
 
+import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.posterior import judged_on_held_out, kind_of
+from cutvib_ss.diagnosis.likelihood import Layout, Sizes
+from cutvib_ss.diagnosis.posterior import judged_on_held_out, kind_of, of_known_form
+from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect
@@ -72,3 +76,29 @@ def test_two_channels_of_a_delay_are_one_cause() -> None:
     assert (both.effect, both.place, kind_of(both)) == ("channel_delay", "measurement", "known")
     elsewhere = Hypothesis((MASS, replace(MASS, place="head")))
     assert (elsewhere.effect, kind_of(elsewhere)) == ("added_mass+added_mass", "sums")
+
+
+@dataclass(frozen=True)
+class WithSizes:
+    hypothesis: Hypothesis
+    log_evidence: float
+    spread: Spread
+
+
+def sized(name: str, nominal: float, cause: float, *effects: Effect) -> Ranked:
+    layout = Layout(1, (), (), (), (0,), ((0.0, 0.0),), 1)
+    spread = Spread(layout, Sizes(nominal=nominal, cause=cause), np.zeros(0), np.eye(1))
+    return Ranked(name, cast(Fit, WithSizes(Hypothesis(effects), 0.0, spread)), True)
+
+
+def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> None:
+    odds = {"none": 0.01, "mass": 0.99}
+    none = sized("none", 0.03, 0.3)
+    strained = of_known_form([none, sized("mass", 0.03, 0.3, MASS)], odds)
+    assert strained["mass"] == pytest.approx(0.99 * SETTINGS.verdict_form)
+    assert sum(strained.values()) < 0.9
+    # One of the two alone is what the discrepancy is for.
+    for nominal, cause in ((0.03, 0.1), (0.01, 0.3), (3e-5, 1e-3)):
+        assert of_known_form([none, sized("mass", nominal, cause, MASS)], odds) == odds
+    # Something unknown has no form that could err.
+    assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds) == odds
