@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from cutvib_ss.diagnosis import cross_validation, where
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
+from cutvib_ss.diagnosis.compared_responses import compared_responses
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypotheses import considered
@@ -26,19 +27,17 @@ from cutvib_ss.diagnosis.place import Located, locate
 from cutvib_ss.diagnosis.posterior import Counts, judged_on_held_out, kind_of, of_known_form, probabilities
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import Ranked
-from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
+from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.repeatability import repeatability
-from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, GapFigures, Where
+from cutvib_ss.diagnosis.result import Cause, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.diagnosis.search import search, search_linear
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.simulation import unforced_problem
 from cutvib_ss.diagnosis.unknown_element import ports_of
-from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
 from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model, parameter_fields
 from cutvib_ss.errors import DiagnosisError, ParameterError
-from cutvib_ss.measurement.records import FORCE, Campaign
+from cutvib_ss.measurement.records import Campaign
 
 CONFOUNDED = (
     "every session has a level of its own: drift between sessions and a cause that depends on the level are confounded; "
@@ -193,7 +192,8 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         interference = mains(nominal, none.fit, records)
         located = located if interference is None else with_mains_interference(located, interference)
     elsewhere = located.best if located.best != "none" else first.fit.hypothesis.place
-    rows = _causes(none, shown, odds, elsewhere, held, before, observed, after)
+    rest = Cause("unknown", elsewhere, max(1.0 - sum(odds.values()), 0.0))
+    rows = _causes(none, shown, odds, rest, held, before, observed, after)
     interval = cross_validation.shrinkage_interval(before, after.records, seed)
     stands_out = none.reduced > SETTINGS.verdict_stands_out or first is not none
     result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end))
@@ -206,7 +206,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             [r.fit.model for r in remaining], [r.name for r in remaining], fitted, [odds[r.name] for r in remaining]
         )
     workers.say("computing what the result means")
-    places = _places(ranked, odds, elsewhere)
+    places = _places(ranked, odds, rest)
     bands_hz = _bands(problem, none.fit, chosen.spread.sizes)
     second = other if first is shown[0] or no_gap else shown[0]
     sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
@@ -235,7 +235,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         ),
         nominal=nominal,
         corrected_machine=chosen.model,
-        comparisons=_comparisons(nominal, none.fit, chosen, fitted),
+        comparisons=compared_responses(nominal, none.fit, chosen, fitted),
         evidence=tuple(evidence_of(r, held[r.name].records if r.name in held else ()) for r in ranked),
         reduced_chi2=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
         data_count=problem.count,
@@ -261,7 +261,7 @@ def _causes(
     none: Ranked,
     shown: Sequence[Ranked],
     odds: dict[str, float],
-    unknown_place: str,
+    rest: Cause,
     held: dict[str, _Held],
     before: Sequence[cross_validation.Judged],
     observed: Observations,
@@ -291,10 +291,10 @@ def _causes(
         )
     unknown = [c for c in rows.values() if c.effect == "unknown"]
     # One row for an unknown element, at the place where it is likeliest; what no hypothesis holds is unknown too.
-    beyond = max(1.0 - sum(odds.values()), 0.0)
-    best = max((*unknown, Cause("unknown", unknown_place, beyond)), key=lambda c: c.probability)
+    unknown.append(rest)
+    best = max(unknown, key=lambda c: c.probability)
     out = [c for c in rows.values() if c.effect != "unknown"]
-    out.append(replace(best, probability=beyond + sum(c.probability for c in unknown), parameters={}))
+    out.append(replace(best, probability=sum(c.probability for c in unknown), parameters={}))
     return tuple(sorted(out, key=lambda c: -c.probability))
 
 
@@ -352,13 +352,13 @@ def _figures(
     )
 
 
-def _places(ranked: Sequence[Ranked], odds: dict[str, float], unknown_place: str) -> tuple[tuple[str, float], ...]:
+def _places(ranked: Sequence[Ranked], odds: dict[str, float], rest: Cause) -> tuple[tuple[str, float], ...]:
     """Probability of each place, or places of a sum: that of the hypotheses there, and of what none of them holds."""
     total: dict[str, float] = {"none": odds["none"]}
-    total[unknown_place] = total.get(unknown_place, 0.0) + max(1.0 - sum(odds.values()), 0.0)
     for r in ranked[1:]:
         place = r.fit.hypothesis.place
         total[place] = total.get(place, 0.0) + odds[r.name]
+    total[rest.place] = total.get(rest.place, 0.0) + rest.probability
     return tuple(sorted(total.items(), key=lambda item: -item[1]))
 
 
@@ -372,45 +372,3 @@ def _bands(problem: Problem, none: Fit, sizes: Sizes) -> tuple[tuple[float, floa
     predictions, residuals, _ = problem.residuals(none.x)
     drifts = where.drift_squares(problem, none.x, predictions, sizes)
     return where.bands(list(zip(problem.groups, residuals, strict=True)), SETTINGS.band_width, drifts)
-
-
-def _alike(e: Entry, apart: bool) -> tuple[object, ...]:
-    """What records share that one curve of a model stands for: of a law that depends on the level, the level too."""
-    level = e.record if e.level is None else e.level
-    return (*measured_at(e), level) if apart else measured_at(e)
-
-
-def _comparisons(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry]) -> tuple[Comparison, ...]:
-    groups = merged(entries)
-    out = []
-    start = Problem(nominal, groups, Hypothesis())
-    end = unforced_problem(nominal, Records(tuple(entries)), chosen.hypothesis)
-    sides = [
-        (nominal, start.blow_at(none.x), None, None),
-        (none.model, start.blow_at(none.x), start, none.x),
-        (chosen.model, end.blow_at(chosen.x), end, chosen.x),
-    ]
-    seen: set[tuple[object, ...]] = set()
-    apart = bool(chosen.model.nonlinear)
-    for e in entries:
-        here = _alike(e, apart)
-        if here in seen:
-            continue
-        seen.add(here)
-        same = [x for x in entries if _alike(x, apart) == here and x.channels == e.channels]
-        measured = merged(same)[0].entry(0).response
-        computed = []
-        for model, blow_at, problem, x in sides:
-            if isinstance(problem, UnknownForceProblem) and x is not None:
-                model = problem.model_of(x, merged(same[:1])[0])
-            shown = cross_validation.predicted(same[0], model, blow_at, problem, x).data
-            computed.append(measured.computed(shown[None, :, None]))
-        unit = "N" if nominal.input_quantity == "force" else "m/s^2"
-        told = [
-            "" if e.position is None else f"position {e.position:.3g}",
-            f"{e.level:.3g} {unit}" if apart and e.level is not None else "",
-            "" if e.input == FORCE else f"force at {e.input}",
-        ]
-        label = ", ".join(part for part in told if part)
-        out.append(Comparison(label, measured, *computed))
-    return tuple(out)

@@ -8,7 +8,7 @@ machine's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -50,7 +50,7 @@ def _without(nominal: Model, few: Records, start: Fit, most: int) -> dict[int, f
     out: list[Entry] = []
     kept, current = few, start
     while len(out) < most:
-        worst = max(kept.entries, key=lambda e: _left(nominal, kept, current, e))
+        worst = max(kept.entries, key=_left(nominal, kept, current))
         others = tuple(e for e in kept.entries if e is not worst)
         if not _known_beside(worst, others):
             return {}
@@ -61,7 +61,8 @@ def _without(nominal: Model, few: Records, start: Fit, most: int) -> dict[int, f
         except CutvibError:
             return {}
         if current.reduced < SETTINGS.search_enough:
-            left = {e.record: _left(nominal, kept, current, e) for e in out}
+            leaves = _left(nominal, kept, current)
+            left = {e.record: leaves(e) for e in out}
             return left if min(left.values()) > SETTINGS.search_odd else {}
     return {}
 
@@ -72,8 +73,13 @@ def _known_beside(e: Entry, others: Sequence[Entry]) -> bool:
     return place and (e.level is None or any(x.level is not None and x.level >= 0.9 * e.level for x in others))
 
 
-def _left(nominal: Model, records: Records, fitted: Fit, e: Entry) -> float:
-    """χ² a datum of one record under a fit, drift and discrepancy of their sizes allowed."""
+def _left(nominal: Model, records: Records, fitted: Fit) -> Callable[[Entry], float]:
+    """What gives the χ² a datum of a record under a fit, drift and discrepancy of their sizes allowed."""
     problem = Problem(nominal, records.groups(), fitted.hypothesis)
-    shown = cross_validation.predicted(e, fitted.model, problem.blow_at(fitted.x), problem, fitted.x)
-    return float(np.mean(cross_validation.judged(e, shown, problem, fitted).chi2)) * fitted.spread.sizes.noise
+    blow_at = problem.blow_at(fitted.x)
+
+    def left(e: Entry) -> float:
+        shown = cross_validation.predicted(e, fitted.model, blow_at, problem, fitted.x)
+        return float(np.mean(cross_validation.judged(e, shown, problem, fitted).chi2)) * fitted.spread.sizes.noise
+
+    return left
