@@ -165,7 +165,7 @@ class PlaceScore:
     # Square of the error over noise and model error, at the median line: of positions that the functions were not
     # fitted to; of all records where each has functions of its own
     left: float
-    probability: float  # Among the places, from what is left alone
+    probability: float  # Among the places, from the residual alone
 
 
 @dataclass(frozen=True)

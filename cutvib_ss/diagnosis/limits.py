@@ -4,7 +4,7 @@ How much of each cause that was not named the records still allow, on top of the
 To first order in the size u of a cause, it changes the weighted residual by u d. Beside what tuning, calibration, drift and
 discrepancy could take up, d has the squares D; with the residual r its estimate is (d·r)/D with standard deviation
 s = 1/√D (`Scan` gives both). d is the derivative at no cause: nearly all of a change may be taken up by tuning, and at a finite
-size what is left would be its curvature.
+size the residual would be its curvature.
 
 *Allowed.* With an even prior on u ≥ 0 the posterior is a normal one cut off at zero; the bound b leaves 5 % of it:
 Φ((b - û)/s) = 1 - 0.05 Φ(û/s). Of a cause of either sign the bound is on the magnitude, |û| + 1.96 s.
