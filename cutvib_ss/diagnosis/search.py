@@ -64,8 +64,8 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
         workers,
         near=none.fit if none.reduced < SETTINGS.search_enough else None,
     )
-    if (best := _best(ranked, none)) is not none:
-        ranked[ranked.index(best)] = _other_instants(nominal, records, best)
+    best = _best(ranked, none)
+    ranked = [_other_instants(nominal, records, r) if r is best else r for r in ranked]
     none = _not_caught(nominal, records, none, ranked)
     return Linear(records, few, none, ranked, linear, alone)
 
