@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis import cross_validation, where
-from cutvib_ss.diagnosis.diagnose import _alike, _share
+from cutvib_ss.diagnosis.compared_responses import _alike
+from cutvib_ss.diagnosis.diagnose import _share
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.records import Group, merged
 from cutvib_ss.diagnosis.result import Cause
