@@ -13,13 +13,11 @@ from cutvib_ss.measurement.inputs import port_of
 from cutvib_ss.measurement.records import FORCE, Campaign, Record
 from cutvib_ss.measurement.summary import PAIR_HEADS, RecordSummary, Summary
 from cutvib_ss.plot.style import WORKING_FREQUENCY, scale_of, unit_text
-from cutvib_ss.report.frame import complex_lists, number_list, page
+from cutvib_ss.report.frame import complex_lists, lines_to_draw, number_list, page
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.units import SI_UNIT
 
-_MOST_LINES = 2000
-"""Lines of a response that are drawn at most: of each stretch those of the least and of the largest modulus."""
 _MOST_STRETCHES = 200
 """Stretches of a history of which the extent is drawn."""
 _MODEL_LINES = 800
@@ -83,7 +81,7 @@ def _record(record: RecordSummary, frf: MeasuredFrequencyResponse) -> dict[str, 
         factor, shown = scale_of(unit)
         values = factor * frf.data[0, k, 0]
         at = np.flatnonzero((frf.freq >= record.band_hz[0]) & (frf.freq <= record.band_hz[1]) & (frf.freq > 0))
-        at = _extremes(np.abs(values), at)
+        at = at[lines_to_draw(np.abs(values[at]))]
         coherence = frf.coherence[0, k, 0, at]
         channels[name] = {
             "unit": shown,
@@ -166,15 +164,3 @@ def _envelope(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
     count = values.size // size
     cut = values[: count * size].reshape(count, size)
     return time[: count * size : size], cut.min(axis=1), cut.max(axis=1)
-
-
-def _extremes(values: FloatArray, at: np.ndarray) -> np.ndarray:
-    """Indices to draw: all, or the least and the largest of each stretch, so that no peak is lost."""
-    size = at.size // (_MOST_LINES // 2)
-    if size < 3:
-        return at
-    stretches = at[: at.size // size * size].reshape(-1, size)
-    chosen = values[stretches]
-    rows = np.arange(len(stretches))
-    both = np.stack([stretches[rows, chosen.argmin(axis=1)], stretches[rows, chosen.argmax(axis=1)]], axis=1)
-    return np.unique(both)

@@ -14,11 +14,9 @@ from cutvib_ss.effects.scales import FREE_FREQUENCY, port_scale
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.plot.diagnosis import error_over_noise
 from cutvib_ss.plot.style import WORKING_FREQUENCY, position_name, scale_of, unit_text
-from cutvib_ss.report.frame import complex_lists, number, number_list
+from cutvib_ss.report.frame import complex_lists, lines_to_draw, number, number_list
 from cutvib_ss.results import ComplexArray
 
-_MOST_LINES = 4000
-"""Lines of a response that are drawn at most; more would be thinned to every second, third, …"""
 _CELLS = 260
 """Bands of frequency in an error map: finer ones would only show the estimator's scatter."""
 _KNOWN = 0.6
@@ -34,6 +32,7 @@ def charts_data(d: Diagnosis) -> dict[str, Any]:
     return {
         "mark": WORKING_FREQUENCY if d.nominal.has_position else None,
         "repeatability": number(d.repeatability),
+        "first": first_shown(d.comparisons),
         "records": [_record(c) for c in d.comparisons],
         "maps": _maps(d.comparisons),
         "stiffness": [_stiffness(z, d) for z in d.findings.stiffness],
@@ -48,20 +47,33 @@ def record_name(c: Comparison) -> str:
     return position_name(position, c.label).replace("\n", ", ") or "the record"
 
 
+def first_shown(comparisons: Sequence[Comparison]) -> tuple[int, str]:
+    """The record and channel in which the gap stands out most: what a reader sees first."""
+    whole = np.array([-np.inf, np.inf])
+    found = {
+        (k, name): float(error_over_noise([c], "tuned", name, whole)[0])
+        for k, c in enumerate(comparisons)
+        for name in c.measured.outputs
+    }
+    known = [at for at, error in found.items() if np.isfinite(error)]
+    return max(known, key=found.__getitem__) if known else (0, "")
+
+
 def _record(c: Comparison) -> dict[str, Any]:
-    step = -(-c.measured.freq.size // _MOST_LINES)
     channels = []
+    moduli = np.abs(c.measured.data[0, :, 0])
+    at = np.unique(np.concatenate([lines_to_draw(modulus) for modulus in moduli]))
     for k, (name, unit) in enumerate(zip(c.measured.outputs, c.measured.units, strict=True)):
         factor, shown = scale_of(unit)
         one: dict[str, Any] = {"name": name, "unit": shown}
-        one["measured"] = complex_lists(factor * c.measured.data[0, k, 0, ::step])
+        one["measured"] = complex_lists(factor * c.measured.data[0, k, 0, at])
         for side in MODELS:
-            one[side] = complex_lists(factor * getattr(c, side).data[0, k, 0, ::step])
-        one["noise"] = number_list(factor * np.sqrt(c.measured.variance[0, k, 0, ::step]))
-        coherence = c.measured.coherence[0, k, 0, ::step]
+            one[side] = complex_lists(factor * getattr(c, side).data[0, k, 0, at])
+        one["noise"] = number_list(factor * np.sqrt(c.measured.variance[0, k, 0, at]))
+        coherence = c.measured.coherence[0, k, 0, at]
         one["coherence"] = number_list(coherence) if np.any(np.isfinite(coherence)) else None
         channels.append(one)
-    return {"name": record_name(c), "freq": number_list(c.measured.freq[::step]), "channels": channels}
+    return {"name": record_name(c), "freq": number_list(c.measured.freq[at]), "channels": channels}
 
 
 def _maps(comparisons: Sequence[Comparison]) -> dict[str, Any] | None:
@@ -98,7 +110,8 @@ def _stiffness(z: DynamicStiffness, d: Diagnosis) -> dict[str, Any]:
         )
     named = _named_law(z, d)
     if named is not None:
-        laws.append(("law of the named cause", named))
+        carried = "the element, as fitted" if d.causes[0].effect == "unknown" else "law of the named cause"
+        laws.append((carried, named))
     levels = [
         {
             "name": "the records ask for" if level is None else f"at {level:.3g} N",

@@ -87,9 +87,10 @@ def _ports(ports: list[str], marked: set[str], odds: Mapping[str, float]) -> tup
         x, y = 10 + 148 * (k % 4), 10 + 62 * (k // 4)
         kind = "part marked" if name in marked else "part"
         label = escape(name if len(name) < 18 else name[:16] + "…")
-        odd = f" · {probability_text(min(odds.get(name, 0.0), 1.0))}" if name in marked else ""
-        out.append(
-            f'<g class="{kind}"><rect x="{x}" y="{y}" width="136" height="46" rx="4"/>'
-            f'<text x="{x + 68}" y="{y + 28}" text-anchor="middle">{label}{odd}</text></g>'
+        lines = [label, probability_text(min(odds.get(name, 0.0), 1.0))] if name in marked else [label]
+        texts = (
+            f'<text x="{x + 68}" y="{y + 38 - 10 * len(lines) + 19 * i}" text-anchor="middle">{text}</text>'
+            for i, text in enumerate(lines)
         )
+        out.append(f'<g class="{kind}"><rect x="{x}" y="{y}" width="136" height="46" rx="4"/>{"".join(texts)}</g>')
     return "".join(out), (600, 72 + 62 * ((len(names) - 1) // 4))

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 from collections.abc import Mapping
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from cutvib_ss.results import ComplexArray
+from cutvib_ss.results import ComplexArray, FloatArray
+
+MOST_LINES = 2000
+"""Lines of a response that are drawn at most: of each stretch those of the least and of the largest modulus."""
+_PACKED = "f4"
+"""Key of a packed array: little-endian single precision in base64, about half of what its digits take. NaN is no value."""
 
 
 def page(template: str, script: str, data: Mapping[str, Any] | None, /, **content: Any) -> str:
@@ -31,25 +39,49 @@ def page(template: str, script: str, data: Mapping[str, Any] | None, /, **conten
     )
 
 
-def plotly_script() -> Markup:
-    """The plotting library, to stand in the page once."""
-    source = (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
-    return Markup(source.replace("</script", "<\\/script"))
+@cache
+def plotly_script() -> str:
+    """The plotting library, to stand in the page once: compressed, as base64; `frame.js` unpacks it."""
+    source = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    return base64.b64encode(gzip.compress(source, mtime=0)).decode()
 
 
 def embedded(data: Mapping[str, Any]) -> Markup:
-    """JSON that may stand in a script element."""
-    return Markup(json.dumps(data, separators=(",", ":"), allow_nan=False, ensure_ascii=False).replace("<", "\\u003c"))
+    """JSON that may stand in a script element; its arrays are packed."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False, ensure_ascii=False, default=_packed)
+    return Markup(text.replace("<", "\\u003c"))
 
 
-def complex_lists(values: ComplexArray) -> dict[str, list[float | None]]:
-    """Real and imaginary part as JSON takes them."""
+def unpacked(text: str) -> Any:
+    """What `embedded` wrote."""
+    return json.loads(
+        text, object_hook=lambda d: np.frombuffer(base64.b64decode(d[_PACKED]), "<f4") if _PACKED in d else d
+    )
+
+
+def _packed(values: NDArray[np.float32]) -> dict[str, str]:
+    return {_PACKED: base64.b64encode(values.astype("<f4").tobytes()).decode()}
+
+
+def complex_lists(values: ComplexArray) -> dict[str, NDArray[np.float32]]:
+    """Real and imaginary part as the page takes them."""
     return {"re": number_list(values.real), "im": number_list(values.imag)}
 
 
-def number_list(values: ArrayLike) -> list[float | None]:
-    """Numbers as JSON takes them."""
-    return [number(v) for v in np.asarray(values, dtype=np.float64).tolist()]
+def number_list(values: ArrayLike) -> NDArray[np.float32]:
+    """Numbers as the page takes them, to seven digits; NaN where not finite."""
+    given = np.asarray(values, dtype=np.float64)
+    return np.where(np.abs(given) < np.finfo(np.float32).max, given, np.nan).astype(np.float32)
+
+
+def lines_to_draw(modulus: FloatArray) -> NDArray[np.intp]:
+    """Indices of lines to draw: all, or the least and the largest of each stretch, so that no peak is lost."""
+    size = -(-modulus.size // (MOST_LINES // 2))
+    if size < 3:
+        return np.arange(modulus.size)
+    ends = np.arange(0, modulus.size, size)
+    both = [at + pick(modulus[at : at + size]) for at in ends for pick in (np.argmin, np.argmax)]
+    return np.unique(both)
 
 
 def number(value: float) -> float | None:

@@ -203,7 +203,7 @@ def test_the_page_of_measured_campaigns_holds_every_row_and_loads_nothing() -> N
         ),
         MeasuredRow("broken", error="records/p1.csv: <truncated>"),
     )  # fmt: skip
-    page = measured_html(rows).replace(str(plotly_script()), "")
+    page = measured_html(rows).replace(plotly_script(), "")
     assert not re.search(r'(?:src|href)="[^"#]|https?://|url\(', page)
     assert "The documented cause is named first in 1 of 2; its place is in the set of places in 1." in page
     assert "-9e+06 to 9e+06" in page

@@ -12,7 +12,7 @@ import pytest
 from scipy import stats
 
 from cutvib_ss.report.blind import score_html, score_markdown
-from cutvib_ss.report.frame import plotly_script
+from cutvib_ss.report.frame import plotly_script, unpacked
 from cutvib_ss.validation.cases import FAILED, NONE, UNKNOWN, Case, answer_of, causes_of, truth_of
 from cutvib_ss.validation.measured import MeasuredRow
 from cutvib_ss.validation.rows import Row, rows
@@ -426,11 +426,11 @@ def test_json_has_no_nan_and_every_case(score: Score) -> None:
 
 
 def test_the_page_stands_alone_and_names_every_sure_and_wrong_case(score: Score) -> None:
-    page = score_html(score).replace(str(plotly_script()), "")
+    page = score_html(score).replace(plotly_script(), "")
     assert not re.search(r'(src|href)="(?!#|data:)', page)
     found = re.search(r'id="charts-data">(.*?)</script>', page, re.DOTALL)
     assert found
-    data = json.loads(found[1])
+    data = unpacked(found[1])
     assert sum(b["cases"] for b in data["bins"]) == 120
     assert data["maps"]["causes"]["counts"] == score.causes.counts.tolist()
     assert [s["name"] for s in data["shrinkage"]] == [s.name for s in score.shrinkage]

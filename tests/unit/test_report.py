@@ -1,6 +1,5 @@
 """The report: says the verdict first, carries its figures, and needs nothing from outside."""
 
-import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -12,7 +11,7 @@ import pytest
 
 from cutvib_ss.diagnosis.result import Cause, Comparison, Diagnosis, FittedParameter, NextTest
 from cutvib_ss.report import report_html, write_report
-from cutvib_ss.report.frame import plotly_script
+from cutvib_ss.report.frame import embedded, lines_to_draw, number_list, plotly_script, unpacked
 from cutvib_ss.report.wording import (
     EFFECTS,
     cause_name,
@@ -96,8 +95,8 @@ def test_it_carries_parameters_figures_warnings_and_the_caveat(page: str) -> Non
 
 def _without_library(page: str) -> str:
     """The page but for the plotting library, which names addresses that it loads only for maps."""
-    assert page.count(str(plotly_script())) == 1
-    return page.replace(str(plotly_script()), "")
+    assert page.count(plotly_script()) == 1
+    return page.replace(plotly_script(), "")
 
 
 def test_it_loads_nothing_and_is_the_same_every_time(page: str) -> None:
@@ -113,7 +112,7 @@ def test_it_loads_nothing_and_is_the_same_every_time(page: str) -> None:
 def _charts(d: Diagnosis) -> Any:
     found = re.search(r'id="charts-data">(.*?)</script>', report_html(d), re.DOTALL)
     assert found
-    return json.loads(found[1])
+    return unpacked(found[1])
 
 
 def test_charts_hold_the_responses_as_they_are() -> None:
@@ -130,6 +129,38 @@ def test_charts_hold_the_responses_as_they_are() -> None:
     assert channel["coherence"] is None
     assert data["maps"]["rows"] == ["y/L = 0.06", "y/L = 0.27"]
     assert np.array(data["maps"]["ratio"]["tuned"]["tool_z"]).shape == (2, 40)
+
+
+def test_the_first_record_shown_is_where_the_gap_stands_out_most() -> None:
+    base = example_diagnosis(lines=40, records=3)
+    quiet = base.comparisons[1]
+    data = quiet.measured.data.copy()
+    data[0, 2] += 30 * np.sqrt(quiet.measured.variance[0, 2].max())
+    loud = replace(quiet, measured=replace(quiet.measured, data=data))
+    d = replace(base, comparisons=(base.comparisons[0], loud, base.comparisons[2]))
+    assert _charts(d)["first"] == [1, quiet.measured.outputs[2]]
+    # On paper the choices are gone: both charts have a place for the names of what they show.
+    page = report_html(d)
+    assert page.count('class="printed" id="frf-shown"') == page.count('class="printed" id="map-shown"') == 1
+
+
+def test_a_long_response_is_thinned_and_keeps_its_peaks() -> None:
+    modulus = np.ones(50_000)
+    modulus[[0, 7_777, 31_234, 49_999]] = 5.0, 9.0, 0.1, 7.0
+    at = lines_to_draw(modulus)
+    assert at.size <= 2000
+    assert {0, 7_777, 31_234, 49_999} <= set(at.tolist())
+    assert np.array_equal(lines_to_draw(modulus[:2000]), np.arange(2000))
+
+
+def test_numbers_of_the_charts_take_half_of_what_their_digits_would() -> None:
+    values = np.random.default_rng(1).standard_normal(5000)
+    values[3] = np.inf
+    text = embedded({"values": number_list(values)})
+    assert len(text) < 5.5 * values.size
+    found = unpacked(text)["values"]
+    assert np.isnan(found[3])
+    assert np.allclose(np.delete(found, 3), np.delete(values, 3), rtol=1e-7)
 
 
 def test_a_name_cannot_end_the_script() -> None:
@@ -178,7 +209,7 @@ def test_a_structure_without_positions_has_a_report(tmp_path: Path) -> None:
     write_report(d, tmp_path / "report.html")
     reader = _read((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert "The corrected model" not in reader.headings
-    assert "all 0.031" in reader.text[0]
+    assert "position y/L" not in reader.text[0]
 
 
 def test_a_diagnosis_without_pictures_to_compare_has_a_report() -> None:

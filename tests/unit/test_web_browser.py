@@ -230,6 +230,7 @@ def test_load_slide_diagnose_read_and_download(browser: Any, server: str) -> Non
     _until("corrected curves", lambda: len(_curves(browser, "measured")) == 15)
     browser.switch_to.frame(_one(browser, "iframe.report"))
     assert "Demonstration campaign" in _one(browser, "h1").text
+    _until("charts of the report", lambda: _all(browser, "#frf .main-svg") and _all(browser, "#map .main-svg"))
     browser.switch_to.default_content()
 
     # The report in its frame turns dark with the page.

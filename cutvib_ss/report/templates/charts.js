@@ -3,7 +3,11 @@
   const LABEL = { measured: "measured", nominal: "nominal model", tuned: "re-tuned within tolerance", corrected: "corrected model" };
   const DASH = { nominal: "dash", tuned: "dot", corrected: "solid" };
 
+  // On paper the choices are not to be seen: what is drawn is named.
+  const told = (id, ...choices) => { $(id).textContent = choices.map((c) => c.selectedOptions[0].textContent).join(", "); };
+
   function responses() {
+    told("frf-shown", $("frf-record"), $("frf-channel"));
     const record = data.records[$("frf-record").value];
     const channel = record.channels.find((c) => c.name === $("frf-channel").value) || record.channels[0];
     const x = record.freq, traces = [], measured = modulus(channel.measured), noise = channel.noise;
@@ -51,6 +55,7 @@
   }
 
   function map() {
+    told("map-shown", $("map-model"), $("map-channel"));
     const m = data.maps, side = $("map-model").value, channel = $("map-channel").value;
     const z = m.ratio[side][channel];
     const log = z.map((row) => row.map((v) => (v === null ? null : Math.log10(Math.min(Math.max(v, 1), 100)))));
@@ -68,7 +73,7 @@
       s.levels.forEach((level, j) => {
         const colour = css(colours[Math.min(j, colours.length - 1)]), y = level[key];
         const lim = s.limits[part], cut = (v) => Math.min(Math.max(v, 3 * lim[0] - 2 * lim[1]), 3 * lim[1] - 2 * lim[0]);
-        traces.push(band(s.freq, y.map((v, i) => cut(v - level.std[i])), y.map((v, i) => cut(v + level.std[i])), colour, "± 1 standard deviation", { yaxis, legendgroup: `b${j}`, showlegend: part === "real" && j === 0 }));
+        traces.push(band(s.freq, y.map((v, i) => cut(v - level.std[i])), y.map((v, i) => cut(v + level.std[i])), colour, "± 1 standard deviation", { yaxis, fillcolor: clear(colour, Math.max(0.25 / s.levels.length, 0.06)), legendgroup: `b${j}`, showlegend: part === "real" && j === 0 }));
         traces.push({ x: s.freq, y, yaxis, mode: "markers", marker: { color: colour, size: 3 }, name: level.name, legendgroup: `l${j}`, showlegend: part === "real", hovertemplate: "%{y:.4g}<extra>" + level.name + "</extra>" });
       });
       s.laws.forEach((law, j) => traces.push({ x: s.freq, y: law[key], yaxis, mode: "lines", line: { color: css(j ? "--ink" : "--nominal"), width: 1.8, dash: j ? "dash" : "solid" }, name: law.name, legendgroup: `w${j}`, showlegend: part === "real" }));
@@ -96,5 +101,10 @@
   }
   for (const id of ["frf-record", "frf-channel"]) if ($(id)) $(id).addEventListener("change", responses);
   for (const id of ["map-model", "map-channel"]) if ($(id)) $(id).addEventListener("change", map);
+  if (data.records.length) {
+    const [record, channel] = data.first;
+    $("frf-record").value = record;
+    if (channel) $("frf-channel").value = $("map-channel").value = channel;
+  }
   keepDrawn(all);
 })();

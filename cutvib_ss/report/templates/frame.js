@@ -1,6 +1,9 @@
 "use strict";
 // What all pages share: colours of the page, axes, and charts that are drawn anew where colours or widths change.
-const data = JSON.parse(document.getElementById("charts-data").textContent);
+const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+// Arrays come packed: single precision in base64, NaN for no value.
+const numbers = (packed) => Array.from(new Float32Array(bytes(packed).buffer), (v) => (isNaN(v) ? null : v));
+const data = JSON.parse(document.getElementById("charts-data").textContent, (_, v) => (v && v.f4 !== undefined ? numbers(v.f4) : v));
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const $ = (id) => document.getElementById(id);
 const config = { displaylogo: false, modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]] };
@@ -56,20 +59,36 @@ const marked = (mark, x0, x1, over) => mark === null || mark <= x0 || mark >= x1
   shapes: [{ type: "line", xref: "x", yref: "paper", x0: mark, x1: mark, y0: 0, y1: 1, line: { color: css(over ? "--ink" : "--soft"), width: 1, dash: "dot" }, layer: over ? "above" : "below" }],
   annotations: [{ x: mark, xref: "x", y: over ? 1 : 0, yref: "paper", xanchor: over ? "center" : "left", yanchor: "bottom", text: `${mark} Hz`, showarrow: false, font: { size: 11, color: css("--soft") } }],
 };
-// Draw now, and again where colours or widths change: another scheme, a turned phone, a scroll bar, the paper.
+// The plotting library comes compressed.
+const library = async () => {
+  const script = document.createElement("script");
+  const unpacked = new Blob([bytes(document.getElementById("plotly").textContent)]).stream().pipeThrough(new DecompressionStream("gzip"));
+  script.textContent = await new Response(unpacked).text();
+  document.head.append(script);
+};
+// Draw once the library is there, and again where colours or widths change: another scheme, a turned phone, a scroll bar, the paper.
 const keepDrawn = (all) => {
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", all);
+  let redraw = () => {};
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => redraw());
   addEventListener("message", (event) => {
     const theme = event.data && event.data.theme;
     if (event.origin !== location.origin || (theme !== "light" && theme !== "dark")) return;
     document.documentElement.dataset.theme = theme;
+    redraw();
+  });
+  addEventListener("beforeprint", () => { document.documentElement.classList.add("print"); redraw(); });
+  addEventListener("afterprint", () => { document.documentElement.classList.remove("print"); redraw(); });
+  library().then(() => {
+    redraw = all;
     all();
+    const watch = new ResizeObserver((entries) => {
+      if (entries.some((e) => Math.abs(e.contentRect.width - (widths.get(e.target.id) || 0)) > 1)) all();
+    });
+    document.querySelectorAll(".chart").forEach((chart) => watch.observe(chart));
+  }).catch((error) => {
+    const told = document.createElement("p");
+    told.className = "warnings";
+    told.textContent = `The charts cannot be drawn in this browser (${error.message}); one of 2023 or later is needed.`;
+    document.querySelector("main").prepend(told);
   });
-  addEventListener("beforeprint", () => { document.documentElement.classList.add("print"); all(); });
-  addEventListener("afterprint", () => { document.documentElement.classList.remove("print"); all(); });
-  all();
-  const watch = new ResizeObserver((entries) => {
-    if (entries.some((e) => Math.abs(e.contentRect.width - (widths.get(e.target.id) || 0)) > 1)) all();
-  });
-  document.querySelectorAll(".chart").forEach((chart) => watch.observe(chart));
 };
