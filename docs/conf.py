@@ -4,6 +4,7 @@ import os
 import re
 import sys
 import tomllib
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,12 @@ autodoc_typehints = "none"  # numpydoc's Parameters say more: shape and unit
 numpydoc_show_class_members = False
 default_role = "code"
 
+# Equations are drawn without a network: the files of MathJax stand beside the pages.
+html_static_path = ["_static", str(files("sphinx-mathjax-offline") / "static")]
+mathjax_path = "mathjax/tex-chtml.js"
+
 html_theme = "furo"
+html_css_files = ["wide.css"]
 html_title = f"cutvib_ss {release}"
 html_show_copyright = False
 
