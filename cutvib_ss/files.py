@@ -93,6 +93,18 @@ def check_target(path: str | os.PathLike[str]) -> Path:
     return target
 
 
+def made_folder(path: str | os.PathLike[str]) -> Path:
+    """A folder to write to, made where it is not there."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataFormatError(
+            f"{folder}: cannot be made a folder ({error.strerror}); choose another with --out"
+        ) from error
+    return folder
+
+
 def check_picture(path: str | os.PathLike[str]) -> Path:
     """The name of a picture, refused where its suffix is not one that can be drawn."""
     file = Path(path)

@@ -20,7 +20,7 @@ from cutvib_ss.cli.absorbers import (
     save_absorbers,
     tolerance_box,
 )
-from cutvib_ss.cli.options import JsonOption, MachineOption, PositionsOption, frequencies, load_machine
+from cutvib_ss.cli.options import JsonOption, MachineOption, PositionsOption, above_zero, frequencies, load_machine
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
 from cutvib_ss.errors import ParameterError
 
@@ -64,8 +64,12 @@ def absorber_design_command(
         int, typer.Option("--harmonics", min=1, help="More than 1: harmonics of trapezoidal pulses of 1 N.")
     ] = 1,
     duty: Annotated[float, typer.Option("--duty", help="Pulses: mean force over peak.")] = 0.3,
-    rise: Annotated[float, typer.Option("--rise", help="Pulses: duration of the rise \\[s].")] = 5e-4,
-    fall: Annotated[float, typer.Option("--fall", help="Pulses: duration of the fall \\[s].")] = 5e-4,
+    rise: Annotated[
+        float, typer.Option("--rise", callback=above_zero, help="Pulses: duration of the rise \\[s].")
+    ] = 5e-4,
+    fall: Annotated[
+        float, typer.Option("--fall", callback=above_zero, help="Pulses: duration of the fall \\[s].")
+    ] = 5e-4,
     output: Annotated[
         list[str] | None,
         typer.Option("--output", metavar="PORT", help="Whose acceleration counts; by default that of tool_x."),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, MachineOption, PositionsOption, load_machine, picture
+from cutvib_ss.cli.options import JsonOption, MachineOption, PositionsOption, above_zero, load_machine, picture
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, write_all
 
 if TYPE_CHECKING:
@@ -48,7 +48,9 @@ MachinesOption = Annotated[
         "--machines", min=0, help="With --tolerance: machines drawn within the machine's own tolerances, too."
     ),
 ]
-WorkingOption = Annotated[float, typer.Option("--working-frequency", help="Frequency of the tool's force [Hz].")]
+WorkingOption = Annotated[
+    float, typer.Option("--working-frequency", callback=above_zero, help="Frequency of the tool's force [Hz].")
+]
 SaveAbsorbersOption = Annotated[
     Path | None,
     typer.Option("--save-machine", metavar="FILE.toml", help="Write the machine with the absorbers as a machine.toml."),
@@ -61,9 +63,13 @@ PlotOption = Annotated[
 
 def absorber_check_command(
     position: PositionsOption = None,
-    frequency: Annotated[float, typer.Option("--frequency", help="Tuning frequency [Hz].")] = 212.0,
-    damping_ratio: Annotated[float, typer.Option("--damping-ratio", help="Damping ratio of the absorber.")] = 0.04,
-    mass: Annotated[float, typer.Option("--mass", help="Mass of the absorber \\[kg].")] = 0.08,
+    frequency: Annotated[
+        float, typer.Option("--frequency", callback=above_zero, help="Tuning frequency [Hz].")
+    ] = 212.0,
+    damping_ratio: Annotated[
+        float, typer.Option("--damping-ratio", min=0.0, help="Damping ratio of the absorber.")
+    ] = 0.04,
+    mass: Annotated[float, typer.Option("--mass", callback=above_zero, help="Mass of the absorber \\[kg].")] = 0.08,
     working_frequency: WorkingOption = 217.0,
     place: PlaceOption = PlaceName.TOOL,
     direction: DirectionOption = DirectionName.X,

@@ -36,7 +36,8 @@ _ActuatorOption = Annotated[
     typer.Option("--actuator", metavar="PORT", help="Where the actuator sits: head_x, tool_x, base; each kind's own."),
 ]
 _RateOption = Annotated[
-    float, typer.Option("--rate", metavar="HZ", help="Sampling rate; 0: analogue. One period goes by to compute.")
+    float,
+    typer.Option("--rate", metavar="HZ", min=0.0, help="Sampling rate; 0: analogue. One period goes by to compute."),
 ]
 _OrderOption = Annotated[
     int | None, typer.Option("--order", min=1, help="Reduce controllers to so many states (balanced truncation).")
@@ -170,7 +171,7 @@ def _controller(
         return Path(name).stem, made, hardware
     kind = prototype(name.partition("@")[0])
     place = _place(name, position)
-    if rate < 0.0 or not rate < float("inf"):
+    if not rate < float("inf"):
         raise ParameterError(f"--rate {rate:g}: give samples per second, or 0 for an analogue controller")
     hardware = kind.hardware(actuator or kind.port, Sampling(rate, 1.0 / rate) if rate else None)
 

@@ -9,7 +9,7 @@ import typer
 
 from cutvib_ss.cli.campaigns import diagnosis_of, give_diagnosis, print_diagnosis
 from cutvib_ss.cli.output import check_outputs, results, say, show, working
-from cutvib_ss.errors import DataFormatError
+from cutvib_ss.files import made_folder
 
 
 def demo_command(
@@ -26,12 +26,7 @@ def demo_command(
     from cutvib_ss.response.frequency import frequency_response
     from cutvib_ss.response.modes import modes, track_modes
 
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DataFormatError(
-            f"{out}: cannot be made a folder ({error.strerror}); choose another with --out"
-        ) from error
+    made_folder(out)
     names = ("bode.png", "poles.png", "schedule.png", "diagnosis.json", "report.html", "corrected-machine.toml")
     targets = {name: out / name for name in names}
     check_outputs(*targets.values())

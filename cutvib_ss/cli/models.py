@@ -24,7 +24,7 @@ from cutvib_ss.cli.options import (
 )
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.files import check_picture, check_target
+from cutvib_ss.files import check_picture, check_target, made_folder
 
 if TYPE_CHECKING:
     from cutvib_ss.model.machine import Machine
@@ -201,13 +201,12 @@ def figures_command(
     """Figs. 15 to 20 of the paper as far as its printed values allow, each in a file of its name."""
     check_outputs(json)
     check_picture(out / f"figure.{suffix}")
-    check_target(out / "x") if out.is_dir() else check_target(out)
+    check_target(made_folder(out) / "x")
     from cutvib_ss.paper import paper_curves
     from cutvib_ss.plot.paper import FIGURES
     from cutvib_ss.plot.style import save
 
     files = {name: out / f"{name}.{suffix}" for name in FIGURES}
-    out.mkdir(exist_ok=True)
     with working("drawing the paper's figures"):
         curves = paper_curves()
         for name, figure in FIGURES.items():

@@ -65,6 +65,13 @@ def existing_campaign(path: Path | None) -> Path | None:
     return _existing(path, "a campaign is a folder with a campaign.toml")
 
 
+def above_zero(value: float | None) -> float | None:
+    """A number above zero: told before anything slow is imported."""
+    if value is not None and not 0.0 < value < float("inf"):
+        raise typer.BadParameter(f"{value:g} must be greater than 0")
+    return value
+
+
 def picture(path: Path | None) -> Path | None:
     """The name of a picture that can be drawn."""
     return None if path is None else check_picture(path)

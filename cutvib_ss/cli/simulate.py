@@ -15,6 +15,7 @@ from cutvib_ss.cli.options import (
     JsonOption,
     MachineOption,
     PositionOption,
+    above_zero,
     check_places,
     check_position_given,
     existing_input,
@@ -50,8 +51,10 @@ class _Force:
 
 def simulate_command(
     position: PositionOption = None,
-    duration: Annotated[float, typer.Option("--duration", help="Length of the simulation \\[s].")] = 1.0,
-    fs: Annotated[float, typer.Option("--fs", help="Sampling frequency [Hz].")] = 20_000.0,
+    duration: Annotated[
+        float, typer.Option("--duration", callback=above_zero, help="Length of the simulation \\[s].")
+    ] = 1.0,
+    fs: Annotated[float, typer.Option("--fs", callback=above_zero, help="Sampling frequency [Hz].")] = 20_000.0,
     steady: Annotated[
         bool,
         typer.Option("--steady", help="One period of the steady state in place of a run from rest."),
@@ -66,12 +69,18 @@ def simulate_command(
     quantity: Annotated[
         QuantityName | None, typer.Option("--quantity", help="Motion of the outputs; by default a channel's own.")
     ] = None,
-    rate: Annotated[float, typer.Option("--rate", help="Pulses a second [Hz].", rich_help_panel=_PULSES)] = 217.0,
+    rate: Annotated[
+        float, typer.Option("--rate", callback=above_zero, help="Pulses a second [Hz].", rich_help_panel=_PULSES)
+    ] = 217.0,
     duty: Annotated[
         float, typer.Option("--duty", help="Part of the period above half the peak.", rich_help_panel=_PULSES)
     ] = 0.3,
-    rise: Annotated[float, typer.Option("--rise", help="Rise, foot to top \\[s].", rich_help_panel=_PULSES)] = 5e-4,
-    fall: Annotated[float, typer.Option("--fall", help="Fall, top to foot \\[s].", rich_help_panel=_PULSES)] = 5e-4,
+    rise: Annotated[
+        float, typer.Option("--rise", callback=above_zero, help="Rise, foot to top \\[s].", rich_help_panel=_PULSES)
+    ] = 5e-4,
+    fall: Annotated[
+        float, typer.Option("--fall", callback=above_zero, help="Fall, top to foot \\[s].", rich_help_panel=_PULSES)
+    ] = 5e-4,
     amplitude: Annotated[float, typer.Option("--amplitude", help="Peak [N].", rich_help_panel=_PULSES)] = 50.0,
     jitter: Annotated[
         float,
@@ -96,13 +105,18 @@ def simulate_command(
         float | None,
         typer.Option("--to", metavar="Y", rich_help_panel=_TRAVEL, help="Travel from --position to here."),
     ] = None,
-    speed: Annotated[float, typer.Option("--speed", help="Largest speed \\[m/s].", rich_help_panel=_TRAVEL)] = 0.5,
+    speed: Annotated[
+        float, typer.Option("--speed", callback=above_zero, help="Largest speed \\[m/s].", rich_help_panel=_TRAVEL)
+    ] = 0.5,
     acceleration: Annotated[
-        float, typer.Option("--acceleration", help="Acceleration \\[m/s^2].", rich_help_panel=_TRAVEL)
+        float, typer.Option("--acceleration", callback=above_zero, help="Acceleration \\[m/s^2].", rich_help_panel=_TRAVEL)
     ] = 2.0,
     jerk: Annotated[
         float | None,
-        typer.Option("--jerk", help="Jerk of an S-curve \\[m/s^3]; by default the speed is a trapezoid.", rich_help_panel=_TRAVEL),
+        typer.Option(
+            "--jerk", callback=above_zero, rich_help_panel=_TRAVEL,
+            help="Jerk of an S-curve \\[m/s^3]; by default the speed is a trapezoid.",
+        ),
     ] = None,
     travel: Annotated[
         Path | None,

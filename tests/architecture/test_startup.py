@@ -70,6 +70,11 @@ MISTYPED = [
     (["schedule", "--machine", "nowhere.toml"], "nowhere.toml: there is no such file"),
     (["simulate", "--position", "0.5", "--force", "nowhere.csv"], "nowhere.csv: there is no such file"),
     (["simulate"], "--position is missing"),
+    (["simulate", "--position", "0.5", "--fs", "0"], "'--fs': 0 must be greater than 0"),
+    (["simulate", "--position", "0.5", "--duration", "nan"], "'--duration': nan must be greater than 0"),
+    (["absorber", "check", "--mass", "-1"], "'--mass': -1 must be greater than 0"),
+    (["absorber", "check", "--damping-ratio", "-1"], "'--damping-ratio': Input should be greater than or equal to 0"),
+    (["control", "design", "h2", "--rate", "-1"], "'--rate': Input should be greater than or equal to 0"),
     (["absorber", "check", "--plot", "x.bmp"], "x.bmp: suffix '.bmp' is no picture"),
     (["control", "check", "--corrected", "nowhere.toml"], "nowhere.toml: there is no such file"),
     (["plan"], "--position is missing"),
@@ -79,6 +84,7 @@ MISTYPED = [
     (["blind", "real", "nowhere"], "nowhere: there is no such folder"),
     (["fleet", "nowhere"], "nowhere: there is no such folder"),
     (["serve", "nowhere"], "nowhere: there is no such file"),
+    (["figures", "--out", "FOLDER/x.toml/figures"], "x.toml/figures: cannot be made a folder"),
     (["figures", "--format", "gif"], "suffix '.gif' is no picture"),
 ]
 RUN_THEM = """

@@ -206,7 +206,7 @@ def test_frequencies_that_make_no_sense(freq: str, tmp_path: Path, capsys: pytes
         (["frf", "--position", "0.5", "--out", "frf.xls"], "'.xls'"),
         (["bode", "--position", "0.5", "--out", "bode.txt"], "'.txt'"),
         (["schedule", "--positions", "2"], "--positions"),
-        (["absorber", "check", "--mass", "-0.1"], "absorber.mass"),
+        (["absorber", "check", "--mass", "-0.1"], "'--mass': -0.1"),
         (["absorber", "design", "--tuning", "250:200:1"], "250:200:1"),
         (["absorber", "check", "--position", "1"], "position"),
         (["identify", "absent"], "absent"),

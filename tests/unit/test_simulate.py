@@ -154,7 +154,7 @@ def test_a_bad_travel_names_its_file(text: str, says: str, tmp_path: Path, capsy
         (["--position", "0.5", "--harmonic", "217"], "frequency and amplitude"),
         (["--position", "0.5", "--harmonic", "217:1", "--harmonic", "300:1", "--steady"], "multiples of the lowest"),
         (["--position", "0.5", "--jitter", "0.1", "--steady"], "no period"),
-        (["--position", "0.5", "--rate", "0", "--steady"], "must be positive"),
+        (["--position", "0.5", "--rate", "0", "--steady"], "must be greater than 0"),
         (["--position", "0.5", "--duty", "0.01"], "no room"),
         (["--position", "0.5", "--to", "0.6", "--steady"], "no steady state"),
         (["--position", "0.5", "--force", "missing.csv"], "no such file"),
