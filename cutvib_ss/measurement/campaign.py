@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.measurement.checks import check_record
+from cutvib_ss.measurement.checks import check_record, guesses_left
 from cutvib_ss.measurement.conversion import frf_of, histories_of, motion_factor, to_contents
 from cutvib_ss.measurement.formats import format_of
 from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawResponse, Signal, TextOptions
@@ -55,10 +55,12 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
     path = Path(path)
     file = path / "campaign.toml" if path.is_dir() else path
     tables = read_campaign_file(file)
+    warnings = guesses_left(file, "something")
     if machine is None:
         machine = _machine(tables, file)
+        if tables.campaign.machine is not None:
+            warnings += guesses_left(file.parent / tables.campaign.machine, "the nominal model")
     records: list[Record] = []
-    warnings: list[str] = []
     for number, table in enumerate(tables.record, start=1):
         _check_position(table, machine, f"{file}: record[{number}]")
         struck = struck_port(table.input, machine, f"{file}: record[{number}]")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from scipy import signal
@@ -17,6 +19,7 @@ from cutvib_ss.results import FloatArray
 DOUBLE_HIT = 0.1
 """A second peak of the force above this fraction of the first is a second hit."""
 
+_COMMENTED = re.compile(r"#\s*\w+ =")
 _OVERLOAD_RUN = 3  # consecutive samples at the extreme value
 _FEWEST_STEPS = 100  # of the digitiser, within the extreme: fewer, and equal samples are no sign of clipping
 
@@ -163,3 +166,17 @@ def _with(record: Record, histories: tuple[History, ...]) -> Record:
 def _overloaded(history: History) -> list[str]:
     columns = [(FORCE, history.force), *zip(history.channels, history.responses, strict=True)]
     return [name for name, values in columns if overloaded(values)]
+
+
+def guesses_left(file: Path, what: str) -> list[str]:
+    """A warning where lines of a file are still marked TODO, as `campaign init` leaves them: their values are guesses."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    # A key that is commented out states nothing.
+    found = [(n, line) for n, line in enumerate(lines, start=1) if "# TODO" in line and not _COMMENTED.match(line)]
+    if not found:
+        return []
+    keys = dict.fromkeys(line.partition("=")[0].strip() for _, line in found if not line.startswith("#"))
+    return [
+        f"{file.name}, line {found[0][0]}: {', '.join(keys) or what}: marked TODO, so a guess; put in what is right and "
+        "delete the mark"
+    ]

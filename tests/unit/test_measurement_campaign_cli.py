@@ -94,8 +94,18 @@ def test_a_folder_of_frequency_responses(write, tmp_path, capsys):
     assert "not yet readable" not in capsys.readouterr().err
     text = (tmp_path / "campaign.toml").read_text()
     assert "averages = 1  # TODO" in text
-    for record in read_campaign(tmp_path).records:
+    campaign = read_campaign(tmp_path)
+    for record in campaign.records:
         np.testing.assert_allclose(record.frf.data[0, :, 0], expected[record.position], rtol=1e-8)
+    # What is still marked is pointed out wherever the campaign is read, until the marks are gone.
+    line = 1 + next(n for n, row in enumerate(text.splitlines()) if "# TODO" in row)
+    marked = [w for w in campaign.warnings if "marked TODO" in w]
+    assert marked[0].startswith(f"campaign.toml, line {line}: averages: marked TODO")
+    assert marked[1].startswith("machine.toml, line 1: the nominal model: marked TODO")
+    assert not [w for w in read_campaign(tmp_path, published_machine()).warnings if "machine.toml" in w]
+    for name in ("campaign.toml", "machine.toml"):
+        (tmp_path / name).write_text((tmp_path / name).read_text().replace("TODO", ""))
+    assert not [w for w in read_campaign(tmp_path).warnings if "marked TODO" in w]
 
 
 def test_averages_and_levels_of_frequency_responses(tmp_path, capsys):
