@@ -40,7 +40,7 @@ def stiffness_grid(functions: Sequence[DynamicStiffness], *, ax: Any = None) -> 
             unit = f" [{unit_text(z.unit)}]" if z.unit not in ("", "1") else ""
             for axes, part in zip(row, ("real", "imag"), strict=True):
                 _part(axes, z, part)
-                axes.set_title(f"{z.place}: {z.label}" if part == "real" else "")
+                axes.set_title("" if part == "imag" else z.place if z.label == z.place else f"{z.place}: {z.label}")
                 axes.set_ylabel(f"{'real' if part == 'real' else 'imaginary'} part{unit}")
         for axes in panels[-1]:
             axes.set_xlabel("frequency [Hz]")

@@ -120,7 +120,6 @@ def _stiffness(z: DynamicStiffness, d: Diagnosis) -> dict[str, Any]:
         for level, value, std in zip(z.levels, z.value, z.std, strict=True)
     ]  # fmt: skip
     return {
-        "title": f"{z.place}: {z.label}",
         "quantity": z.quantity,
         "unit": "" if z.unit == "1" else unit_text(z.unit),
         "freq": number_list(z.freq),

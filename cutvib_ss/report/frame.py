@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from cutvib_ss.results import ComplexArray, FloatArray
 
 MOST_LINES = 2000
-"""Lines of a response that are drawn at most: of each stretch those of the least and of the largest modulus."""
+"""Lines of a response that a page draws at most."""
 _PACKED = "f4"
 """Key of a packed array: little-endian single precision in base64, about half of what its digits take. NaN is no value."""
 
@@ -74,14 +74,17 @@ def number_list(values: ArrayLike) -> NDArray[np.float32]:
     return np.where(np.abs(given) < np.finfo(np.float32).max, given, np.nan).astype(np.float32)
 
 
-def lines_to_draw(modulus: FloatArray) -> NDArray[np.intp]:
+def lines_to_draw(modulus: FloatArray, most: int = MOST_LINES) -> NDArray[np.intp]:
     """Indices of lines to draw: all, or the least and the largest of each stretch, so that no peak is lost."""
-    size = -(-modulus.size // (MOST_LINES // 2))
+    every = np.arange(modulus.size)
+    size = -(-modulus.size // (most // 2))
     if size < 3:
-        return np.arange(modulus.size)
-    ends = np.arange(0, modulus.size, size)
-    both = [at + pick(modulus[at : at + size]) for at in ends for pick in (np.argmin, np.argmax)]
-    return np.unique(both)
+        return every
+    whole = modulus.size // size * size
+    stretches = every[:whole].reshape(-1, size)
+    found, rows = modulus[stretches], np.arange(len(stretches))
+    ends = [stretches[rows, found.argmin(axis=1)], stretches[rows, found.argmax(axis=1)], every[whole:]]
+    return np.unique(np.concatenate(ends))
 
 
 def number(value: float) -> float | None:

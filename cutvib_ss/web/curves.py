@@ -16,6 +16,7 @@ from cutvib_ss.measurement.summary import RecordSummary
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import AbsorberParameters, table_7
+from cutvib_ss.report.frame import lines_to_draw
 from cutvib_ss.response.frequency import frequency_response, output_quantities
 from cutvib_ss.response.modes import modes
 from cutvib_ss.results import ComplexArray, FloatArray, MeasuredFrequencyResponse
@@ -94,7 +95,8 @@ def measured_curves(
     """Chosen records' responses of one channel, in their bands."""
     curves = []
     for name, colour, part, inside in _in_bands(frfs, records, chosen, output):
-        keep = thinned(np.abs(part.data[0, 0, 0]), np.flatnonzero(inside), MOST_LINES)
+        at = np.flatnonzero(inside)
+        keep = at[lines_to_draw(np.abs(part.data[0, 0, 0, at]), MOST_LINES)]
         curves.append(Curve(name, part.freq[keep], part.data[0, 0, 0, keep], "measured", part.units[0], colour))
     return curves
 
@@ -108,7 +110,7 @@ def coherence_curves(
         row = part.coherence[0, 0, 0]
         at = np.flatnonzero(np.isfinite(row) & inside)
         if at.size:
-            keep = thinned(row, at, MOST_LINES // 2)
+            keep = at[lines_to_draw(row[at], MOST_LINES // 2)]
             curves.append(Curve(name, part.freq[keep], row[keep].astype(complex), "coherence", "", colour))
     return curves
 
@@ -117,7 +119,7 @@ def _in_bands(
     frfs: Sequence[MeasuredFrequencyResponse], records: Sequence[RecordSummary], chosen: Sequence[int], output: str
 ) -> Iterator[tuple[str, int, MeasuredFrequencyResponse, np.ndarray]]:
     """Of chosen records that have a channel their name, colour, response and lines in the band."""
-    names = labels_of(records)
+    names = labels_of(records, frfs[0].input_unit)
     for colour, k in enumerate(chosen):
         if output in frfs[k].outputs:
             part, (low, high) = frfs[k].sel(output=output), records[k].band_hz
@@ -137,37 +139,25 @@ def model_curves(
         struck = FORCE if record.input is None else port_of(record.input, campaign.machine)
         freq = lines_of(model, record.position, *record.band_hz)
         found = frequency_response(model, _at(record.position), freq, inputs=struck, outputs=output)
-        name = kind if record.position is None else f"{kind}, y/L = {record.position:g}"
+        name = kind if record.position is None else f"{kind}, y/L = {record.position:.3g}"
         curves[place] = Curve(name, freq, found.data[0, 0, 0], kind, found.units[0], colour)
     return list(curves.values())
 
 
-def labels_of(records: Sequence[RecordSummary]) -> list[str]:
+def labels_of(records: Sequence[RecordSummary], unit: str) -> list[str]:
     """Records as the legend names them: by position, input and level, and by file where these are alike."""
-    short = [_label(r) for r in records]
+    short = [_label(r, unit) for r in records]
     return [
         text if text and short.count(text) == 1 else f"{text}{', ' if text else ''}{r.name}"
         for text, r in zip(short, records, strict=True)
     ]
 
 
-def _label(record: RecordSummary) -> str:
-    place = "" if record.position is None else f"y/L = {record.position:g}"
+def _label(record: RecordSummary, unit: str) -> str:
+    place = "" if record.position is None else f"y/L = {record.position:.3g}"
     struck = f"struck at {record.input}" if record.input else ""
-    level = "" if record.level is None else f"level {record.level:.3g}"
+    level = "" if record.level is None else f"{record.level:.3g} {unit}"
     return ", ".join(p for p in (place, struck, level) if p)
-
-
-def thinned(values: FloatArray, at: np.ndarray, most: int) -> np.ndarray:
-    """Indices to draw: all, or the least and the largest of each stretch, so that no peak is lost."""
-    size = at.size // (most // 2)
-    if size < 3:
-        return at
-    whole = at.size // size * size
-    stretches = at[:whole].reshape(-1, size)
-    found, rows = values[stretches], np.arange(len(stretches))
-    ends = [stretches[rows, found.argmin(axis=1)], stretches[rows, found.argmax(axis=1)], at[whole:]]
-    return np.unique(np.concatenate(ends))
 
 
 def lines_of(model: Model, position: float | None, low: float, high: float) -> FloatArray:

@@ -230,7 +230,7 @@ def _facts(found: curves.Modified, mark: float | None, took: float) -> str:
     parts = []
     for c in found.curves:
         k = int(abs(c.data).argmax())
-        text = f"{c.name}: peak {abs(c.data[k]):.3g} {c.unit} at {c.freq[k]:.1f} Hz"
+        text = f"{c.name}: peak {abs(c.data[k]):.3g} {unit_text(c.unit)} at {c.freq[k]:.1f} Hz"
         value = None if mark is None else curves.at_frequency(c, mark)
         parts.append(text if value is None else f"{text}, {value:.3g} at {mark:g} Hz")
     if found.stable is False:

@@ -143,7 +143,7 @@ class MeasuredPanel:
             ui.html("<h2>Measured responses</h2>", sanitize=False)
             for sentence in summary.sentences():
                 ui.label(sentence)
-            names = curves.labels_of(summary.records)
+            names = curves.labels_of(summary.records, summary.input_unit)
             with ui.element("div").classes("controls"):
                 self.channel = ui.select(
                     opened.channels, value=opened.channels[0], label="channel", on_change=self.draw
@@ -189,7 +189,8 @@ class MeasuredPanel:
         )  # fmt: skip
 
     def _table(self) -> None:
-        heads = ["record", "kind", "y/L", "use", "blows", "level", "lines [Hz]", "coherence"]
+        peak = f"peak [{self.opened.summary.input_unit}]"
+        heads = ["record", "kind", "y/L", "use", "blows", peak, "lines [Hz]", "coherence"]
         rows = [
             {
                 "record": r.name,
@@ -197,7 +198,7 @@ class MeasuredPanel:
                 "y/L": "" if r.position is None else f"{r.position:g}",
                 "use": r.use or "",
                 "blows": str(r.blows),
-                "level": r.level_text(),
+                peak: r.level_text(),
                 "lines [Hz]": r.lines_text(),
                 "coherence": "" if r.coherence is None else f"{r.coherence:.3f}",
             }
