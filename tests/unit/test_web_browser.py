@@ -28,10 +28,6 @@ pytest.importorskip("nicegui", reason="the page needs NiceGUI (extra web)")
 webdriver = pytest.importorskip("selenium.webdriver", reason="the page is tested through selenium")
 
 ROOT = Path(__file__).resolve().parents[2]
-FLAGS = (
-    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--window-size=1280,1000",
-)  # fmt: skip
 WAIT = 60.0
 DIAGNOSIS = 900.0
 
@@ -58,13 +54,6 @@ force = "drive"
 pytestmark = pytest.mark.slow
 
 
-def _program(*names: str) -> str:
-    found = next((path for name in names if (path := shutil.which(name))), None)
-    if found is None:
-        pytest.skip(f"no {names[0]} on this machine")
-    return found
-
-
 @pytest.fixture(scope="module")
 def server() -> Iterator[str]:
     with socket.socket() as probe:
@@ -86,24 +75,6 @@ def server() -> Iterator[str]:
         _, rest = process.communicate(timeout=30.0)
     assert process.returncode == 130
     assert "Traceback" not in rest
-
-
-@pytest.fixture
-def browser(tmp_path: Path) -> Iterator[Any]:
-    options = webdriver.ChromeOptions()
-    options.binary_location = _program("chromium", "chromium-browser", "google-chrome")
-    for flag in (*FLAGS, f"--user-data-dir={tmp_path / 'profile'}"):
-        options.add_argument(flag)
-    downloads = tmp_path / "downloads"
-    downloads.mkdir()
-    options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options, webdriver.ChromeService(_program("chromedriver")))
-    driver.downloads = downloads
-    try:
-        yield driver
-    finally:
-        driver.quit()
 
 
 def _until(what: str, told: Callable[[], Any], seconds: float = WAIT) -> Any:

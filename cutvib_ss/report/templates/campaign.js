@@ -37,10 +37,13 @@
     };
     const [low, high] = group.band;
     const xaxis = axis("frequency [Hz]", { anchor: coherent ? "y3" : "y2", range: [low, high] });
-    draw(id, traces, layout(coherent ? 600 : 480, { ...marked(data.mark, low, high), ...axes, xaxis }));
+    // Two to a sheet of paper.
+    const height = document.documentElement.classList.contains("print") ? 450 : coherent ? 600 : 480;
+    draw(id, traces, layout(height, { ...marked(data.mark, low, high), ...axes, xaxis }));
   }
 
   function poles() {
+    told("poles-shown", $("poles-group"));
     const p = data.poles[$("poles-group").value], table = $("poles-table");
     table.textContent = "";
     if (p.why_not) {
@@ -81,6 +84,7 @@
 
   function blows() {
     if (!$("blows")) return;
+    told("blows-shown", $("blows-record"));
     const b = data.blows[$("blows-record").value], traces = [];
     b.force.forEach((f, k) => traces.push({ x: f.x, y: f.y, mode: "lines", name: `blow ${k + 1}`, legendgroup: `b${k}`, line: { color: colour(k), width: 1.4 }, hovertemplate: "%{y:.4g}<extra></extra>" }));
     b.response.forEach((r, k) => traces.push(band(r.x, r.low, r.high, colour(k), `blow ${k + 1}`, { xaxis: "x2", yaxis: "y2", legendgroup: `b${k}`, showlegend: false })));

@@ -3,9 +3,6 @@
   const LABEL = { measured: "measured", nominal: "nominal model", tuned: "re-tuned within tolerance", corrected: "corrected model" };
   const DASH = { nominal: "dash", tuned: "dot", corrected: "solid" };
 
-  // On paper the choices are not to be seen: what is drawn is named.
-  const told = (id, ...choices) => { $(id).textContent = choices.map((c) => c.selectedOptions[0].textContent).join(", "); };
-
   function responses() {
     told("frf-shown", $("frf-record"), $("frf-channel"));
     const record = data.records[$("frf-record").value];

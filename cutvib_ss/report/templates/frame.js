@@ -7,6 +7,8 @@ const data = JSON.parse(document.getElementById("charts-data").textContent, (_, 
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const $ = (id) => document.getElementById(id);
 const config = { displaylogo: false, modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]] };
+// On paper the choices are not to be seen: what is drawn is named.
+const told = (id, ...choices) => { $(id).textContent = choices.map((c) => c.selectedOptions[0].textContent).join(", "); };
 
 const modulus = (z) => z.re.map((x, k) => (x === null ? null : Math.hypot(x, z.im[k])));
 // From -100° on, so that neither 0° nor 180° lies at the end; broken where it jumps.
@@ -86,9 +88,9 @@ const keepDrawn = (all) => {
     });
     document.querySelectorAll(".chart").forEach((chart) => watch.observe(chart));
   }).catch((error) => {
-    const told = document.createElement("p");
-    told.className = "warnings";
-    told.textContent = `The charts cannot be drawn in this browser (${error.message}); one of 2023 or later is needed.`;
-    document.querySelector("main").prepend(told);
+    const line = document.createElement("p");
+    line.className = "warnings";
+    line.textContent = `The charts cannot be drawn in this browser (${error.message}); one of 2023 or later is needed.`;
+    document.querySelector("main").prepend(line);
   });
 };
