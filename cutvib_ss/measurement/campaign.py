@@ -71,7 +71,19 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
         warnings += found
     warnings += same_data(records)
     title = tables.campaign.title or file.parent.resolve().name
-    return Campaign(title, file.parent, machine, tuple(records), tuple(warnings))
+    return Campaign(title, file.parent, machine, tuple(records), _told_once(warnings))
+
+
+def _told_once(warnings: Sequence[str]) -> tuple[str, ...]:
+    """What is said of several files alike, said once: of the first, and how many more."""
+    files: dict[str, dict[str, None]] = {}
+    for warning in warnings:
+        where, _, what = warning.partition(": ")
+        files.setdefault(what, {})[where] = None
+    return tuple(
+        f"{next(iter(names))}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {what}"
+        for what, names in files.items()
+    )
 
 
 def write_campaign(campaign: Campaign, folder: str | os.PathLike[str], *, format: _Writable = "tdms") -> Path:

@@ -38,12 +38,12 @@ def turned_signs(
         return [
             f"{where}: force and motion have opposite signs at the driving point {driven[0]} (Im of accelerance is "
             "negative at its peaks), and no channel contradicts: the hammer acts along the negative axis, or its "
-            "sensor is turned; turn the sign of `force` in the file (in UFF: reference direction -1)"
+            "sensor is turned; turn the sign of `force` (`sign` under [channels]; in UFF: reference direction -1)"
         ]
     return [
         f"{where}: {name} has the sign opposite to "
         + ("the force at the driving point" if at_force else "the nominal model's throughout")
-        + f": its sensor is the wrong way round; turn the sign of {name} in the file (in UFF: response direction -1)"
+        + f": its sensor is the wrong way round; turn the sign of {name} (`sign` under [channels]; in UFF: response direction -1)"
         for name, at_force in turned
     ]
 

@@ -5,7 +5,7 @@ import pytest
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement import Campaign, History, Record, estimate, read_campaign
-from cutvib_ss.measurement.campaign import write_campaign
+from cutvib_ss.measurement.campaign import _told_once, write_campaign
 from cutvib_ss.model.machine import published_machine
 from tests.unit.measurement_rig import small_campaign
 
@@ -49,6 +49,11 @@ def test_writing_again_replaces_and_leaves_other_files(tmp_path):
     expected = small_campaign(tmp_path, seed=1).records[0].histories[0].responses
     np.testing.assert_allclose(read_campaign(folder).records[0].histories[0].responses, expected)
     assert (folder / "notes.txt").read_text() == "kept"
+
+
+def test_what_is_alike_in_several_files_is_said_once():
+    said = ["a.csv: tool_x is dead", "b.csv: tool_x is dead", "b.csv: blow 1: double hit", "c.csv: tool_x is dead"]
+    assert _told_once([*said, said[0]]) == ("a.csv and 2 more: tool_x is dead", "b.csv: blow 1: double hit")
 
 
 def test_record_of_one_kind_holds_what_it_needs():
