@@ -40,7 +40,7 @@ def test_run_and_score(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     assert (false_alarm["value"], false_alarm["cases"], false_alarm["met"]) == (0.0, 4, True)
     # The fake diagnosis sees no gap anywhere, and is sure of it.
     assert len(data["sure_and_wrong"]) == 2
-    assert "<svg" in targets[1].read_text()
+    assert 'id="charts-data"' in targets[1].read_text()
     assert targets[2].read_text().startswith("## Figures")
     # The second opening finds the first, and the score is the same.
     assert main([*score[:-1], "-"]) == 0

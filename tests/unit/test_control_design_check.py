@@ -308,7 +308,7 @@ def test_the_check_follows_a_nonlinear_element_over_amplitude(
     [
         (["design", "pid"], "no controller 'pid'; there are lqg"),
         (["design", "h2@2"], "h2@2"),
-        (["design", "h2", "--rate", "-1"], "--rate -1"),
+        (["design", "h2", "--rate", "-1"], "'--rate'"),
         (["design", "h2", "--actuator", "nowhere"], "no port 'nowhere'"),
         (["check", "missing.json"], "missing.json: there is no such file"),
         (["check", "ppf", "--plot", "rail.txt"], "is no picture"),
