@@ -115,11 +115,8 @@ def of_known_form(ranked: Sequence[Ranked], odds: Mapping[str, float]) -> dict[s
     error than any that is believed: the form is not known, and no more is the cause. What such answers lose lies on something
     unknown: with it the probabilities sum to one.
     """
-    largest = {name: max(size for size, _ in SETTINGS.sizes[name]) for name in ("nominal", "cause")}
     out = dict(odds)
     for r in ranked:
-        layout, sizes = r.fit.spread.layout, vars(r.fit.spread.sizes)
-        strained = layout.nominal and layout.pivots and all(sizes[name] >= most for name, most in largest.items())
-        if strained and kind_of(r.fit.hypothesis) in ("known", "sums"):
+        if r.fit.spread.at_largest and kind_of(r.fit.hypothesis) in ("known", "sums"):
             out[r.name] *= SETTINGS.verdict_form
     return out
