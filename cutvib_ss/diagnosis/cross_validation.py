@@ -156,14 +156,10 @@ def predicted(
     if problem is not None and x is not None:
         error = problem.calibration_of(e.channels, e.freq, x)
     if simulate and e.replay is not None and e.replay.assumed and bool(model.nonlinear):
-        # The forces' unknowns stand before the effects'.
-        fitted = (
-            np.zeros(1)
-            if problem is None or x is None
-            else x[problem.first_effect - len(problem.force_scaled) : problem.first_effect]
-        )
+        fitted = np.zeros(1) if problem is None or x is None else problem.force_unknowns(x)
         return _by_its_force(model, group, error, float(np.mean(fitted)) if fitted.size else 0.0)
-    seen: Predicted = simulated(model, group) if simulate else Prediction(model, group, blow_at)
+    offset = 0.0 if problem is None or x is None else problem.offset_of(x)
+    seen: Predicted = simulated(model, group, offset=offset) if simulate else Prediction(model, group, blow_at)
     return Shown(np.asarray(seen.data[0] * error), np.zeros(e.data.shape), seen)
 
 

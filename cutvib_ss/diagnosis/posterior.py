@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cutvib_ss.diagnosis.held_out import HeldOut, share
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -67,44 +68,45 @@ def probabilities(
 
 
 def judged_on_held_out(
-    ranked: Sequence[Ranked],
-    odds: Mapping[str, float],
-    leaves: Callable[[Ranked], float],
-    share: Callable[[Ranked, Ranked], float],
-    against_stated: Callable[[Ranked], float],
+    ranked: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
 ) -> dict[str, float]:
     """
-    Probabilities in which a second known cause, and no cause, have to leave noise on records that the fit has not seen.
+    Probabilities in which known causes, and no cause, have to show on records that the fit has not seen.
 
     What the form of a first cause leaves is structured: of many second causes some takes a part of it away. One that leaves more
     than noise is not known to be there. Its probability goes to the first cause alone where that closes all but a few percent, and
     else to the first cause beside something unknown. No cause at all, too, has to leave noise: where it leaves far more, something
-    unknown is there. That is held against the noise as stated: its own factor on it takes up what is not the machine's.
+    unknown is there. That is held against the noise as stated: its own factor on it takes up what is not the machine's. Of a cause
+    that leads the re-tuned model on the records of its fit, and trails it on others, half goes to no cause: two estimates of one
+    lead disagree in its sign.
     """
     out = dict(odds)
+    bare = next((r for r in ranked if not r.fit.hypothesis.effects), None)
     unknown = [x for x in ranked if x.refined and kind_of(x.fit.hypothesis) == UNKNOWN]
-    for r in ranked:
-        bare = not r.fit.hypothesis.effects and out[r.name] >= SETTINGS.verdict_hardly
-        if bare and unknown and against_stated(r) > SETTINGS.verdict_misfit:
-            out[max(unknown, key=lambda x: x.fit.log_evidence).name] += out[r.name]
-            out[r.name] = 0.0
+    if bare and unknown and out[bare.name] >= SETTINGS.verdict_hardly and held(bare).against_stated > SETTINGS.verdict_misfit:
+        _give(out, bare, max(unknown, key=lambda x: x.fit.log_evidence))
     for r in ranked:
         causes = r.fit.hypothesis.causes
-        known = kind_of(r.fit.hypothesis) == "sums" and all(effect != UNKNOWN for effect, _ in causes)
-        if not known or out[r.name] < SETTINGS.verdict_hardly or leaves(r) <= SETTINGS.verdict_noise:
+        if not causes or any(effect == UNKNOWN for effect, _ in causes) or out[r.name] < SETTINGS.verdict_hardly:
             continue
+        if bare and held(r).log_density < held(bare).log_density:
+            _give(out, r, bare, 0.5)
         alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in [(c,) for c in causes]]
-        if not alone:
+        if len(causes) < 2 or not alone or held(r).reduced <= SETTINGS.verdict_noise:
             continue
-        first = max(alone, key=lambda x: x.fit.log_evidence)
-        target = first
-        if share(first, r) < SETTINGS.verdict_closed:
+        target = first = max(alone, key=lambda x: x.fit.log_evidence)
+        if share(held(bare) if bare else None, held(first), held(r)) < SETTINGS.verdict_closed:
             beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
             partly = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
             target = max(partly, key=lambda x: x.fit.log_evidence, default=first)
-        out[target.name] += out[r.name]
-        out[r.name] = 0.0
+        _give(out, r, target)
     return out
+
+
+def _give(odds: dict[str, float], one: Ranked, other: Ranked, part: float = 1.0) -> None:
+    """Pass a part of one hypothesis' probability on to another."""
+    odds[other.name] += part * odds[one.name]
+    odds[one.name] -= part * odds[one.name]
 
 
 def of_known_form(ranked: Sequence[Ranked], odds: Mapping[str, float]) -> dict[str, float]:

@@ -177,6 +177,9 @@ class Settings:
     simulation_force_scale: float = _of(0.2, "1", "Relative error of a force that no record holds",
         "looser fits of such records", "hands scatter, and the blow's length is a guess")
     simulation_force_scale_step: float = _of(0.02, "std", "Its step in a difference of two simulations", "-", _NUMERICAL)
+    simulation_force_offset: float = _of(0.1, "rms force",
+        "Standard deviation of a constant force beside that of a continuous recording", "laws that stick or clear fit more",
+        "weights, cables and amplifiers' zeros are some percent of what excites")
     simulation_jump: float = _of(0.2, "1", "Step between lines, of the largest response, from which a sweep may have jumped",
         "jumps are passed over", _JUDGEMENT)
     simulation_early_jump: float = _of(0.25, "1",
