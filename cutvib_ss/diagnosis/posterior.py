@@ -83,7 +83,12 @@ def judged_on_held_out(
     out = dict(odds)
     bare = next((r for r in ranked if not r.fit.hypothesis.effects), None)
     unknown = [x for x in ranked if x.refined and kind_of(x.fit.hypothesis) == UNKNOWN]
-    if bare and unknown and out[bare.name] >= SETTINGS.verdict_hardly and held(bare).against_stated > SETTINGS.verdict_misfit:
+    if (
+        bare
+        and unknown
+        and out[bare.name] >= SETTINGS.verdict_hardly
+        and held(bare).against_stated > SETTINGS.verdict_misfit
+    ):
         _give(out, bare, max(unknown, key=lambda x: x.fit.log_evidence))
     for r in ranked:
         causes = r.fit.hypothesis.causes
