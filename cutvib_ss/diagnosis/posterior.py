@@ -75,7 +75,8 @@ def judged_on_held_out(
 
     What the form of a first cause leaves is structured: of many second causes some takes a part of it away. One that leaves more
     than noise is not known to be there. Its probability goes to the first cause alone where that closes all but a few percent, and
-    else to the first cause beside something unknown. No cause at all, too, has to leave noise: where it leaves far more, something
+    else to the first cause beside something unknown; if the second predicts more of those records than something unknown does, its
+    kind is right and its form is not known, and it keeps what such an answer keeps (`of_known_form`). No cause at all, too, has to leave noise: where it leaves far more, something
     unknown is there. That is held against the noise as stated: its own factor on it takes up what is not the machine's. Of a cause
     that leads the re-tuned model on the records of its fit, and trails it on others, half goes to no cause: two estimates of one
     lead disagree in its sign.
@@ -99,12 +100,15 @@ def judged_on_held_out(
         alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in [(c,) for c in causes]]
         if len(causes) < 2 or not alone or held(r).reduced <= SETTINGS.verdict_noise:
             continue
-        target = first = max(alone, key=lambda x: x.fit.log_evidence)
-        if share(held(bare) if bare else None, held(first), held(r)) < SETTINGS.verdict_closed:
-            beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
-            partly = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
-            target = max(partly, key=lambda x: x.fit.log_evidence, default=first)
-        _give(out, r, target)
+        first = max(alone, key=lambda x: x.fit.log_evidence)
+        if share(held(bare) if bare else None, held(first), held(r)) >= SETTINGS.verdict_closed:
+            _give(out, r, first)
+            continue
+        beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
+        partly = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
+        target = max(partly, key=lambda x: x.fit.log_evidence, default=first)
+        better = held(r).log_density > held(target).log_density
+        _give(out, r, target, 1.0 - SETTINGS.verdict_form if better else 1.0)
     return out
 
 

@@ -64,12 +64,24 @@ TUNED = Leaves(squares=1.0, log_density=-1000.0)
     ("left", "closed", "best"), [(1.05, 0.99, "both"), (1.3, 0.99, "main"), (1.3, 0.8, "beside"), (1.05, 0.8, "both")]
 )
 def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: float, best: str) -> None:
-    seen = held(none=TUNED, main=Leaves(squares=1.0 - closed), both=Leaves(reduced=left))
+    seen = held(none=TUNED, main=Leaves(squares=1.0 - closed), both=Leaves(reduced=left), beside=Leaves())
     found = judged_on_held_out(EVERY, ODDS, seen)
     assert max(found, key=lambda name: found[name]) == best
     assert sum(found.values()) == pytest.approx(1.0)
     # Nothing is taken from what was not in question.
     assert found["other"] == 0.0
+
+
+def test_a_second_cause_that_predicts_more_than_something_unknown_is_named_and_not_sure() -> None:
+    seen = held(
+        none=TUNED,
+        main=Leaves(squares=0.2),
+        both=Leaves(reduced=1.3, log_density=-200.0),
+        beside=Leaves(log_density=-300.0),
+    )
+    found = judged_on_held_out(EVERY, ODDS, seen)
+    assert found["both"] == pytest.approx(0.95 * SETTINGS.verdict_form)
+    assert found["beside"] == pytest.approx(0.02 + 0.95 * (1 - SETTINGS.verdict_form))
 
 
 def test_what_is_improbable_is_not_judged_again() -> None:
