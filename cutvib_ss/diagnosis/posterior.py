@@ -70,46 +70,66 @@ def probabilities(
 def judged_on_held_out(
     ranked: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
 ) -> dict[str, float]:
-    """
-    Probabilities in which known causes, and no cause, have to show on records that the fit has not seen.
-
-    What the form of a first cause leaves is structured: of many second causes some takes a part of it away. One that leaves more
-    than noise is not known to be there. Its probability goes to the first cause alone where that closes all but a few percent, and
-    else to the first cause beside something unknown; if the second predicts more of those records than something unknown does, its
-    kind is right and its form is not known, and it keeps what such an answer keeps (`of_known_form`). No cause at all, too, has to leave noise: where it leaves far more, something
-    unknown is there. That is held against the noise as stated: its own factor on it takes up what is not the machine's. Of a cause
-    that leads the re-tuned model on the records of its fit, and trails it on others, half goes to no cause: two estimates of one
-    lead disagree in its sign.
-    """
+    """Probabilities in which every hypothesis has to show on records that its fit has not seen; they sum to one or less."""
     out = dict(odds)
     bare = next((r for r in ranked if not r.fit.hypothesis.effects), None)
-    unknown = [x for x in ranked if x.refined and kind_of(x.fit.hypothesis) == UNKNOWN]
-    if (
-        bare
-        and unknown
-        and out[bare.name] >= SETTINGS.verdict_hardly
-        and held(bare).against_stated > SETTINGS.verdict_misfit
-    ):
-        _give(out, bare, max(unknown, key=lambda x: x.fit.log_evidence))
-    for r in ranked:
+    asked = [r for r in ranked if out[r.name] >= SETTINGS.verdict_hardly]
+    if bare in asked:
+        _no_cause_leaves_noise(bare, ranked, out, held)
+    for r in asked:
         causes = r.fit.hypothesis.causes
-        if not causes or any(effect == UNKNOWN for effect, _ in causes) or out[r.name] < SETTINGS.verdict_hardly:
-            continue
-        if bare and held(r).log_density < held(bare).log_density:
-            _give(out, r, bare, 0.5)
-        alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in [(c,) for c in causes]]
-        if len(causes) < 2 or not alone or held(r).reduced <= SETTINGS.verdict_noise:
-            continue
-        first = max(alone, key=lambda x: x.fit.log_evidence)
-        if share(held(bare) if bare else None, held(first), held(r)) >= SETTINGS.verdict_closed:
-            _give(out, r, first)
-            continue
-        beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
-        partly = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
-        target = max(partly, key=lambda x: x.fit.log_evidence, default=first)
-        better = held(r).log_density > held(target).log_density
-        _give(out, r, target, 1.0 - SETTINGS.verdict_form if better else 1.0)
+        if any(effect == UNKNOWN for effect, _ in causes):
+            if held(r).reduced > SETTINGS.fit_run_away:
+                # It shows that something unknown is there, but not what.
+                out[r.name] = 0.0
+        elif causes:
+            if bare and held(r).log_density < held(bare).log_density:
+                # Its lead was estimated twice, and the two estimates disagree in its sign.
+                _give(out, r, bare, 0.5)
+            if len(causes) > 1 and held(r).reduced > SETTINGS.verdict_noise:
+                _second_is_not_proven(r, bare, ranked, out, held)
     return out
+
+
+def _no_cause_leaves_noise(
+    bare: Ranked, ranked: Sequence[Ranked], odds: dict[str, float], held: Callable[[Ranked], HeldOut]
+) -> None:
+    """
+    Where the re-tuned model leaves far more than noise, something unknown is there.
+
+    That is held against the noise as stated: its own factor on it takes up what is not the machine's.
+    """
+    unknown = [x for x in ranked if x.refined and kind_of(x.fit.hypothesis) == UNKNOWN]
+    if unknown and held(bare).against_stated > SETTINGS.verdict_misfit:
+        _give(odds, bare, max(unknown, key=lambda x: x.fit.log_evidence))
+
+
+def _second_is_not_proven(
+    both: Ranked,
+    bare: Ranked | None,
+    ranked: Sequence[Ranked],
+    odds: dict[str, float],
+    held: Callable[[Ranked], HeldOut],
+) -> None:
+    """
+    Pass on the probability of two known causes that leave more than noise.
+
+    What the form of a first cause leaves is structured: of many second causes some takes a part of it away. The first cause alone
+    is the answer where it closes all but a few percent, and else the first beside something unknown. If the second predicts more than
+    something unknown does, its kind is right and its form is not known: it keeps what such an answer keeps (`of_known_form`).
+    """
+    alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in [(c,) for c in both.fit.hypothesis.causes]]
+    if not alone:
+        return
+    first = max(alone, key=lambda x: x.fit.log_evidence)
+    if share(held(bare) if bare else None, held(first), held(both)) >= SETTINGS.verdict_closed:
+        _give(odds, both, first)
+        return
+    beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
+    partly = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
+    target = max(partly, key=lambda x: x.fit.log_evidence, default=first)
+    better = held(both).log_density > held(target).log_density
+    _give(odds, both, target, 1.0 - SETTINGS.verdict_form if better else 1.0)
 
 
 def _give(odds: dict[str, float], one: Ranked, other: Ranked, part: float = 1.0) -> None:

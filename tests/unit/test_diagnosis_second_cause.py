@@ -86,7 +86,7 @@ def test_a_second_cause_that_predicts_more_than_something_unknown_is_named_and_n
 
 def test_what_is_improbable_is_not_judged_again() -> None:
     odds = {**ODDS, "both": 0.001, "main": 0.979}
-    assert judged_on_held_out(EVERY, odds, held(none=TUNED, main=Leaves())) == odds
+    assert judged_on_held_out(EVERY, odds, held(none=TUNED, main=Leaves(), beside=Leaves())) == odds
 
 
 def test_a_model_alone_that_leaves_far_more_than_noise_gives_way_to_something_unknown() -> None:
@@ -105,6 +105,14 @@ def test_a_cause_that_trails_on_held_out_records_is_not_sure() -> None:
         found = judged_on_held_out([NONE, MAIN], odds, held(none=TUNED, main=Leaves(log_density=density)))
         assert found["main"] == pytest.approx(probability)
         assert sum(found.values()) == pytest.approx(1.0)
+
+
+def test_something_unknown_that_runs_away_is_not_shown() -> None:
+    none, other = ranked("none", 0.0), ranked("unknown", 40.0, UNKNOWN)
+    found = judged_on_held_out(
+        [none, other], {"none": 0.3, "unknown": 0.7}, held(none=TUNED, unknown=Leaves(reduced=1e30))
+    )
+    assert found == {"none": 0.3, "unknown": 0.0}
 
 
 def test_two_channels_of_a_delay_are_one_cause() -> None:
