@@ -115,8 +115,8 @@ def _second_is_not_proven(
     Pass on the probability of two known causes that leave more than noise.
 
     What the form of a first cause leaves is structured: of many second causes some takes a part of it away. The first cause alone
-    is the answer where it closes all but a few percent, and else the first beside something unknown. If the second predicts more than
-    something unknown does, its kind is right and its form is not known: it keeps what such an answer keeps (`of_known_form`).
+    is the answer where it closes all but a few percent, and else the first beside something unknown. If the second predicts more
+    than something unknown does, its kind is right and its form is not known: it keeps what such an answer keeps (`of_known_form`).
     """
     alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in [(c,) for c in both.fit.hypothesis.causes]]
     if not alone:
