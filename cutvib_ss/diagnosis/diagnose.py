@@ -133,7 +133,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     workers.say("judging causes on held-out records")
     best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
     odds = probabilities(ranked, counts, variants, judged(best).reduced)
-    odds = of_known_form(ranked, judged_on_held_out(ranked, odds, judged))
+    odds = of_known_form(ranked, judged_on_held_out(ranked, odds, judged), judged)
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)

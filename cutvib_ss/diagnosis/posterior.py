@@ -138,16 +138,20 @@ def _give(odds: dict[str, float], one: Ranked, other: Ranked, part: float = 1.0)
     odds[one.name] -= part * odds[one.name]
 
 
-def of_known_form(ranked: Sequence[Ranked], odds: Mapping[str, float]) -> dict[str, float]:
+def of_known_form(
+    ranked: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
+) -> dict[str, float]:
     """
-    Probabilities in which an answer is not sure that only stands because everything may err by the most that is believed.
+    Probabilities in which an answer is not sure that only stands because its model errs by more than is believed.
 
-    Where both the nominal model's discrepancy and the cause's end at the largest sizes of their priors, the records ask for more
-    error than any that is believed: the form is not known, and no more is the cause. What such answers lose lies on something
+    Where the discrepancies of both the nominal model and the cause end at the largest sizes of their priors, or held-out records
+    show far more than noise as stated, the form is not known, and no more is the cause. What such answers lose lies on something
     unknown: with it the probabilities sum to one.
     """
     out = dict(odds)
     for r in ranked:
-        if r.fit.spread.at_largest and kind_of(r.fit.hypothesis) in ("known", "sums"):
+        if kind_of(r.fit.hypothesis) not in ("known", "sums") or out[r.name] < SETTINGS.verdict_hardly:
+            continue
+        if r.fit.spread.at_largest or held(r).against_stated > SETTINGS.verdict_misfit:
             out[r.name] *= SETTINGS.verdict_form
     return out

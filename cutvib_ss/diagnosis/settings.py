@@ -126,12 +126,12 @@ class Settings:
     verdict_noise: float = _of(1.1, "χ² a datum", "On held-out records, up to which a second cause counts as known",
         "second causes are believed that leave more", "as verdict_stands_out")
     verdict_misfit: float = _of(2.0, "χ² a datum",
-        "On held-out records, from which the re-tuned model (against the noise as stated) is no answer, and a law not enough",
+        "On held-out records, from which the re-tuned model is no answer, a cause not sure, and a law not enough",
         "more gaps are called none, fewer pairs", "noise estimated from a few blows is right to a factor below two")
     verdict_closed: float = _of(0.97, "excess", "That a cause alone has to close to be the answer where no second one is known",
         "more answers say that something is left", "restoring forces and supports hold to ten or twenty percent: squared, a few")
     verdict_form: float = _of(0.6, "probability",
-        "That an answer keeps where its form and the nominal model both err by the most that is believed",
+        "That an answer keeps whose model errs by more than is believed, by its discrepancies or on held-out records",
         "more such answers are sure",
         "a right model needs both in one campaign of a thousand, by their priors; the rest is judgement")
     verdict_hardly: float = _of(0.01, "probability", "Below which a cause is not looked at again", "longer", _TIME)

@@ -138,12 +138,13 @@ def sized(name: str, nominal: float, cause: float, *effects: Effect) -> Ranked:
 
 def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> None:
     odds = {"none": 0.01, "mass": 0.99}
-    none = sized("none", 0.03, 0.3)
-    strained = of_known_form([none, sized("mass", 0.03, 0.3, MASS)], odds)
-    assert strained["mass"] == pytest.approx(0.99 * SETTINGS.verdict_form)
-    assert sum(strained.values()) < 0.9
+    none, fits, fails = sized("none", 0.03, 0.3), held(mass=Leaves()), held(mass=Leaves(against_stated=3.0))
+    for mass, seen in ((sized("mass", 0.03, 0.3, MASS), fits), (sized("mass", 3e-5, 1e-3, MASS), fails)):
+        strained = of_known_form([none, mass], odds, seen)
+        assert strained["mass"] == pytest.approx(0.99 * SETTINGS.verdict_form)
+        assert sum(strained.values()) < 0.9
     # One of the two alone is what the discrepancy is for.
     for nominal, cause in ((0.03, 0.1), (0.01, 0.3), (3e-5, 1e-3)):
-        assert of_known_form([none, sized("mass", nominal, cause, MASS)], odds) == odds
+        assert of_known_form([none, sized("mass", nominal, cause, MASS)], odds, fits) == odds
     # Something unknown has no form that could err.
-    assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds) == odds
+    assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds, fails) == odds
