@@ -16,6 +16,7 @@ from cutvib_ss.diagnosis.likelihood import Layout, Sizes
 from cutvib_ss.diagnosis.posterior import judged_on_held_out, kind_of, of_known_form
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.search import _enough
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
@@ -128,12 +129,14 @@ class WithSizes:
     hypothesis: Hypothesis
     log_evidence: float
     spread: Spread
+    farthest: float = 0.0
+    reduced: float = 1.0
 
 
-def sized(name: str, nominal: float, cause: float, *effects: Effect) -> Ranked:
+def sized(name: str, nominal: float, cause: float, *effects: Effect, farthest: float = 0.0) -> Ranked:
     layout = Layout(1, (), (), (), (0,), ((0.0, 0.0),), 1)
     spread = Spread(layout, Sizes(nominal=nominal, cause=cause), np.zeros(0), np.eye(1))
-    return Ranked(name, cast(Fit, WithSizes(Hypothesis(effects), 0.0, spread)), True)
+    return Ranked(name, cast(Fit, WithSizes(Hypothesis(effects), float(len(effects)), spread, farthest)), True)
 
 
 def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> None:
@@ -148,3 +151,13 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
         assert of_known_form([none, sized("mass", nominal, cause, MASS)], odds, fits) == odds
     # Something unknown has no form that could err.
     assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds, fails) == odds
+
+
+def test_a_cause_that_stands_in_for_others_is_not_enough() -> None:
+    none = sized("none", 3e-5, 1e-3)
+    for found, enough in (
+        (sized("mass", 3e-5, 1e-3, MASS), True),
+        (sized("mass", 0.03, 0.3, MASS), False),
+        (sized("mass", 3e-5, 1e-3, MASS, farthest=5.0), False),
+    ):
+        assert _enough([found], none, lambda r: 1.0) is enough
