@@ -24,6 +24,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import Simulated, SimulatedProblem, problem_for, simulated
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray
 
 
@@ -105,18 +106,28 @@ def judge(nominal: Model, folds: Sequence[Fold], start: Fit, workers: Workers) -
 
 def _one_fold(nominal: Model, start: Fit, fold: Fold) -> list[Judged]:
     records = Records(fold.fitted, moving=bool(start.spread.layout.records))
-    again = fit(
-        nominal,
-        records,
-        start.hypothesis,
-        start.x,
-        SETTINGS.held_out_steps if start.hypothesis.linear else SETTINGS.held_out_law_steps,
-        near=start,
-    )
+    steps = SETTINGS.held_out_steps if start.hypothesis.linear else SETTINGS.held_out_law_steps
+    try:
+        again = fit(nominal, records, start.hypothesis, start.x, steps, near=start)
+    except CutvibError:
+        return [_not_predicted(e) for e in fold.judged]
     problem = problem_for(nominal, records, again.hypothesis)
-    blow_at = problem.blow_at(again.x)
-    shown = [predicted(e, _model_for(e, problem, again.x), blow_at, problem, again.x) for e in fold.judged]
-    return [judged(e, s, problem, again) for e, s in zip(fold.judged, shown, strict=True)]
+    return [_judged_by(problem, again, e) for e in fold.judged]
+
+
+def _judged_by(problem: Problem, fitted: Fit, e: Entry) -> Judged:
+    """A held-out record against a fit."""
+    try:
+        shown = predicted(e, _model_for(e, problem, fitted.x), problem.blow_at(fitted.x), problem, fitted.x)
+        return judged(e, shown, problem, fitted)
+    except CutvibError:
+        return _not_predicted(e)
+
+
+def _not_predicted(e: Entry) -> Judged:
+    """A record under a restoring force that lets it run away: as if no motion were predicted."""
+    chi2 = np.mean(np.abs(e.data) ** 2 / e.variance, axis=1)
+    return Judged(e, np.zeros_like(e.data), chi2, float(e.variance.mean()), -float(np.sum(chi2)) * e.freq.size)
 
 
 def _model_for(e: Entry, problem: Problem, x: FloatArray) -> Model:
@@ -156,14 +167,10 @@ def predicted(
     if problem is not None and x is not None:
         error = problem.calibration_of(e.channels, e.freq, x)
     if simulate and e.replay is not None and e.replay.assumed and bool(model.nonlinear):
-        # The forces' unknowns stand before the effects'.
-        fitted = (
-            np.zeros(1)
-            if problem is None or x is None
-            else x[problem.first_effect - len(problem.force_scaled) : problem.first_effect]
-        )
+        fitted = np.zeros(1) if problem is None or x is None else problem.force_unknowns(x)
         return _by_its_force(model, group, error, float(np.mean(fitted)) if fitted.size else 0.0)
-    seen: Predicted = simulated(model, group) if simulate else Prediction(model, group, blow_at)
+    offset = 0.0 if problem is None or x is None else problem.offset_of(x)
+    seen: Predicted = simulated(model, group, offset=offset) if simulate else Prediction(model, group, blow_at)
     return Shown(np.asarray(seen.data[0] * error), np.zeros(e.data.shape), seen)
 
 

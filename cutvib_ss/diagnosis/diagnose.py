@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -13,6 +13,7 @@ from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.compared_responses import compared_responses
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.held_out import HeldOut, share
 from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Sizes
@@ -44,24 +45,6 @@ CONFOUNDED = (
     "measure two levels in one session, and state it (session)"
 )
 MAINS_INTERFERENCE = "the re-tuned model's residual lies on multiples of {:g} Hz: mains interference in the measurement"
-
-
-@dataclass(frozen=True)
-class _Held:
-    """A hypothesis and its residual on held-out records."""
-
-    ranked: Ranked
-    records: tuple[cross_validation.Judged, ...]
-
-    @property
-    def reduced(self) -> float:
-        return cross_validation.reduced_chi2(self.records)
-
-    @property
-    def against_stated(self) -> float:
-        """The same against the noise as stated, where it was seen to scatter."""
-        known = all(j.entry.estimator.scatter_seen for j in self.records)
-        return self.reduced * (max(self.ranked.fit.spread.sizes.noise, 1.0) if known else 1.0)
 
 
 def diagnose(
@@ -130,11 +113,11 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     records = linear.records
     fitted = list(records.entries)
     folds = cross_validation.folds(observed, hold_out, seed)
-    judgements: dict[str, _Held] = {}
+    judgements: dict[str, HeldOut] = {}
 
-    def judged(r: Ranked) -> _Held:
+    def judged(r: Ranked) -> HeldOut:
         if r.name not in judgements:
-            judgements[r.name] = _Held(r, cross_validation.judge(nominal, folds, r.fit, workers))
+            judgements[r.name] = HeldOut(r, cross_validation.judge(nominal, folds, r.fit, workers))
         return judgements[r.name]
 
     ranked = search(nominal, observed, linear, lambda r: judged(r).reduced, lambda r: judged(r).against_stated, workers)
@@ -150,14 +133,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     workers.say("judging causes on held-out records")
     best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
     odds = probabilities(ranked, counts, variants, judged(best).reduced)
-    odds = judged_on_held_out(
-        ranked,
-        odds,
-        lambda r: judged(r).reduced,
-        lambda one, both: _share(judged(none), judged(one), judged(both)),
-        lambda r: judged(r).against_stated,
-    )
-    odds = of_known_form(ranked, odds)
+    odds = of_known_form(ranked, judged_on_held_out(ranked, odds, judged), judged)
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)
@@ -262,10 +238,10 @@ def _causes(
     shown: Sequence[Ranked],
     odds: dict[str, float],
     rest: Cause,
-    held: dict[str, _Held],
+    held: dict[str, HeldOut],
     before: Sequence[cross_validation.Judged],
     observed: Observations,
-    accepted: _Held,
+    accepted: HeldOut,
 ) -> tuple[Cause, ...]:
     """All hypotheses as rows, variants of one cause together, and "unknown"."""
     start = cross_validation.mean_error(before)
@@ -287,7 +263,7 @@ def _causes(
             reduced_chi2=held[r.name].reduced if r.name in held else float("nan"),
             share=float("nan")
             if key[0] in ("none", "unknown")
-            else _share(held.get("none"), held.get(r.name), accepted),
+            else share(held.get("none"), held.get(r.name), accepted),
         )
     unknown = [c for c in rows.values() if c.effect == "unknown"]
     # One row for an unknown element, at the place where it is likeliest; what no hypothesis holds is unknown too.
@@ -296,19 +272,6 @@ def _causes(
     out = [c for c in rows.values() if c.effect != "unknown"]
     out.append(replace(best, probability=sum(c.probability for c in unknown), parameters={}))
     return tuple(sorted(out, key=lambda c: -c.probability))
-
-
-def _share(tuned: _Held | None, after: _Held | None, accepted: _Held) -> float:
-    """
-    Part of the excess over noise and repeatability that a cause closes on held-out records.
-
-    Their floor is that under the accepted answer: the fit of a poor cause takes its own misfit for noise and drift.
-    """
-    if tuned is None or after is None:
-        return float("nan")
-    start, end = (float(np.mean([j.squares for j in h.records])) for h in (tuned, after))
-    floor = min(start, *(float(np.mean([j.floor for j in h.records])) for h in (after, accepted)))
-    return float(np.clip((start - end) / max(start - floor, 1e-300), 0.0, 1.0)) if start > end else 0.0
 
 
 def _parameters(fit: Fit) -> dict[str, FittedParameter]:
@@ -334,8 +297,8 @@ def _parameters(fit: Fit) -> dict[str, FittedParameter]:
 def _figures(
     observed: Observations,
     before: Sequence[cross_validation.Judged],
-    tuned: _Held,
-    after: _Held,
+    tuned: HeldOut,
+    after: HeldOut,
     seed: int,
 ) -> GapFigures:
     unit = observed.per_unit

@@ -16,6 +16,7 @@ from cutvib_ss.diagnosis.records import Entry, SineTest, thinned
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
+from cutvib_ss.measurement.blocks import without_run_in
 from cutvib_ss.measurement.blow_noise import blow_scatter
 from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.records import Campaign, Record
@@ -112,11 +113,12 @@ def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
 
 
 def _entry(index: int, record: Record) -> Entry:
-    response = measured_response(record)
+    settled, begin = without_run_in(record) if record.kind == "timeseries" else (record, 0)
+    response = measured_response(settled)
     estimator = response.estimator
     replay = None
     if record.kind != "frf":
-        replay = replay_of(record)
+        replay = replace(replay_of(record), begin=begin)
     elif record.excitation == "impact" and record.peak_force is not None:
         at = SETTINGS.record_blow_at if estimator.blow_at is None else estimator.blow_at
         noise = np.array(response.variance[0, 0, 0])
@@ -192,6 +194,9 @@ def _band(e: Entry, record: Record, first: float) -> tuple[float, float]:
     below = all(q == "acceleration" for q in e.quantities) and first > 0.0
     low = SETTINGS.record_below_first_mode * first if below else float(told[0])
     high = min(_highest_quiet(e, low), float(told[-1]))
+    if record.kind == "timeseries":
+        # Of noise, too, some lines pass: the band ends where from then on fewer are heard than not.
+        high = min(high, float(e.freq[np.argmax(np.cumsum(np.where(heard, 1, -1) * (e.freq >= low)))]))
     if record.kind != "frf":
         # Near the Nyquist frequency the digitiser's filter falls off.
         high = min(high, 0.9 * float(e.freq[-1]))

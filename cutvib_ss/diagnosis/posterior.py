@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cutvib_ss.diagnosis.held_out import HeldOut, share
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -67,59 +68,90 @@ def probabilities(
 
 
 def judged_on_held_out(
-    ranked: Sequence[Ranked],
-    odds: Mapping[str, float],
-    leaves: Callable[[Ranked], float],
-    share: Callable[[Ranked, Ranked], float],
-    against_stated: Callable[[Ranked], float],
+    ranked: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
 ) -> dict[str, float]:
-    """
-    Probabilities in which a second known cause, and no cause, have to leave noise on records that the fit has not seen.
-
-    What the form of a first cause leaves is structured: of many second causes some takes a part of it away. One that leaves more
-    than noise is not known to be there. Its probability goes to the first cause alone where that closes all but a few percent, and
-    else to the first cause beside something unknown. No cause at all, too, has to leave noise: where it leaves far more, something
-    unknown is there. That is held against the noise as stated: its own factor on it takes up what is not the machine's.
-    """
+    """Probabilities in which every hypothesis has to show on records that its fit has not seen; they sum to one or less."""
     out = dict(odds)
-    unknown = [x for x in ranked if x.refined and kind_of(x.fit.hypothesis) == UNKNOWN]
-    for r in ranked:
-        bare = not r.fit.hypothesis.effects and out[r.name] >= SETTINGS.verdict_hardly
-        if bare and unknown and against_stated(r) > SETTINGS.verdict_misfit:
-            out[max(unknown, key=lambda x: x.fit.log_evidence).name] += out[r.name]
-            out[r.name] = 0.0
-    for r in ranked:
+    bare = next((r for r in ranked if not r.fit.hypothesis.effects), None)
+    asked = [r for r in ranked if out[r.name] >= SETTINGS.verdict_hardly]
+    if bare in asked:
+        _no_cause_leaves_noise(bare, ranked, out, held)
+    for r in asked:
         causes = r.fit.hypothesis.causes
-        known = kind_of(r.fit.hypothesis) == "sums" and all(effect != UNKNOWN for effect, _ in causes)
-        if not known or out[r.name] < SETTINGS.verdict_hardly or leaves(r) <= SETTINGS.verdict_noise:
-            continue
-        alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in [(c,) for c in causes]]
-        if not alone:
-            continue
-        first = max(alone, key=lambda x: x.fit.log_evidence)
-        target = first
-        if share(first, r) < SETTINGS.verdict_closed:
-            beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
-            partly = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
-            target = max(partly, key=lambda x: x.fit.log_evidence, default=first)
-        out[target.name] += out[r.name]
-        out[r.name] = 0.0
+        if any(effect == UNKNOWN for effect, _ in causes):
+            if held(r).reduced > SETTINGS.fit_run_away:
+                # It shows that something unknown is there, but not what.
+                out[r.name] = 0.0
+        elif causes:
+            if bare and held(r).log_density < held(bare).log_density:
+                # Its lead was estimated twice, and the two estimates disagree in its sign.
+                _give(out, r, bare, 0.5)
+            if len(causes) > 1 and held(r).reduced > SETTINGS.verdict_noise:
+                _second_is_not_proven(r, bare, ranked, out, held)
     return out
 
 
-def of_known_form(ranked: Sequence[Ranked], odds: Mapping[str, float]) -> dict[str, float]:
+def _no_cause_leaves_noise(
+    bare: Ranked, ranked: Sequence[Ranked], odds: dict[str, float], held: Callable[[Ranked], HeldOut]
+) -> None:
     """
-    Probabilities in which an answer is not sure that only stands because everything may err by the most that is believed.
+    Where the re-tuned model leaves far more than noise, something unknown is there.
 
-    Where both the nominal model's discrepancy and the cause's end at the largest sizes of their priors, the records ask for more
-    error than any that is believed: the form is not known, and no more is the cause. What such answers lose lies on something
+    That is held against the noise as stated: its own factor on it takes up what is not the machine's.
+    """
+    unknown = [x for x in ranked if x.refined and kind_of(x.fit.hypothesis) == UNKNOWN]
+    if unknown and held(bare).against_stated > SETTINGS.verdict_misfit:
+        _give(odds, bare, max(unknown, key=lambda x: x.fit.log_evidence))
+
+
+def _second_is_not_proven(
+    both: Ranked,
+    bare: Ranked | None,
+    ranked: Sequence[Ranked],
+    odds: dict[str, float],
+    held: Callable[[Ranked], HeldOut],
+) -> None:
+    """
+    Pass on the probability of two known causes that leave more than noise.
+
+    What the form of a first cause leaves is structured: of many second causes some takes a part of it away. The first cause alone
+    is the answer where it closes all but a few percent, and else the first beside something unknown. If the second predicts more
+    than something unknown does, its kind is right and its form is not known: it keeps what such an answer keeps (`of_known_form`).
+    """
+    alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in [(c,) for c in both.fit.hypothesis.causes]]
+    if not alone:
+        return
+    first = max(alone, key=lambda x: x.fit.log_evidence)
+    if share(held(bare) if bare else None, held(first), held(both)) >= SETTINGS.verdict_closed:
+        _give(odds, both, first)
+        return
+    beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
+    partly = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
+    target = max(partly, key=lambda x: x.fit.log_evidence, default=first)
+    better = held(both).log_density > held(target).log_density
+    _give(odds, both, target, 1.0 - SETTINGS.verdict_form if better else 1.0)
+
+
+def _give(odds: dict[str, float], one: Ranked, other: Ranked, part: float = 1.0) -> None:
+    """Pass a part of one hypothesis' probability on to another."""
+    odds[other.name] += part * odds[one.name]
+    odds[one.name] -= part * odds[one.name]
+
+
+def of_known_form(
+    ranked: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
+) -> dict[str, float]:
+    """
+    Probabilities in which an answer is not sure that only stands because its model errs by more than is believed.
+
+    Where the discrepancies of both the nominal model and the cause end at the largest sizes of their priors, or held-out records
+    show far more than noise as stated, the form is not known, and no more is the cause. What such answers lose lies on something
     unknown: with it the probabilities sum to one.
     """
-    largest = {name: max(size for size, _ in SETTINGS.sizes[name]) for name in ("nominal", "cause")}
     out = dict(odds)
     for r in ranked:
-        layout, sizes = r.fit.spread.layout, vars(r.fit.spread.sizes)
-        strained = layout.nominal and layout.pivots and all(sizes[name] >= most for name, most in largest.items())
-        if strained and kind_of(r.fit.hypothesis) in ("known", "sums"):
+        if kind_of(r.fit.hypothesis) not in ("known", "sums") or out[r.name] < SETTINGS.verdict_hardly:
+            continue
+        if r.fit.spread.at_largest or held(r).against_stated > SETTINGS.verdict_misfit:
             out[r.name] *= SETTINGS.verdict_form
     return out

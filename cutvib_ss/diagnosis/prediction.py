@@ -193,14 +193,15 @@ def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray)
         # The estimator sums samples: Σ e^((z-s)n Δt) Δt from the end of the block on; without samples the integral.
         kernel = step / -np.expm1((both[:, None] - s) * step) if step else 1.0 / (s - both[:, None])
         if both.size:
-            kernel = kernel * _blow_between(group, place, float(start[place]), both, s)
+            kernel = kernel * _blow_between(group, place, float(start[place]), mine, s)
         inverse.append(np.asarray(kernel, dtype=np.complex128))
     return Circles(z, own, np.concatenate(weights), tuple(inverse))
 
 
 def _blow_between(group: Group, row: int, start: float, z: ComplexArray, s: ComplexArray) -> ComplexArray | float:
     """
-    What a blow of finite length puts into the tail: its spectrum at z over that at s, shape (point, line), as H1 averages blows.
+    What a blow of finite length puts into the tail: its spectrum at z, then at their mirror images, over that at s, shape (point,
+    line), as H1 averages blows.
 
     A mode at z rings with F(z), and the estimator divides by F(s). One for an impulse, and where no force was recorded.
     """
@@ -216,19 +217,26 @@ def _blow_between(group: Group, row: int, start: float, z: ComplexArray, s: Comp
             at = np.flatnonzero(np.abs(force) > SETTINGS.tail_force * np.abs(force).max())
             near = slice(max(int(at[0]) - 1, 0), int(at[-1]) + 2)
             begins = near.start / fs - start
-            pulses.append((begins, force[near], _transform(force[near], begins, fs, s)))
+            pulse = _folded(force[near])
+            pulses.append((begins, pulse, _transform(pulse, begins, fs, s)))
         power = np.sum([np.abs(spectrum) ** 2 for _, _, spectrum in pulses], axis=0)
         power = np.maximum(power, 1e-12 * power.max())
-        group.blows[row, start] = [(t, force, spectrum.conj() / power) for t, force, spectrum in pulses]
+        group.blows[row, start] = [(t, pulse, spectrum.conj() / power) for t, pulse, spectrum in pulses]
     each = group.blows[row, start]
-    at_poles = np.stack([_transform(force, begins, fs, z) for begins, force, _ in each], axis=1)
-    return np.asarray(at_poles @ np.stack([share for _, _, share in each]))
+    at_poles = np.stack([_transform(pulse, begins, fs, z) for begins, pulse, _ in each], axis=1)
+    # A force is real: what it is at the mirror images of the poles is conjugate.
+    return np.asarray(np.concatenate([at_poles, at_poles.conj()]) @ np.stack([share for _, _, share in each]))
 
 
-def _transform(force: FloatArray, begins: float, fs: float, z: ComplexArray) -> ComplexArray:
-    """Σ f_n e^(-z t_n): the powers of e^(-z/fs) as products of short and long ones."""
+def _folded(force: FloatArray) -> FloatArray:
+    """A pulse in rows of equal length."""
     size = int(np.ceil(np.sqrt(force.size)))
-    table = np.pad(force, (0, size * size - force.size)).reshape(size, size)
+    return np.pad(force, (0, size * size - force.size)).reshape(size, size)
+
+
+def _transform(table: FloatArray, begins: float, fs: float, z: ComplexArray) -> ComplexArray:
+    """Σ f_n e^(-z t_n) of a folded pulse: the powers of e^(-z/fs) as products of short and long ones."""
+    size = len(table)
     steps = np.arange(size) / fs
     short, far = np.exp(-np.outer(z, steps)), np.exp(-np.outer(z, size * steps))
     return np.asarray(np.exp(-z * begins) * np.sum(far * (short @ table.T), axis=1))

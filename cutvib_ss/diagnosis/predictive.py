@@ -37,6 +37,12 @@ class Spread:
     offsets: FloatArray  # Coefficients of the directions, in their sizes; zero for the unknowns
     precision: FloatArray  # Posterior precision of all columns
 
+    @property
+    def at_largest(self) -> bool:
+        """Whether the discrepancies of the nominal model and of a cause are both the largest of their priors."""
+        largest = all(getattr(self.sizes, name) >= SETTINGS.sizes[name][-1][0] for name in ("nominal", "cause"))
+        return bool(self.layout.nominal and self.layout.pivots) and largest
+
     def drifts(self, sessions: Sequence[tuple[float | str, ...]], records: Sequence[int], count: int) -> FloatArray:
         """Drift of the tuned values of some sessions, then of some records; zero of those that were not fitted."""
         lay = self.layout

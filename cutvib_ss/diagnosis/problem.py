@@ -50,10 +50,11 @@ class Problem:
         shapes = SETTINGS.calibration_shapes if self.calibration > 0 else 0
         self.n_calibration = 2 * shapes * len(self.channels)
         self.n_blow = int(self.free_blow)
-        self.force_scaled = self._force_scaled()
+        self.force_scaled, self.force_offset = self._force_scaled(), self._force_offset()
         self._blow = self.n_tuning + self.n_calibration
         self._shared_by_all = self._blow + self.n_blow
-        self.first_effect = self._shared_by_all + len(self.force_scaled)
+        self._offset = self._shared_by_all + len(self.force_scaled)
+        self.first_effect = self._offset + int(self.force_offset > 0.0)
         self.size = self.first_effect + len(self.parameters)
         self._n_shapes = shapes
         self.band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
@@ -67,6 +68,18 @@ class Problem:
     def _force_scaled(self) -> tuple[tuple[int, int], ...]:
         """Records, by group and row, whose force is known only roughly: none matters where the response is linear."""
         return ()
+
+    def _force_offset(self) -> float:
+        """Standard deviation of a constant force beside the recorded one [N]: no linear response shows it."""
+        return 0.0
+
+    def offset_of(self, x: FloatArray) -> float:
+        """The constant force beside the recorded one [N]."""
+        return self.force_offset * float(x[self._offset]) if self.force_offset > 0.0 else 0.0
+
+    def force_unknowns(self, x: FloatArray) -> FloatArray:
+        """Unknowns of the forces that are known only roughly."""
+        return x[self._shared_by_all : self._offset]
 
     def start(self, warm: FloatArray | None = None) -> FloatArray:
         """Unknowns to start from."""
@@ -166,6 +179,11 @@ class Problem:
         """The model of each group; groups that share their unknowns share it."""
         built: dict[int, Model] = {}
         return [built[id(x)] if id(x) in built else built.setdefault(id(x), self.applied(x)) for x in each]
+
+    def share_circles(self, other: Problem) -> None:
+        """Start from the circles around another problem's slow poles, on the same groups: they serve while they hold this one's."""
+        if [id(g) for g in self.groups] == [id(g) for g in other.groups]:
+            self._circles = list(other._circles)
 
     def forget_circles(self) -> None:
         """Draw the circles around slow poles anew at the next prediction."""

@@ -55,7 +55,7 @@ class Scan:
             hypothesis = there.hypothesis
             self.warm = there.x[: there.first_effect]
         self.effects = hypothesis.effects
-        problem = problem_for(nominal, records, hypothesis, apart)
+        self.problem = problem = problem_for(nominal, records, hypothesis, apart)
         here = problem.start() if x is None else there.x
         predictions, residuals, _ = problem.residuals(here)
         directions = Directions(problem, here, predictions, spread=not records.widened)
@@ -121,6 +121,7 @@ class Scan:
         """The fit underneath with a cause at its start: both, their problem, and its unknowns."""
         both = Hypothesis((*self.effects, effect), self.motion)
         problem = problem_for(self.nominal, self.records, both, self.apart)
+        problem.share_circles(self.problem)
         return both, problem, problem.start(self.warm)
 
     def _freed(self, residual: FloatArray) -> float:

@@ -126,12 +126,12 @@ class Settings:
     verdict_noise: float = _of(1.1, "χ² a datum", "On held-out records, up to which a second cause counts as known",
         "second causes are believed that leave more", "as verdict_stands_out")
     verdict_misfit: float = _of(2.0, "χ² a datum",
-        "On held-out records, from which the re-tuned model (against the noise as stated) is no answer, and a law not enough",
+        "On held-out records, from which the re-tuned model is no answer, a cause not sure, and a law not enough",
         "more gaps are called none, fewer pairs", "noise estimated from a few blows is right to a factor below two")
     verdict_closed: float = _of(0.97, "excess", "That a cause alone has to close to be the answer where no second one is known",
         "more answers say that something is left", "restoring forces and supports hold to ten or twenty percent: squared, a few")
     verdict_form: float = _of(0.6, "probability",
-        "That an answer keeps where its form and the nominal model both err by the most that is believed",
+        "That an answer keeps whose model errs by more than is believed, by its discrepancies or on held-out records",
         "more such answers are sure",
         "a right model needs both in one campaign of a thousand, by their priors; the rest is judgement")
     verdict_hardly: float = _of(0.01, "probability", "Below which a cause is not looked at again", "longer", _TIME)
@@ -177,6 +177,9 @@ class Settings:
     simulation_force_scale: float = _of(0.2, "1", "Relative error of a force that no record holds",
         "looser fits of such records", "hands scatter, and the blow's length is a guess")
     simulation_force_scale_step: float = _of(0.02, "std", "Its step in a difference of two simulations", "-", _NUMERICAL)
+    simulation_force_offset: float = _of(0.1, "rms force",
+        "Standard deviation of a constant force beside that of a continuous recording", "laws that stick or clear fit more",
+        "weights, cables and amplifiers' zeros are some percent of what excites")
     simulation_jump: float = _of(0.2, "1", "Step between lines, of the largest response, from which a sweep may have jumped",
         "jumps are passed over", _JUDGEMENT)
     simulation_early_jump: float = _of(0.25, "1",
@@ -261,6 +264,8 @@ class Settings:
         "local minima of the re-tuned model stay; small gaps are not searched", "a factor of 150")
     search_left: float = _of(1.05, "χ² a datum", "Below which nothing is tried beside the best cause", "fewer pairs", _TIME)
     search_left_of_gap: float = _of(2e-4, "gap", "Added to it", "fewer pairs", _TIME)
+    search_tuned_far: float = _of(4.0, "tolerances", "Of a tuned value, beyond which the best cause is not enough", "fewer pairs",
+        "one of 16 000 lies farther by chance")
     search_leads: float = _of(0.1, "excess", "That a single cause has to take away before a second is tried on top",
         "fewer pairs", "else neither is known")
     search_odd: float = _of(10.0, "χ² a datum", "Of one record under what leaves no more than noise of all others: "

@@ -52,8 +52,13 @@ def simulated(
     wanted: np.ndarray | None = None,
     steps: float = SETTINGS.simulation_steps,
     force_scale: FloatArray | None = None,
+    offset: float = 0.0,
 ) -> Simulated:
-    """Run each record's force through a model in time, and its estimator on the responses."""
+    """
+    Run each record's force through a model in time, and its estimator on the responses.
+
+    `offset` is a constant force [N] that acts beside the recorded one all through a continuous recording.
+    """
     elements = model.nonlinear
     # Stepped are the channels' own quantities, and a window is applied in time: the chain does the rest.
     none, s = (0,) * len(group.channels), 2j * np.pi * group.freq
@@ -84,7 +89,9 @@ def simulated(
         scales = np.ones(len(data)) if force_scale is None else force_scale
         windows = [_window(model, r) for r in replays]
         size = {row: scales[row] * gain for row, (gain, _) in zip(rows, windows, strict=True)}
-        forces = np.concatenate([size[row] * np.stack(r.forces) for row, r in zip(rows, replays, strict=True)])
+        forces = np.concatenate(
+            [size[row] * np.stack(r.forces) + offset * _begun(r) for row, r in zip(rows, replays, strict=True)]
+        )
         run = step(form, forces, replays[0].fs, elements, dynamic_below=still, steps=steps)
         if model.chain.decay_rate:
             for part in (run.responses, run.motions, run.forces):
@@ -112,6 +119,14 @@ def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:
     at = np.argmax(np.abs(force), axis=1)[:, None] / replay.fs
     gain = 1.0 if replay.assumed else float(chain.window(-at.mean()))
     return gain, chain.window(np.arange(force.shape[1]) / replay.fs - at)
+
+
+def _begun(replay: Replay) -> FloatArray:
+    """How far a constant force acts in a simulation from rest: it rises over half a block, for a step would make it ring."""
+    count = replay.forces[0].size
+    if not replay.block:
+        return np.zeros(count)
+    return 0.5 - 0.5 * np.cos(np.pi * np.minimum(np.arange(count) / (replay.block // 2), 1.0))
 
 
 def _replay(group: Group, row: int) -> Replay:
@@ -156,7 +171,10 @@ class SimulatedProblem(Problem):
         each = self.each(x)
         scales = self._force_scales(each[0])
         models = self._models(each)
-        return [simulated(m, g, None, self.steps, k) for m, g, k in zip(models, self.groups, scales, strict=True)]
+        offset = self.offset_of(each[0])
+        return [
+            simulated(m, g, None, self.steps, k, offset) for m, g, k in zip(models, self.groups, scales, strict=True)
+        ]
 
     def _force_scaled(self) -> tuple[tuple[int, int], ...]:
         # What a linear model shows does not depend on the force.
@@ -167,11 +185,23 @@ class SimulatedProblem(Problem):
         scaled = sorted((e.record, i, row) for e, i, row in found if e.replay is not None and e.replay.assumed)
         return tuple((i, row) for _, i, row in scaled)
 
+    def _force_offset(self) -> float:
+        """
+        A continuous recording lacks what is constant: a weight, a cable's pull, the zero of an amplifier.
+
+        On a law it acts as a working point; of blows the offset before them was taken out.
+        """
+        if self.hypothesis.linear:
+            return 0.0
+        replays = (e.replay for g in self.groups for same in g.entries for e in same)
+        power = [float(np.mean(f**2)) for r in replays if r is not None and r.block for f in r.forces]
+        return SETTINGS.simulation_force_offset * float(np.sqrt(np.mean(power))) if power else 0.0
+
     def _force_scales(self, x: FloatArray) -> list[FloatArray]:
         """Factors on the forces of each group's records."""
         out = [np.ones(len(g.data)) for g in self.groups]
-        for k, (i, row) in enumerate(self.force_scaled):
-            out[i][row] = np.exp(SETTINGS.simulation_force_scale * x[self._shared_by_all + k])
+        for (i, row), unknown in zip(self.force_scaled, self.force_unknowns(x), strict=True):
+            out[i][row] = np.exp(SETTINGS.simulation_force_scale * unknown)
         return out
 
     def _slopes(self, x: FloatArray, p: Simulated) -> list[ComplexArray]:
@@ -193,6 +223,11 @@ class SimulatedProblem(Problem):
                 by_law[i] = self._by_law(x, i, p)
         out: dict[int, ComplexArray] = dict(by_law)
         out.update(self._by_force_scale(x, index, p))
+        if self.force_offset > 0.0:
+            step = SETTINGS.simulation_force_scale_step
+            scales = None if index is None else self._force_scales(x)[index]
+            there = simulated(p.model, p.group, None, self.steps, scales, self.offset_of(x) + step * self.force_offset)
+            out[self._offset] = (there.data - p.data) / step
         if self.n_blow:
             # The assumed blow has its instant.
             out[self._blow] = np.zeros(p.data.shape, dtype=np.complex128)
@@ -215,7 +250,7 @@ class SimulatedProblem(Problem):
         )
         index = self._fitted(p)
         scales = None if index is None else self._force_scales(x)[index]
-        there = simulated(self.applied(moved), p.group, None, self.steps, scales)
+        there = simulated(self.applied(moved), p.group, None, self.steps, scales, self.offset_of(x))
         change: ComplexArray = (there.data - p.data) / (moved[i] - x[i])
         return change
 
@@ -227,12 +262,12 @@ class SimulatedProblem(Problem):
         """All records' forces moved at once: each moves its own record alone."""
         if index is None:
             nothing = np.zeros(p.data.shape, dtype=np.complex128)
-            return dict.fromkeys(range(self._shared_by_all, self.first_effect), nothing)
+            return dict.fromkeys(range(self._shared_by_all, self._offset), nothing)
         if not self.force_scaled:
             return {}
         moved = x.copy()
-        moved[self._shared_by_all : self.first_effect] += SETTINGS.simulation_force_scale_step
-        there = simulated(p.model, p.group, None, self.steps, self._force_scales(moved)[index])
+        moved[self._shared_by_all : self._offset] += SETTINGS.simulation_force_scale_step
+        there = simulated(p.model, p.group, None, self.steps, self._force_scales(moved)[index], self.offset_of(x))
         change = (there.data - p.data) / SETTINGS.simulation_force_scale_step
         out = {}
         for k, (i, row) in enumerate(self.force_scaled):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
@@ -23,6 +25,20 @@ def welch_blocks(record: Record, block: float | None = None, overlap: float = 0.
     if not 0 <= overlap < 1:
         raise ParameterError(f"overlap {overlap} must be at least 0 and below 1")
     return size, int(overlap * size)
+
+
+def without_run_in(record: Record) -> tuple[Record, int]:
+    """
+    A continuous recording without its first half block, and the samples left out: what moved before it is not known.
+
+    One of less than four blocks is left as it is.
+    """
+    size, _ = welch_blocks(record)
+    if min(h.force.size for h in record.histories) < 4 * size:
+        return record, 0
+    begin = size // 2
+    cut = tuple(replace(h, force=h.force[begin:], responses=h.responses[:, begin:]) for h in record.histories)
+    return replace(record, histories=cut, block=size / record.histories[0].fs), begin
 
 
 def effective_averages(window: FloatArray, step: int, count: int) -> float:

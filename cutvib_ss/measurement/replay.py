@@ -37,6 +37,7 @@ class Replay:
     # The measured responses to each force; empty where only estimates were recorded
     measured: tuple[FloatArray, ...] = ()
     sampled: float = 0.0  # Sampling frequency of the record itself, where the histories here are on a slower clock [Hz]
+    begin: int = 0  # Samples of a continuous recording that are run through a model before the first block
     assumed: bool = False  # Whether the force is made up (a half sine), since only estimated responses were recorded
 
     def ratio(self, under: Sequence[FloatArray], over: Sequence[FloatArray]) -> ComplexArray:
@@ -57,9 +58,8 @@ class Replay:
 
     def _welch(self, x: FloatArray, y: FloatArray) -> ComplexArray:
         """Cross-spectral density on the kept lines."""
-        density = signal.csd(
-            x[(None,) * (y.ndim - 1)], y, window="hann", nperseg=self.block, noverlap=self.overlap, detrend="constant"
-        )[1]
+        x, y = x[(None,) * (y.ndim - 1)][..., self.begin :], y[..., self.begin :]
+        density = signal.csd(x, y, window="hann", nperseg=self.block, noverlap=self.overlap, detrend="constant")[1]
         return np.asarray(density, dtype=np.complex128)[..., self.lines]
 
     def data(self, responses: Sequence[FloatArray]) -> ComplexArray:

@@ -225,14 +225,15 @@ def truth_of(label: Mapping[str, Any]) -> Truth:
     return Truth("pair" if len(causes) > 1 else "single", causes, name_of(causes), places, sigma, label)
 
 
-def answer_of(diagnosis: Mapping[str, Any]) -> Answer:
-    """A diagnosis, read."""
+def answer_of(diagnosis: Mapping[str, Any], shifts: Mapping[str, Sequence[str]] | None = None) -> Answer:
+    """A diagnosis, read; `shifts` are the values whose shift is on this structure exactly another cause, and which."""
+    equivalent = {**EQUIVALENT, **{("parameter_shift", k): (e, p) for k, (e, p) in (shifts or {}).items()}}
     rows: Sequence[Mapping[str, Any]] = diagnosis["causes"]
     entries = tuple(
         Entry(
             UNKNOWN
             if row["effect"] == "unknown"
-            else causes_of(row["effect"], row["place"], row.get("parameters") or {}),
+            else causes_of(row["effect"], row["place"], row.get("parameters") or {}, equivalent),
             float(row["probability"]),
             float("nan") if row.get("reduced_chi2") is None else float(row["reduced_chi2"]),
         )
@@ -248,7 +249,9 @@ def answer_of(diagnosis: Mapping[str, Any]) -> Answer:
     )
 
 
-def causes_of(effect: str, place: str, parameters: Mapping[str, Any]) -> Causes:
+def causes_of(
+    effect: str, place: str, parameters: Mapping[str, Any], equivalent: Mapping[tuple[str, str], OneCause] = EQUIVALENT
+) -> Causes:
     """
     Causes of a label or of a diagnosis' row, under the names that count.
 
@@ -264,7 +267,7 @@ def causes_of(effect: str, place: str, parameters: Mapping[str, Any]) -> Causes:
         shifted = parameters.get(f"{one}.parameter", parameters.get("parameter"))
         if isinstance(shifted, Mapping):
             shifted = shifted.get("value")
-        out.add(ELEMENT if one == "unknown" else EQUIVALENT.get((one, str(shifted)), (one, at)))
+        out.add(ELEMENT if one == "unknown" else equivalent.get((one, str(shifted)), (one, at)))
     return frozenset(out)
 
 
@@ -280,6 +283,7 @@ def read_cases(trial: Trial, labels: Mapping[str, Any]) -> tuple[Case, ...]:
     out = []
     for name in sorted(labels):
         run = read_json(trial.run(name))
-        answer = answer_of(read_json(trial.diagnosis(name))) if run["status"] == "done" else FAILED
+        shifts = labels[name].get("equivalent_shifts")
+        answer = answer_of(read_json(trial.diagnosis(name)), shifts) if run["status"] == "done" else FAILED
         out.append(Case(name, truth_of(labels[name]), answer, run))
     return tuple(out)

@@ -3,8 +3,9 @@ Measured machines with an exactly known cause: elements added to the records of 
 
 The noise, the drift, the law of the rig and the misfit of its nominal model are real; kind, place and size of what is added are
 known. The rig keeps its documented cause, so that the truth is the pair. On frequency responses every element is added exactly,
-F (1 + z H). On histories only springs are: k times the displacement is exact however a record begins and ends, whereas a mass or a
-resonator asks for derivatives of a measured motion that does not rest at its ends.
+F (1 + z H), and leaves the resonance in the band; where that is too narrow for a spring or a mass beyond the tolerances, only
+resonators are added. On histories only springs are: k times the displacement is exact however a record begins and ends, whereas
+a mass or a resonator asks for derivatives of a measured motion that does not rest at its ends.
 """
 
 from __future__ import annotations
@@ -46,6 +47,9 @@ UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 MACHINE = "measured"
 """Kind of the machine in the labels."""
 
+SHIFTS: Mapping[str, str] = {"spring": "stiffness", "mass": "mass"}
+"""What each kind of element is on one coordinate: a shift of this value of the structure."""
+
 
 @dataclass(frozen=True)
 class Added:
@@ -56,14 +60,22 @@ class Added:
     parameters: Mapping[str, float]
 
 
-def elements(mass: float, stiffness: float, centre: float, rng: np.random.Generator) -> Mapping[str, Added]:
-    """One element of each kind, of a size that shows on a structure of this mass and stiffness whose band is about a frequency."""
+def elements(
+    mass: float, stiffness: float, centre: float, room: float, rng: np.random.Generator
+) -> Mapping[str, Added]:
+    """
+    One element of each kind, of a size that shows on a structure of this mass and stiffness whose band is about a frequency.
+
+    ``room`` is the way from that frequency to the nearer end of the band, over the frequency: no element moves the resonance
+    farther than 0.6 of it.
+    """
     factor = float(np.exp(rng.uniform(np.log(0.6), np.log(1.7))))
     # A body without a spring gets one on which it would swing at the middle of its band.
-    k = 0.12 * factor * (stiffness or mass * (2 * np.pi * centre) ** 2)
-    m, hung = 0.09 * factor * mass, 0.06 * factor * mass
-    omega = 2 * np.pi * centre * float(rng.uniform(0.8, 1.2))
-    zeta = float(rng.uniform(0.01, 0.05))
+    most = 0.7 * room
+    k = min(0.12, most) * factor * (stiffness or mass * (2 * np.pi * centre) ** 2)
+    m, hung = min(0.09, most) * factor * mass, min(0.06, most**2) * factor * mass
+    omega = 2 * np.pi * centre * (1 + min(1.0, 3 * room) * float(rng.uniform(-0.2, 0.2)))
+    zeta = min(1.0, 10 * room) * float(rng.uniform(0.01, 0.05))
 
     def resonator(s: Any) -> Any:
         spring = 2 * zeta * omega * s + omega**2
@@ -85,8 +97,12 @@ def available(data: Path) -> tuple[str, ...]:
         campaign = read_campaign(file.parent)
         if _documented(file.parent, campaign) is None or not _one_coordinate(campaign):
             continue
-        histories = any(r.histories for r in campaign.records)
-        kinds = [("spring", 0), ("spring", 1)] if histories else [("spring", 0), ("mass", 0), ("resonator", 0)]
+        if any(r.histories for r in campaign.records):
+            kinds = [("spring", 0), ("spring", 1)]
+        elif _narrow(campaign):
+            kinds = [("resonator", 0), ("resonator", 1)]
+        else:
+            kinds = [("spring", 0), ("mass", 0), ("resonator", 0)]
         names += [f"{file.parent.relative_to(data).as_posix()}|{kind}|{k}" for kind, k in kinds]
     if not names:
         raise ParameterError(
@@ -116,12 +132,12 @@ def made(data: Path, seed: int, request: Request) -> Made:
     machine, place = campaign.machine, campaign.machine.input_port
     rng = np.random.default_rng([seed, *name.encode()])
     mass, stiffness = (float(m[0, 0]) for m in (machine.system.mass, machine.system.stiffness))
-    centre = float(np.sqrt(stiffness / mass) / (2 * np.pi)) if stiffness else 1.5
-    added = elements(mass, stiffness, centre, rng)[kind]
+    added = elements(mass, stiffness, _centre(campaign), _room(campaign), rng)[kind]
     pairs = [(f"{a}+{b}", f"{p}+{q}") for (a, p), (b, q) in _orders(documented, added.effect, place)]
     label = {
         "effect": pairs[0][0], "place": pairs[0][1], "or": [{"effect": e, "place": p} for e, p in pairs[1:]],
         "parameters": {added.effect: dict(added.parameters)}, "kind": "pair", "machine": MACHINE, "severity": None,
+        "equivalent_shifts": {SHIFTS[kind]: [added.effect, place]} if kind in SHIFTS else {},
         "gap_sigma": None, "form": f"{kind} added to {where}", "grade": 0, "conditions": {}, "oracle": None,
     }  # fmt: skip
     with tempfile.TemporaryDirectory(prefix="cutvib-") as draft:
@@ -150,6 +166,29 @@ def _one_coordinate(campaign: Campaign) -> bool:
     if machine.has_position or machine.input_quantity != "force" or len(machine.system.mass) != 1:
         return False
     return all(len(r.channels) == 1 for r in campaign.records)
+
+
+def _centre(campaign: Campaign) -> float:
+    """The resonance of the nominal structure; of a free body a frequency of its motion [Hz]."""
+    mass, stiffness = campaign.machine.system.mass[0, 0], campaign.machine.system.stiffness[0, 0]
+    return float(np.sqrt(stiffness / mass) / (2 * np.pi)) if stiffness else 1.5
+
+
+def _room(campaign: Campaign) -> float:
+    """The way from the resonance to the nearer end of the band that all records share, over the resonance; 1 for histories."""
+    lines = [r.frf.freq for r in campaign.records if r.frf is not None]
+    if not lines:
+        return 1.0
+    centre = _centre(campaign)
+    low, high = max(f.min() for f in lines), min(f.max() for f in lines)
+    return max(float(min(centre - low, high - centre)) / centre, 1e-3)
+
+
+def _narrow(campaign: Campaign) -> bool:
+    """Whether a spring or mass that leaves the resonance in the band moves it by less than three standard deviations."""
+    tolerance = campaign.machine.tolerance
+    stiffness, mass = (float(getattr(tolerance, name)) for name in ("stiffness", "mass"))
+    return 0.6 * _room(campaign) < 3 * 0.5 * float(np.hypot(stiffness, mass))
 
 
 def write(campaign: Campaign, records: Sequence[Record], source: Path, out: Path) -> None:

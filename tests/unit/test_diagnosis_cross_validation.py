@@ -20,6 +20,7 @@ from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.support_compliance import SupportCompliance
+from cutvib_ss.errors import CouplingError
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from tests.unit.record_example import entry_of
@@ -75,6 +76,22 @@ def test_what_one_position_does_not_tell_is_no_error_of_the_model(two_positions)
     assert cross_validation.reduced_chi2(alone) > 1.05, (
         "the tuning was left uncertain: noise alone does not say by how much"
     )
+
+
+@pytest.mark.parametrize("failing", ["fit", "predicted"])
+def test_a_hypothesis_that_runs_away_predicts_nothing(monkeypatch, failing):
+    seen = observations(measured(MACHINE, (0.1, 0.6), np.random.default_rng(4)))
+    none = fit(MACHINE, Records(seen.entries), Hypothesis())
+
+    def runs_away(*_, **__):
+        raise CouplingError("no steady motion")
+
+    monkeypatch.setattr(cross_validation, failing, runs_away)
+    with Workers() as workers:
+        for j in cross_validation.judge(MACHINE, cross_validation.folds(seen, None, 0), none, workers):
+            assert j.error == pytest.approx(np.abs(j.entry.data).mean(axis=1))
+            assert j.chi2.min() > 100.0
+            assert j.log_density == pytest.approx(-j.chi2.sum() * j.entry.freq.size)
 
 
 def left(shown, x, root, entry):

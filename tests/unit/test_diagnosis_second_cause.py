@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -9,11 +10,13 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Layout, Sizes
 from cutvib_ss.diagnosis.posterior import judged_on_held_out, kind_of, of_known_form
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.search import _enough
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
@@ -35,39 +38,82 @@ def ranked(name: str, evidence: float, *effects: Effect) -> Ranked:
     return Ranked(name, cast(Fit, OnlyEvidence(Hypothesis(effects), evidence)), True)
 
 
+@dataclass(frozen=True)
+class Leaves:
+    """What a hypothesis leaves of held-out records."""
+
+    reduced: float = 1.0
+    against_stated: float = 1.0
+    log_density: float = 0.0
+    squares: float = 0.0
+    floor: float = 0.0
+
+
+def held(**each: Leaves) -> Callable[[Ranked], HeldOut]:
+    return lambda r: cast(HeldOut, each[r.name])
+
+
+NONE = ranked("none", 0.0)
 MAIN, OTHER, BOTH = ranked("main", 100.0, MASS), ranked("other", 10.0, CUBIC), ranked("both", 200.0, MASS, CUBIC)
 BESIDE = ranked("beside", 150.0, MASS, UNKNOWN)
-ODDS = {"main": 0.03, "other": 0.0, "both": 0.95, "beside": 0.02}
+EVERY = [NONE, MAIN, OTHER, BOTH, BESIDE]
+ODDS = {"none": 0.0, "main": 0.03, "other": 0.0, "both": 0.95, "beside": 0.02}
+TUNED = Leaves(squares=1.0, log_density=-1000.0)
 
 
 @pytest.mark.parametrize(
     ("left", "closed", "best"), [(1.05, 0.99, "both"), (1.3, 0.99, "main"), (1.3, 0.8, "beside"), (1.05, 0.8, "both")]
 )
 def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: float, best: str) -> None:
-    every = [MAIN, OTHER, BOTH, BESIDE]
-    found = judged_on_held_out(every, ODDS, lambda r: left, lambda first, both: closed, lambda r: left)
+    seen = held(none=TUNED, main=Leaves(squares=1.0 - closed), both=Leaves(reduced=left), beside=Leaves())
+    found = judged_on_held_out(EVERY, ODDS, seen)
     assert max(found, key=lambda name: found[name]) == best
     assert sum(found.values()) == pytest.approx(1.0)
     # Nothing is taken from what was not in question.
     assert found["other"] == 0.0
 
 
-def test_what_is_improbable_is_not_judged_again() -> None:
-    def never(*_: Ranked) -> float:
-        raise AssertionError
+def test_a_second_cause_that_predicts_more_than_something_unknown_is_named_and_not_sure() -> None:
+    seen = held(
+        none=TUNED,
+        main=Leaves(squares=0.2),
+        both=Leaves(reduced=1.3, log_density=-200.0),
+        beside=Leaves(log_density=-300.0),
+    )
+    found = judged_on_held_out(EVERY, ODDS, seen)
+    assert found["both"] == pytest.approx(0.95 * SETTINGS.verdict_form)
+    assert found["beside"] == pytest.approx(0.02 + 0.95 * (1 - SETTINGS.verdict_form))
 
+
+def test_what_is_improbable_is_not_judged_again() -> None:
     odds = {**ODDS, "both": 0.001, "main": 0.979}
-    assert judged_on_held_out([MAIN, OTHER, BOTH, BESIDE], odds, never, never, never) == odds
+    assert judged_on_held_out(EVERY, odds, held(none=TUNED, main=Leaves(), beside=Leaves())) == odds
 
 
 def test_a_model_alone_that_leaves_far_more_than_noise_gives_way_to_something_unknown() -> None:
     none, other = ranked("none", 50.0), ranked("unknown", 40.0, UNKNOWN)
     for left, best in ((1.2, "none"), (3.0, "unknown")):
         found = judged_on_held_out(
-            [none, other], {"none": 0.7, "unknown": 0.3}, lambda r: 1.0, lambda *_: 1.0, lambda r, left=left: left
-        )  # type: ignore[misc]
+            [none, other], {"none": 0.7, "unknown": 0.3}, held(none=Leaves(against_stated=left), unknown=Leaves())
+        )
         assert max(found, key=lambda name: found[name]) == best
-    assert judged_on_held_out([none], {"none": 1.0}, lambda r: 1.0, lambda *_: 1.0, lambda r: 3.0) == {"none": 1.0}
+    assert judged_on_held_out([none], {"none": 1.0}, held(none=Leaves(against_stated=3.0))) == {"none": 1.0}
+
+
+def test_a_cause_that_trails_on_held_out_records_is_not_sure() -> None:
+    odds = {"none": 0.02, "main": 0.98}
+    for density, probability in ((-1200.0, 0.49), (-800.0, 0.98)):
+        found = judged_on_held_out([NONE, MAIN], odds, held(none=TUNED, main=Leaves(log_density=density)))
+        assert found["main"] == pytest.approx(probability)
+        assert sum(found.values()) == pytest.approx(1.0)
+
+
+def test_something_unknown_that_runs_away_is_not_shown() -> None:
+    none, other = ranked("none", 0.0), ranked("unknown", 40.0, UNKNOWN)
+    found = judged_on_held_out(
+        [none, other], {"none": 0.3, "unknown": 0.7}, held(none=TUNED, unknown=Leaves(reduced=1e30))
+    )
+    assert found == {"none": 0.3, "unknown": 0.0}
 
 
 def test_two_channels_of_a_delay_are_one_cause() -> None:
@@ -83,22 +129,35 @@ class WithSizes:
     hypothesis: Hypothesis
     log_evidence: float
     spread: Spread
+    farthest: float = 0.0
+    reduced: float = 1.0
 
 
-def sized(name: str, nominal: float, cause: float, *effects: Effect) -> Ranked:
+def sized(name: str, nominal: float, cause: float, *effects: Effect, farthest: float = 0.0) -> Ranked:
     layout = Layout(1, (), (), (), (0,), ((0.0, 0.0),), 1)
     spread = Spread(layout, Sizes(nominal=nominal, cause=cause), np.zeros(0), np.eye(1))
-    return Ranked(name, cast(Fit, WithSizes(Hypothesis(effects), 0.0, spread)), True)
+    return Ranked(name, cast(Fit, WithSizes(Hypothesis(effects), float(len(effects)), spread, farthest)), True)
 
 
 def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> None:
     odds = {"none": 0.01, "mass": 0.99}
-    none = sized("none", 0.03, 0.3)
-    strained = of_known_form([none, sized("mass", 0.03, 0.3, MASS)], odds)
-    assert strained["mass"] == pytest.approx(0.99 * SETTINGS.verdict_form)
-    assert sum(strained.values()) < 0.9
+    none, fits, fails = sized("none", 0.03, 0.3), held(mass=Leaves()), held(mass=Leaves(against_stated=3.0))
+    for mass, seen in ((sized("mass", 0.03, 0.3, MASS), fits), (sized("mass", 3e-5, 1e-3, MASS), fails)):
+        strained = of_known_form([none, mass], odds, seen)
+        assert strained["mass"] == pytest.approx(0.99 * SETTINGS.verdict_form)
+        assert sum(strained.values()) < 0.9
     # One of the two alone is what the discrepancy is for.
     for nominal, cause in ((0.03, 0.1), (0.01, 0.3), (3e-5, 1e-3)):
-        assert of_known_form([none, sized("mass", nominal, cause, MASS)], odds) == odds
+        assert of_known_form([none, sized("mass", nominal, cause, MASS)], odds, fits) == odds
     # Something unknown has no form that could err.
-    assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds) == odds
+    assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds, fails) == odds
+
+
+def test_a_cause_that_stands_in_for_others_is_not_enough() -> None:
+    none = sized("none", 3e-5, 1e-3)
+    for found, enough in (
+        (sized("mass", 3e-5, 1e-3, MASS), True),
+        (sized("mass", 0.03, 0.3, MASS), False),
+        (sized("mass", 3e-5, 1e-3, MASS, farthest=5.0), False),
+    ):
+        assert _enough([found], none, lambda r: 1.0) is enough

@@ -9,7 +9,7 @@ from cutvib_ss.validation.rig import draw_case
 from cutvib_ss.validation.rig.assembly import assembled
 from cutvib_ss.validation.rig.causes import FORMS
 from cutvib_ss.validation.rig.chain_forms import CHAIN_FORMS
-from cutvib_ss.validation.rig.evidence import calibration, whitening
+from cutvib_ss.validation.rig.evidence import WARMING, Marginal, calibration, warming, whitening
 from cutvib_ss.validation.rig.motion import frequency_response
 from cutvib_ss.validation.rig.oracle import MOVING, NONE, TUNED, Model, Seen, judged, knows, posterior, seen
 from cutvib_ss.validation.rig.prior import Hypothesis, Script, hypotheses
@@ -70,6 +70,26 @@ def test_noise_of_neighbouring_lines_is_made_independent() -> None:
     assert abs(np.mean(spectra[:, 1:] * spectra[:, :-1].conj())) > 0.25
     assert abs(np.mean(white[:, 1:] * white[:, :-1].conj())) < 0.05
     assert np.mean(np.abs(white[:, 5:]) ** 2) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("value", [*range(len(MOVING)), "trend", "bow"])
+def test_the_linear_model_of_movement_is_that_of_the_machine(value: int | str) -> None:
+    s = np.asarray(2.0 + 2j * np.pi * np.arange(18.0, 450.1, 6.0))
+    positions = (0.2, 0.45, 0.7)
+    what = Seen(positions, (0, 1), s, np.ones((3, 2, s.size)), np.ones((3, 2, s.size)), np.ones(s.size, complex), 1)
+    model, tuning, size = Model(Rig(), what, (0.3, 2.0)), np.full(len(TUNED), 0.5), 1e-5
+    point, moved = np.zeros(len(TUNED) + 2), np.zeros((3, len(MOVING)))
+    if isinstance(value, int):
+        moved[:, value] = size * np.array([1.0, -2.0, 1.5])
+        total = moved
+    else:
+        point[-2 if value == "trend" else -1] = size
+        total = np.outer(point[-2:] @ warming(3), [float(name in WARMING) for name in MOVING])
+    here = model.at(None, np.zeros(0), tuning)
+    there = model.at(None, np.zeros(0), tuning, total)
+    marginal = Marginal(what, 0.0)
+    parts = marginal.parts(there - here, np.zeros((0, *here.shape)), model.slopes(None, tuning, here), here)
+    assert parts.after(point, moved).square < 1e-3 * parts.square
 
 
 def test_the_blows_of_a_campaign_leave_noise_alone_about_the_machine_that_was_struck() -> None:

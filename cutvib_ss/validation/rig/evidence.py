@@ -21,10 +21,20 @@ from cutvib_ss.validation.rig.structure import TOLERANCE
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_MOVING = (4, 5, 6, 7, 9, 10)
-"""Of the tolerances' columns (m1, m2, l1, l2, k1, k2, c1, c2, mass, first_frequency, damping_ratio) those that move."""
+TUNED = tuple(name for name in TOLERANCE if name != "calibration")
+"""Values that a builder knows within a tolerance, in the order of their columns."""
 
-_WARMING = (4, 5, 9)
+MOVING = ("k1", "k2", "first_frequency", "c1", "c2", "damping_ratio")
+"""Values that move between sessions, in the order of their columns: each by its tolerance times the drift over 0.01."""
+
+WARMING = ("k1", "k2", "first_frequency")
+"""Those that the temperature moves."""
+
+_MOVING = [TUNED.index(name) for name in MOVING]
+_WARMING = [TUNED.index(name) for name in WARMING]
+
+_TREND = (1.22, 0.37)
+"""Standard deviations of the change over the campaign and of its bow, over the movement between sessions."""
 
 _BLOW = 0.052
 """When a blow falls, on average [s]."""
@@ -69,6 +79,12 @@ def whitening(lines: int, step: float, rate: float) -> Complex:
     return bands
 
 
+def warming(sessions: int) -> Array:
+    """What a trend of the temperature and its bow add to the logarithms of values in each session: (2, session)."""
+    place = np.linspace(0.0, 1.0, sessions) if sessions > 1 else np.zeros(1)
+    return np.array([_TREND[0] * place, _TREND[1] * place * (1 - place)])
+
+
 @dataclass(frozen=True)
 class Parts:
     """Normal matrices of a linearised model, by session: of what is common, across, of what is the session's own."""
@@ -79,7 +95,7 @@ class Parts:
     right: Array  # (n)
     right_own: Array  # (session, m)
     square: float
-    tuned: int  # Columns of coordinates and tolerances at the front
+    tuned: int  # Columns at the front that a fit follows: coordinates, tolerances, trend and its bow
 
     def after(self, step: Array, moved: Array) -> Parts:
         """The same linear model seen from a point that is a step away."""
@@ -139,13 +155,11 @@ class Marginal:
         first = self._white(np.concatenate([fault, tuning]))
         r = self._white(residual)
         n_first = len(first)
-        place = np.linspace(0.0, 1.0, sessions)[:, None, None] if sessions > 1 else np.zeros((1, 1, 1))
-        warm = sum(tuning[k] for k in _WARMING) / 0.01
-        trend = self._white(np.array([warm * place * 1.22, warm * place * (1 - place) * 0.37]))
+        trend = self._white(warming(sessions)[..., None, None] * sum(tuning[k] for k in _WARMING) / 0.01)
         relative = np.concatenate([here[..., None] * self.gain, 1j * here[..., None] * self.phase], axis=-1)
         shapes = relative.shape[-1]
         cal = self._white(relative.transpose(3, 0, 1, 2))
-        moved = self._white(tuning[list(_MOVING)] / 0.01)
+        moved = self._white(tuning[_MOVING] / 0.01)
         gains = self._white(here)
         n, m = n_first + 2 + channels * shapes, len(_MOVING) + channels
         common, right = np.zeros((n, n)), np.zeros(n)
@@ -165,7 +179,7 @@ class Marginal:
                 across[k][np.ix_(at, alone)] += normal[:cut, cut:]
                 own[k][np.ix_(alone, alone)] += normal[cut:, cut:]
                 right_own[k][alone] += with_r[cut:]
-        return Parts(common, across, own, right, right_own, float(np.sum(r**2)), n_first)
+        return Parts(common, across, own, right, right_own, float(np.sum(r**2)), n_first + 2)
 
     def _eliminated(self, parts: Parts, point: Array, moved: Array, drift: float) -> Eliminated:
         """What is common, sessions' own movements marginalised; the linear model holds about a point and about movements."""
@@ -181,10 +195,9 @@ class Marginal:
         square = parts.square + 2 * float(parts.right @ at) + float(at @ parts.common @ at) + 2 * float(at @ crossed)
         square += float(np.sum(inner * (parts.right_own + own - np.einsum("knm,n->km", parts.across, at))))
         scale = np.full(own.shape[1], self._within(drift))
-        trend = np.ones(n)
-        trend[parts.tuned : parts.tuned + 2] = drift
-        normal, full, determinant = parts.common * np.outer(trend, trend), full * trend, 0.0
-        cross = parts.across * trend[:, None] * scale
+        unit = self._unit(parts, drift)
+        normal, full, determinant = parts.common * np.outer(unit, unit), full * unit, 0.0
+        cross = parts.across * unit[:, None] * scale
         factor = np.linalg.cholesky(parts.own * np.outer(scale, scale) + np.eye(scale.size))
         determinant = 2 * float(np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2))))
         half = np.asarray(np.linalg.solve(factor, cross.transpose(0, 2, 1)), dtype=np.float64)
@@ -193,16 +206,34 @@ class Marginal:
         full = full - np.einsum("kmi,km->i", half, rest)
         return Eliminated(normal, full, square - float(np.sum(rest**2)), determinant, factor, half, rest, scale)
 
+    def _unit(self, parts: Parts, drift: float) -> Array:
+        """Prior standard deviations of what is common: a trend's is the drift, the others have unit variance."""
+        unit = np.ones(parts.right.size)
+        if parts.tuned:
+            unit[parts.tuned - 2 : parts.tuned] = drift
+        return unit
+
     def _within(self, drift: float) -> float:
         """Movement of a session's mean: half of the machines move from record to record too."""
         return drift * float(np.sqrt(1 + 0.5 * 0.09 / max(self.what.levels, 1)))
 
     def misfit(self, parts: Parts, point: Array, moved: Array, drift: float) -> float:
-        """Square of residual and unknowns at a point, calibration and movement at their best."""
-        e = self._eliminated(parts, np.zeros_like(point), moved, drift)
-        k = parts.tuned
-        rest = float(e.full[k:] @ np.linalg.solve(e.normal[k:, k:], e.full[k:]))
-        return e.square - rest + float(point @ point)
+        """Square of residual and unknowns at a point and at movements, calibration and gains at their best."""
+        k, m = parts.tuned, moved.shape[1]
+        linear = replace(
+            parts,
+            common=parts.common[k:, k:],
+            across=parts.across[:, k:, m:],
+            own=parts.own[:, m:, m:],
+            right=parts.right[k:],
+            right_own=parts.right_own[:, m:],
+            tuned=0,
+        )
+        e = self._eliminated(linear, point[:0], moved[:, :0], drift)
+        square = e.square - float(e.full @ np.linalg.solve(e.normal, e.full)) + float(point[:-2] @ point[:-2])
+        if drift:
+            square += float(np.sum((point[-2:] / drift) ** 2) + np.sum((moved / self._within(drift)) ** 2))
+        return square
 
     def log_evidence(self, parts: Parts, point: Array, moved: Array, drift: float) -> float:
         """
@@ -218,8 +249,9 @@ class Marginal:
         """From the point, and from the movements, to the most probable ones of the linear model."""
         e = self._eliminated(parts, point, moved, drift)
         best = np.linalg.solve(e.normal, e.full)
+        at = (best * self._unit(parts, drift))[: parts.tuned]
         own = np.linalg.solve(e.factor.transpose(0, 2, 1), (e.rest - e.half @ best)[..., None])[..., 0] * e.scale
-        return best[: parts.tuned] - point, own[:, : moved.shape[1]] - moved
+        return at - point, own[:, : moved.shape[1]] - moved
 
     def alike(self, residuals: Complex, tuning: Complex, here: Complex, drift: float = 0.003) -> Array:
         """Log likelihood of many residuals, all but their cause marginalised about one point."""
@@ -232,7 +264,7 @@ class Marginal:
             columns += [*only]
         for k in range(sessions):
             own = np.zeros((len(_MOVING), *here.shape), dtype=np.complex128)
-            own[:, k] = drift / 0.01 * tuning[list(_MOVING), k]
+            own[:, k] = drift / 0.01 * tuning[_MOVING, k]
             columns += [*own]
         u = self._white(np.array(columns)).reshape(len(columns), -1)
         white = self._white(residuals).reshape(len(residuals), -1)

@@ -3,8 +3,8 @@ What a method could know at best: the posterior over causes and places of one wh
 
 It has the generator's forms and sizes (`prior`), the machine's exact responses (`responses`), and what the generator lets vary
 beside the cause: values within their tolerances, smooth calibration errors, movement between sessions, noise. Each hypothesis is
-fitted to the blows themselves; tolerances and sizes by Gauss and Newton from the best of many draws of the prior, all that is
-linear (calibration, movement) marginalised exactly, the rest by Laplace's method about the best fit.
+fitted to the blows themselves by Gauss and Newton from the best of many draws of the prior: tolerances, sizes, and movement
+between sessions, which are marginalised by Laplace's method. What is linear (calibration, gains) is marginalised exactly.
 
 Known to it and to no diagnosis: the size of the noise, which blows and records went wrong, corners of AC-coupled inputs. Not
 known: the machine's values, the cause, and how far the machine moves. It reads every sixth line, and the records of the two
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from cutvib_ss.validation.rig.blows import BLOCK, FS
 from cutvib_ss.validation.rig.campaign import Campaign
 from cutvib_ss.validation.rig.causes import FORMS
-from cutvib_ss.validation.rig.evidence import Marginal, movements
+from cutvib_ss.validation.rig.evidence import MOVING, TUNED, WARMING, Marginal, movements, warming
 from cutvib_ss.validation.rig.prior import VARIED, Hypothesis, hypotheses
 from cutvib_ss.validation.rig.responses import covered, responses
 from cutvib_ss.validation.rig.structure import TOLERANCE, Rig
@@ -37,10 +37,7 @@ NONE = ("none", "none")
 NONE_SHARE = 0.375
 """Part of the cases without a cause among those with none or one, in a trial by default."""
 
-MOVING = ("k1", "k2", "first_frequency", "c1", "c2", "damping_ratio")
-"""Values that move between sessions: each by its tolerance times the drift over 0.01."""
-
-TUNED = tuple(name for name in TOLERANCE if name != "calibration")
+_WARMED = np.array([float(name in WARMING) for name in MOVING])
 _SPREAD = np.array([[float(a == b) / 0.01 for b in MOVING] for a in TUNED])
 
 WINDOW = 2.0
@@ -295,13 +292,19 @@ def _fitted(
 ) -> Fit:
     """Gauss and Newton from a start, the model's error falling from step to step; the evidence by Laplace at the end."""
     data, n = model.what.data, start.size
-    point, drift = np.concatenate([start, np.zeros(len(TUNED))]), 0.003
+    # Coordinates, tolerances, then the trend with the temperature and its bow.
+    point, drift = np.concatenate([start, np.zeros(len(TUNED) + 2)]), 0.003
     moved = np.zeros((len(model.what.positions), len(MOVING)))
+    warm = warming(len(moved))
     evidence = annealed = -np.inf
+
+    def total(point: Array, moved: Array) -> Array:
+        return moved + np.outer(point[-2:] @ warm, _WARMED)
+
     for k, error in enumerate(ANNEALED):
         marginal = Marginal(model.what, error)
-        here = model.at(hypothesis, point[:n], point[n:], moved)
-        slopes = model.slopes(hypothesis, point, here, moved)
+        here = model.at(hypothesis, point[:n], point[n:-2], total(point, moved))
+        slopes = model.slopes(hypothesis, point[:-2], here, total(point, moved))
         parts = marginal.parts(data - here, slopes[:n], slopes[n:], here)
         values = [marginal.log_evidence(parts, point, moved, d) + np.log(w) for d, w in moves.items()]
         evidence, drift = float(np.logaddexp.reduce(values)), list(moves)[int(np.argmax(values))]
@@ -314,19 +317,20 @@ def _fitted(
             annealed = evidence
             # What it promises is held against what the best has shown.
             if ANNEALED[k + 1] == 0.0 and annealed + 0.5 * max(left, 0.0) < best - HOPELESS:
-                return Fit(hypothesis, -np.inf, annealed, drift, point[:n], point[n:])
+                return Fit(hypothesis, -np.inf, annealed, drift, point[:n], point[n:-2])
         if k == len(ANNEALED) - 1 or (error == 0.0 and left < SETTLED):
             break
         # Linear over half the width of a resonance or so: of the tolerances and of a session's movement alike.
-        farthest = max(float(np.abs(step).max()), 100 * float(np.abs(drawn).max()), 1e-9)
+        session = 100 * np.abs(total(step, drawn)).max()
+        farthest = max(float(np.abs(step[:-2]).max()), float(session), 1e-9)
         share = min(1.0, STRIDE / farthest)
         for _ in range(4):
             ahead, own = point + share * step, moved + share * drawn
-            there = model.at(hypothesis, ahead[:n], ahead[n:], own)
+            there = model.at(hypothesis, ahead[:n], ahead[n:-2], total(ahead, own))
             tried = marginal.parts(data - there, slopes[:n], slopes[n:], there)
             gained = before - marginal.misfit(tried, ahead, own, drift)
             if gained > 0:
                 point, moved = ahead, own
                 break
             share /= 3
-    return Fit(hypothesis, evidence, annealed, drift, point[:n], point[n:])
+    return Fit(hypothesis, evidence, annealed, drift, point[:n], point[n:-2])

@@ -1,0 +1,57 @@
+"""A hypothesis on the records that its fits have not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutvib_ss.diagnosis.cross_validation import Judged, reduced_chi2
+from cutvib_ss.diagnosis.ranking import Ranked
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """A hypothesis and what it leaves of held-out records."""
+
+    ranked: Ranked
+    records: tuple[Judged, ...]
+
+    @property
+    def reduced(self) -> float:
+        """χ² a datum."""
+        return reduced_chi2(self.records)
+
+    @property
+    def against_stated(self) -> float:
+        """The same against the noise as stated, where it was seen to scatter."""
+        known = all(j.entry.estimator.scatter_seen for j in self.records)
+        return self.reduced * (max(self.ranked.fit.spread.sizes.noise, 1.0) if known else 1.0)
+
+    @property
+    def log_density(self) -> float:
+        """Log predictive density of all records."""
+        return float(np.sum([j.log_density for j in self.records]))
+
+    @property
+    def squares(self) -> float:
+        """Mean square of the error."""
+        return float(np.mean([j.squares for j in self.records]))
+
+    @property
+    def floor(self) -> float:
+        """Mean square that noise and drift leave of a right model."""
+        return float(np.mean([j.floor for j in self.records]))
+
+
+def share(tuned: HeldOut | None, after: HeldOut | None, accepted: HeldOut) -> float:
+    """
+    Part of the excess over noise and repeatability that a cause closes on held-out records.
+
+    Their floor is that under the accepted answer: the fit of a poor cause takes its own misfit for noise and drift.
+    """
+    if tuned is None or after is None:
+        return float("nan")
+    start, end = tuned.squares, after.squares
+    floor = min(start, after.floor, accepted.floor)
+    return float(np.clip((start - end) / max(start - floor, 1e-300), 0.0, 1.0)) if start > end else 0.0
