@@ -2,13 +2,14 @@
 
 import dataclasses
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis import cross_validation, where
 from cutvib_ss.diagnosis.compared_responses import _alike
-from cutvib_ss.diagnosis.diagnose import _share
+from cutvib_ss.diagnosis.held_out import HeldOut, share
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.records import Group, merged
 from cutvib_ss.diagnosis.result import Cause
@@ -45,14 +46,14 @@ def test_levels_are_drawn_apart_where_the_cause_depends_on_them() -> None:
     assert _alike(unstated[0], True) != _alike(unstated[1], True)
 
 
-def _held(squares: float, floor: float) -> SimpleNamespace:
-    return SimpleNamespace(records=(SimpleNamespace(squares=squares, floor=floor),))
+def _held(squares: float, floor: float) -> HeldOut:
+    return cast(HeldOut, SimpleNamespace(squares=squares, floor=floor))
 
 
 def test_the_share_of_a_poor_cause_is_not_flattered_by_its_own_noise() -> None:
     tuned, accepted, poor = _held(100.0, 40.0), _held(1.0, 1.0), _held(90.0, 90.0)
-    assert _share(tuned, accepted, accepted) == 1.0
-    assert _share(tuned, poor, accepted) == pytest.approx(10.0 / 99.0)
+    assert share(tuned, accepted, accepted) == 1.0
+    assert share(tuned, poor, accepted) == pytest.approx(10.0 / 99.0)
 
 
 @pytest.mark.parametrize(
