@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from cutvib_ss.report.frame import number, number_list, page
 from cutvib_ss.validation.cases import Case, name_of
 from cutvib_ss.validation.measured import MeasuredRow, cells
-from cutvib_ss.validation.plan import options_of
+from cutvib_ss.validation.plan import command_of
 from cutvib_ss.validation.rows import Row
 from cutvib_ss.validation.score import Group, Score, case_data
 from cutvib_ss.validation.statistics import Estimate
@@ -34,7 +34,7 @@ def heading(score: Score) -> list[str]:
     kinds = ", ".join(f"{n} {kind}" for kind, n in about["kinds"].items())
     said = [f"{about['cases']} cases: {kinds}."]
     for one in (about, *about.get("with", ())):
-        said.append(f"Command: cutvib blind run {options_of(one['settings'])}")
+        said.append(f"Command: {command_of(one['settings'])}")
         said.append(
             f"Sealed {one['sealed'][:16]}, opened {one['opened'][:16]} (UTC); version {one['version']}, "
             f"commit {one['commit'] or 'unknown'}, code {one['code_sha256'][:12]}."

@@ -13,7 +13,7 @@ from __future__ import annotations
 import tempfile
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -115,7 +115,7 @@ def measured_trial(data: Path, seed: int) -> tuple[Settings, Tools]:
     """Settings and tools of a sealed trial over all cases that a folder allows; the same seed makes the same elements."""
     names = available(data)
     still = "none=0,outside=0,pair=0,drifting=0,varied=0,rough=0,structure=0"
-    return settings(len(names), seed, still), Tools(partial(made, data, seed), None, names, ())
+    return replace(settings(len(names), seed, still), measured=True), Tools(partial(made, data, seed), None, names, ())
 
 
 def made(data: Path, seed: int, request: Request) -> Made:

@@ -53,10 +53,12 @@ class Settings:
     severity: tuple[float, float] = (0.3, 2.0)  # Range of severities
     small: bool = False  # Whether all campaigns have `SMALL` extent, instead of one that is drawn
     traits: Mapping[str, float] = field(default_factory=dict)  # Part of the cases that has each of `TRAITS`
+    measured: bool = False  # Whether the cases are measured campaigns with an element added
 
     def to_dict(self) -> dict[str, Any]:
         """The settings as plain data."""
-        return {**asdict(self), "severity": list(self.severity)}
+        drawn = {**asdict(self), "severity": list(self.severity)}
+        return drawn if self.measured else {k: v for k, v in drawn.items() if k != "measured"}
 
 
 def settings(
@@ -123,18 +125,23 @@ def requests(asked: Settings, causes: Sequence[str], outside: Sequence[str]) -> 
     )
 
 
-def options_of(asked: Mapping[str, Any]) -> str:
+def command_of(asked: Mapping[str, Any]) -> str:
     """
-    Options of ``cutvib blind run`` that make a trial's cases.
+    The command that makes a trial's cases.
 
-    >>> options_of(settings(12, 9, "none=6,outside=1", small=True).to_dict())
-    '--cases 12 --seed 9 --mix none=6,outside=1,pair=0,drifting=4,varied=6,rough=4,structure=2 --severity 0.3:2 --small'
+    >>> command_of(settings(12, 9, "none=6,outside=1", small=True).to_dict())[:60]
+    'cutvib blind run --cases 12 --seed 9 --mix none=6,outside=1'
+    >>> from dataclasses import replace
+    >>> command_of(replace(settings(12, 9), measured=True).to_dict())
+    'cutvib blind measured DIR --seed 9'
     """
+    if asked.get("measured"):
+        return f"cutvib blind measured DIR --seed {asked['seed']}"
     mix = ",".join(f"{kind}={n}" for kind, n in asked["mix"].items() if kind != "single")
     mix += "".join(f",{name}={round(share * asked['cases'])}" for name, share in (asked.get("traits") or {}).items())
     low, high = asked["severity"]
     small = " --small" if asked.get("small") else ""
-    return f"--cases {asked['cases']} --seed {asked['seed']} --mix {mix} --severity {low:g}:{high:g}{small}"
+    return f"cutvib blind run --cases {asked['cases']} --seed {asked['seed']} --mix {mix} --severity {low:g}:{high:g}{small}"
 
 
 def neutral_name(salt: bytes, index: int) -> str:

@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.validation.files import digest, folder_hash, packed, read_json, unpack, write_bytes, write_json
-from cutvib_ss.validation.plan import Request, Settings, neutral_name, options_of, requests
+from cutvib_ss.validation.plan import Request, Settings, command_of, neutral_name, requests
 from cutvib_ss.validation.seal import SealError, Trial, check_code, commit
 from cutvib_ss.validation.workers import Diagnoser, Made, Rig, RigError, diagnosed, rig_case, spread
 
@@ -82,7 +82,7 @@ def _prepared(trial: Trial, asked: Settings) -> bytes:
         before = read_json(kept)
         if before["settings"] != asked.to_dict():
             raise ParameterError(
-                f"{trial.folder}: holds a trial with other settings ({options_of(before['settings'])}); repeat these to "
+                f"{trial.folder}: holds a trial with other settings ({command_of(before['settings'])}); give it again to "
                 "resume it, or choose another folder"
             )
         trial.folder.mkdir(parents=True, exist_ok=True)
