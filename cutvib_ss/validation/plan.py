@@ -129,7 +129,7 @@ def command_of(asked: Mapping[str, Any]) -> str:
     """
     The command that makes a trial's cases.
 
-    >>> command_of(settings(12, 9, "none=6,outside=1", small=True).to_dict())[:60]
+    >>> command_of(settings(12, 9, "none=6,outside=1", small=True).to_dict())[:59]
     'cutvib blind run --cases 12 --seed 9 --mix none=6,outside=1'
     >>> from dataclasses import replace
     >>> command_of(replace(settings(12, 9), measured=True).to_dict())
