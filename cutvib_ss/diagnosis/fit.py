@@ -35,7 +35,6 @@ class Fit:
     tuned: Model  # The tuning alone
     x: FloatArray  # Fitted unknowns: tuning, calibration, instant of the blow, effects (transformed)
     first_effect: int  # Where the effects' unknowns begin
-    farthest: float  # The tuned value that lies farthest from nominal, in its tolerances
     covariance: FloatArray  # Posterior covariance of the unknowns
     # Weighted squares of the residuals, drift and discrepancy integrated out, the scatter of merged records included
     chi2: float
@@ -186,7 +185,6 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         tuned=problem.tuned(x),
         x=x,
         first_effect=problem.first_effect,
-        farthest=float(np.max(np.abs(x[: problem.n_tuning]), initial=0.0)),
         covariance=covariance[: problem.size, : problem.size],
         chi2=search.at.chi2,
         count=search.count,

@@ -78,17 +78,28 @@ def judged_on_held_out(
         _no_cause_leaves_noise(bare, ranked, out, held)
     for r in asked:
         causes = r.fit.hypothesis.causes
-        if any(effect == UNKNOWN for effect, _ in causes):
-            if held(r).reduced > SETTINGS.fit_run_away:
-                # It shows that something unknown is there, but not what.
-                out[r.name] = 0.0
-        elif causes:
-            if bare and held(r).log_density < held(bare).log_density:
-                # Its lead was estimated twice, and the two estimates disagree in its sign.
-                _give(out, r, bare, 0.5)
-            if len(causes) > 1 and held(r).reduced > SETTINGS.verdict_noise:
-                _second_is_not_proven(r, bare, ranked, out, held)
+        known = bool(causes) and all(effect != UNKNOWN for effect, _ in causes)
+        if not known and held(r).reduced > SETTINGS.fit_run_away:
+            # It shows that something unknown is there, but not what.
+            out[r.name] = 0.0
+        if known and bare and held(r).log_density < held(bare).log_density:
+            # Its lead was estimated twice, and the two estimates disagree in its sign.
+            _give(out, r, bare, 0.5)
+        if len(causes) > 1:
+            first = _first_alone(r, ranked)
+            if first and held(r).log_density < held(first).log_density:
+                # What it predicts, the first part alone predicts better.
+                _give(out, r, first)
+            elif first and known and held(r).reduced > SETTINGS.verdict_noise:
+                _second_is_not_proven(r, first, bare, ranked, out, held)
     return out
+
+
+def _first_alone(both: Ranked, ranked: Sequence[Ranked]) -> Ranked | None:
+    """The better of a sum's known parts by itself."""
+    parts = [(c,) for c in both.fit.hypothesis.causes if c[0] != UNKNOWN]
+    alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in parts]
+    return max(alone, key=lambda x: x.fit.log_evidence, default=None)
 
 
 def _no_cause_leaves_noise(
@@ -106,6 +117,7 @@ def _no_cause_leaves_noise(
 
 def _second_is_not_proven(
     both: Ranked,
+    first: Ranked,
     bare: Ranked | None,
     ranked: Sequence[Ranked],
     odds: dict[str, float],
@@ -118,10 +130,6 @@ def _second_is_not_proven(
     is the answer where it closes all but a few percent, and else the first beside something unknown. If the second predicts more
     than something unknown does, its kind is right and its form is not known: it keeps what such an answer keeps (`of_known_form`).
     """
-    alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in [(c,) for c in both.fit.hypothesis.causes]]
-    if not alone:
-        return
-    first = max(alone, key=lambda x: x.fit.log_evidence)
     if share(held(bare) if bare else None, held(first), held(both)) >= SETTINGS.verdict_closed:
         _give(odds, both, first)
         return

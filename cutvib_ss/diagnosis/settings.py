@@ -264,8 +264,6 @@ class Settings:
         "local minima of the re-tuned model stay; small gaps are not searched", "a factor of 150")
     search_left: float = _of(1.05, "χ² a datum", "Below which nothing is tried beside the best cause", "fewer pairs", _TIME)
     search_left_of_gap: float = _of(2e-4, "gap", "Added to it", "fewer pairs", _TIME)
-    search_tuned_far: float = _of(4.0, "tolerances", "Of a tuned value, beyond which the best cause is not enough", "fewer pairs",
-        "one of 16 000 lies farther by chance")
     search_leads: float = _of(0.1, "excess", "That a single cause has to take away before a second is tried on top",
         "fewer pairs", "else neither is known")
     search_odd: float = _of(10.0, "χ² a datum", "Of one record under what leaves no more than noise of all others: "
