@@ -131,7 +131,7 @@ class Settings:
     verdict_closed: float = _of(0.97, "excess", "That a cause alone has to close to be the answer where no second one is known",
         "more answers say that something is left", "restoring forces and supports hold to ten or twenty percent: squared, a few")
     verdict_form: float = _of(0.6, "probability",
-        "That an answer keeps whose model errs by more than is believed, by its discrepancies or on held-out records",
+        "That an answer keeps whose model errs by more than is believed, by a parameter, its discrepancies or on held-out records",
         "more such answers are sure",
         "a right model needs both in one campaign of a thousand, by their priors; the rest is judgement")
     verdict_hardly: float = _of(0.01, "probability", "Below which a cause is not looked at again", "longer", _TIME)

@@ -139,19 +139,24 @@ class WithSizes:
     hypothesis: Hypothesis
     log_evidence: float
     spread: Spread
+    at_end: tuple[str, ...] = ()
     reduced: float = 1.0
 
 
-def sized(name: str, nominal: float, cause: float, *effects: Effect) -> Ranked:
+def sized(name: str, nominal: float, cause: float, *effects: Effect, at_end: tuple[str, ...] = ()) -> Ranked:
     layout = Layout(1, (), (), (), (0,), ((0.0, 0.0),), 1)
     spread = Spread(layout, Sizes(nominal=nominal, cause=cause), np.zeros(0), np.eye(1))
-    return Ranked(name, cast(Fit, WithSizes(Hypothesis(effects), float(len(effects)), spread)), True)
+    return Ranked(name, cast(Fit, WithSizes(Hypothesis(effects), float(len(effects)), spread, at_end)), True)
 
 
 def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> None:
     odds = {"none": 0.01, "mass": 0.99}
     none, fits, fails = sized("none", 0.03, 0.3), held(mass=Leaves()), held(mass=Leaves(against_stated=3.0))
-    for mass, seen in ((sized("mass", 0.03, 0.3, MASS), fits), (sized("mass", 3e-5, 1e-3, MASS), fails)):
+    for mass, seen in (
+        (sized("mass", 0.03, 0.3, MASS), fits),
+        (sized("mass", 3e-5, 1e-3, MASS), fails),
+        (sized("mass", 3e-5, 1e-3, MASS, at_end=("0.mass",)), fits),
+    ):
         strained = of_known_form([none, mass], odds, seen)
         assert strained["mass"] == pytest.approx(0.99 * SETTINGS.verdict_form)
         assert sum(strained.values()) < 0.9
