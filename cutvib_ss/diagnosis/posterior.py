@@ -152,14 +152,16 @@ def of_known_form(
     """
     Probabilities in which an answer is not sure that only stands because its model errs by more than is believed.
 
-    Where a parameter ends at what is believed of it, or the discrepancies of both the nominal model and the cause do, or held-out
-    records show far more than noise as stated, the form is not known, and no more is the cause. What such answers lose lies on
-    something unknown: with it the probabilities sum to one.
+    Where a parameter of a restoring force ends at what the motion allows, or the discrepancies of both the nominal model and the
+    cause at the largest sizes of their priors, or held-out records show far more than noise as stated, the form is not known, and no
+    more is the cause. What such answers lose lies on something unknown: with it the probabilities sum to one. A linear cause ends
+    where another takes over: a resonance far above the band is a mass.
     """
     out = dict(odds)
     for r in ranked:
         if kind_of(r.fit.hypothesis) not in ("known", "sums") or out[r.name] < SETTINGS.verdict_hardly:
             continue
-        if r.fit.at_end or r.fit.spread.at_largest or held(r).against_stated > SETTINGS.verdict_misfit:
+        beyond = bool(r.fit.at_end) and not r.fit.hypothesis.linear
+        if beyond or r.fit.spread.at_largest or held(r).against_stated > SETTINGS.verdict_misfit:
             out[r.name] *= SETTINGS.verdict_form
     return out
