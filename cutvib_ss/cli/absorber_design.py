@@ -20,7 +20,15 @@ from cutvib_ss.cli.absorbers import (
     save_absorbers,
     tolerance_box,
 )
-from cutvib_ss.cli.options import JsonOption, MachineOption, PositionsOption, above_zero, frequencies, load_machine
+from cutvib_ss.cli.options import (
+    JsonOption,
+    MachineOption,
+    PositionsOption,
+    above_zero,
+    each_above_zero,
+    frequencies,
+    load_machine,
+)
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
 from cutvib_ss.errors import ParameterError
 
@@ -43,7 +51,11 @@ def absorber_design_command(
     position: PositionsOption = None,
     mass: Annotated[
         list[float] | None,
-        typer.Option("--mass", help="Mass of all absorbers together \\[kg]; several: what each mass can do."),
+        typer.Option(
+            "--mass",
+            callback=each_above_zero,
+            help="Mass of all absorbers together \\[kg]; several: what each mass can do.",
+        ),
     ] = None,
     place: Annotated[list[PlaceName] | None, typer.Option("--place", help="Where; once, or once an absorber.")] = None,
     direction: Annotated[
@@ -56,7 +68,9 @@ def absorber_design_command(
     damping_ratio: Annotated[
         list[float] | None,
         typer.Option(
-            "--damping-ratio", help="Damping ratio to try; may be given several times; by default 0.01 to 0.05."
+            "--damping-ratio",
+            callback=each_above_zero,
+            help="Damping ratio to try; may be given several times; by default 0.01 to 0.05.",
         ),
     ] = None,
     working_frequency: WorkingOption = 217.0,

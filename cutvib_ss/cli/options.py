@@ -72,6 +72,13 @@ def above_zero(value: float | None) -> float | None:
     return value
 
 
+def each_above_zero(values: list[float] | None) -> list[float] | None:
+    """Numbers above zero."""
+    for value in values or []:
+        above_zero(value)
+    return values
+
+
 def picture(path: Path | None) -> Path | None:
     """The name of a picture that can be drawn."""
     return None if path is None else check_picture(path)

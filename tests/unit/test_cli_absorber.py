@@ -83,6 +83,7 @@ def test_check_takes_a_place_a_direction_and_a_tolerance(tmp_path: Path, capsys:
         (["--place", "head", "--place", "tool", "--count", "3"], "--place is given 2 times for 3 absorbers"),
         (["--mass", "0.1", "--mass", "0.2", "--save-machine", "a.toml"], "name one mass"),
         (["--mass", "-1"], "mass"),
+        (["--damping-ratio", "0"], "greater than 0"),
         (["--harmonics", "3", "--duty", "0.05"], "no room"),
         (["--tolerance", "1.5"], "fraction"),
         (["--plot", "picture.docx"], "no picture"),
