@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -25,7 +26,14 @@ from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.odd_records import ODD, odd_records
 from cutvib_ss.diagnosis.place import Located, locate
-from cutvib_ss.diagnosis.posterior import Counts, judged_on_held_out, kind_of, of_known_form, probabilities
+from cutvib_ss.diagnosis.posterior import (
+    Counts,
+    judged_on_held_out,
+    kind_of,
+    of_known_form,
+    probabilities,
+    temperature,
+)
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
@@ -103,15 +111,24 @@ def diagnose(
         return _diagnosed(campaign, nominal, hold_out, seed, workers)
 
 
-def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
-    observed = observe(campaign, nominal)
+class _Searched(NamedTuple):
+    """What a search found, and on which records."""
+
+    observed: Observations
+    records: Records  # Of these, those to fit on
+    judged: Callable[[Ranked], HeldOut]  # Any hypothesis on held-out records
+    ranked: tuple[Ranked, ...]  # The tuned nominal model, then causes by evidence
+
+
+def _searched(
+    campaign: Campaign, nominal: Model, observed: Observations, hold_out: float | None, seed: int, workers: Workers
+) -> _Searched:
+    """All hypotheses on all records but those that fit with no others."""
     linear = search_linear(nominal, _to_fit(observed), observed, workers)
     odd = odd_records(nominal, linear.records, linear.none, linear.ranked)
     if odd:
-        observed = observed.without(odd, tuple(ODD.format(campaign.records[i].name, left) for i, left in odd.items()))
+        observed = _without(campaign, observed, odd)
         linear = search_linear(nominal, _to_fit(observed), observed, workers)
-    records = linear.records
-    fitted = list(records.entries)
     folds = cross_validation.folds(observed, hold_out, seed)
     judgements: dict[str, HeldOut] = {}
 
@@ -121,6 +138,23 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         return judgements[r.name]
 
     ranked = search(nominal, observed, linear, lambda r: judged(r).reduced, lambda r: judged(r).against_stated, workers)
+    return _Searched(observed, linear.records, judged, ranked)
+
+
+def _without(campaign: Campaign, observed: Observations, odd: Mapping[int, float]) -> Observations:
+    """The observations without records that fit with no others."""
+    return observed.without(odd, tuple(ODD.format(campaign.records[i].name, left) for i, left in odd.items()))
+
+
+def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
+    searched = _searched(campaign, nominal, observe(campaign, nominal), hold_out, seed, workers)
+    sums = [r for r in searched.ranked if r.fit.hypothesis.linear and len(r.fit.hypothesis.causes) > 1]
+    odd = odd_records(nominal, searched.records, searched.ranked[0], sums)
+    if odd:
+        # No single cause left noise of the others, but two together do.
+        searched = _searched(campaign, nominal, _without(campaign, searched.observed, odd), hold_out, seed, workers)
+    observed, records, judged, ranked = searched
+    fitted = list(records.entries)
     none, causes = ranked[0], ranked[1:]
     problem = Problem(nominal, records.merged, Hypothesis())
     known = considered(nominal, observed.band, observed.channels)
@@ -132,8 +166,10 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     counts = Counts(len(known), len(set(ports)))
     workers.say("judging causes on held-out records")
     best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
-    odds = probabilities(ranked, counts, variants, judged(best).reduced)
-    odds = of_known_form(ranked, judged_on_held_out(ranked, odds, judged), judged)
+    left = judged(best).reduced
+    odds = probabilities(ranked, counts, variants, left)
+    odds = judged_on_held_out(ranked, odds, judged, temperature(ranked, left))
+    odds = of_known_form(ranked, odds, judged)
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
+from scipy.stats import chi2 as chi2_distribution
 
 from cutvib_ss.diagnosis.climb import Beside, Climb
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -51,6 +52,18 @@ class Fit:
     def reduced(self) -> float:
         """χ² a datum against the noise as stated, drift and discrepancy integrated out."""
         return self.chi2 * self.spread.sizes.noise / self.count
+
+    @property
+    def beyond_belief(self) -> bool:
+        """
+        Whether it stands only because the model errs by more than is believed.
+
+        The discrepancies of both the nominal model and a cause are the largest of their priors, or tuning and calibration lie
+        farther out than their priors let those of a right model lie.
+        """
+        own = self.x[: self.first_effect]
+        strained = float(own @ own) > chi2_distribution.isf(SETTINGS.fit_strained, max(self.first_effect, 1))
+        return strained or self.spread.at_largest
 
 
 def fit(

@@ -53,8 +53,8 @@ class _Family:
     linear: bool  # Which family it is
     motion: Mapping[str, float]  # Largest motion at each place, from which laws get their size
     workers: Workers  # Who fits
-    # Pairs that were tried; they are not tried the other way round
-    seen: set[frozenset[str]] = field(default_factory=set)
+    # Pairs that were tried; those of one kind are not tried the other way round
+    seen: set[tuple[str, ...]] = field(default_factory=set)
 
     def around(self, bases: Sequence[_Base], seconds: Sequence[Second]) -> list[tuple[Candidate, Fit]]:
         """Pairs on top of each base, and of the best second cause that was found; best first, fitted to few lines as measured."""
@@ -74,11 +74,13 @@ class _Family:
         added: dict[str, tuple[Effect, ...]] = {}
         for second in seconds:
             name = second.candidate.name
-            names = frozenset((base.name, name))
             first, other = base.hypothesis, second.candidate.starts[0]
+            # A restoring force and a linear cause are climbed from both sides: each alone stands in for the other.
+            mixed = first.linear != other.linear
+            names = (base.name, name) if mixed else tuple(sorted((base.name, name)))
             # Two restoring forces of one port are one of another form, which its discrepancy and the unknown force have.
             alike = not first.linear and not other.linear and first.place == other.place
-            if len(names) == 1 or alike or names in self.seen or (first.linear and other.linear) != self.linear:
+            if base.name == name or alike or names in self.seen or (first.linear and other.linear) != self.linear:
                 continue
             self.seen.add(names)
             added[f"{base.name} + {name}"] = second.starts(by_simulation=not self.linear)
@@ -113,11 +115,11 @@ class _Family:
         """
         if self.linear:
             return [(self.wide, base.x, self.wide), (self.sharp, base.x, self.sharp)]
-        if not base.hypothesis.linear:
-            return [(some(self.wide), base.x, self.wide)]
         scan = Scan(self.nominal, some(self.wide), base.hypothesis, base.x, self.motion, apart=True)
         if scan.leaves < SETTINGS.search_enough * scan.left.size:
             return [(some(self.sharp), base.x, self.sharp)]
+        if not base.hypothesis.linear:
+            return [(some(self.wide), base.x, self.wide)]
         # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
         return [(some(self.wide), None, self.wide)]
 
@@ -140,7 +142,10 @@ def fit_pairs(
         key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
         best.setdefault(key, _Base(r.name, r.fit.hypothesis, r.fit.x))
     bases = list(best.values())[: SETTINGS.pairs_first]
-    seen: set[frozenset[str]] = set()
+    first = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence).fit
+    # Beside a restoring force that leaves noise, a second cause only relieves the tuning: its optimum is near.
+    near = first if not first.hypothesis.linear and first.reduced < SETTINGS.search_enough else None
+    seen: set[tuple[str, ...]] = set()
     out: list[Ranked] = []
     for linear, of_lines in ((True, records.coarse), (False, records.for_laws)):
         wide, sharp = (
@@ -151,12 +156,10 @@ def fit_pairs(
             break
         tried = _Family(nominal, wide, sharp, linear, motion, workers, seen).around(bases, seconds)
         # No single cause is a rival here: none is enough.
-        nobody = (np.inf, -np.inf)
-        out += [
-            r
-            for r in on_all_lines(nominal, records, tried[:2], 1, nobody, workers, close=SETTINGS.pairs_close)
-            if r.refined
-        ]
+        fitted = on_all_lines(
+            nominal, records, tried[:2], 1, (np.inf, -np.inf), workers, close=SETTINGS.pairs_close, near=near
+        )
+        out += [r for r in fitted if r.refined]
         if tried and _enough_on_few(tried):
             break
     return [*out, *_alone(nominal, records, out)]

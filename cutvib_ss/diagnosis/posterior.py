@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from cutvib_ss.diagnosis.held_out import HeldOut, share
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -60,38 +61,51 @@ def probabilities(
         score.append(np.log(prior))
     # What was not fitted on all lines has no evidence to count with: it lay far behind on few.
     evidence = np.array([r.fit.log_evidence if r.refined else -np.inf for r in ranked])
-    best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
-    heat = max(1.0, left, best.fit.chi2 / best.fit.count) * best.fit.correlation
-    total = np.array(score) + (evidence - evidence.max()) / heat
+    total = np.array(score) + (evidence - evidence.max()) / temperature(ranked, left)
     weight = np.exp(total - total.max())
     return dict(zip([r.name for r in ranked], (weight / weight.sum()).tolist(), strict=True))
 
 
+def temperature(ranked: Sequence[Ranked], left: float) -> float:
+    """By what differences of log evidence are divided, where the best leaves `left` times the noise on held-out records."""
+    best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
+    return max(1.0, left, best.fit.chi2 / best.fit.count) * best.fit.correlation
+
+
 def judged_on_held_out(
-    ranked: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
+    ranked: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut], heat: float
 ) -> dict[str, float]:
-    """Probabilities in which every hypothesis has to show on records that its fit has not seen; they sum to one or less."""
+    """
+    Probabilities in which every hypothesis has to show on records that its fit has not seen; they sum to one or less.
+
+    Differences of log evidence and of log predictive density are divided by `heat` (`temperature`).
+    """
     out = dict(odds)
     bare = next((r for r in ranked if not r.fit.hypothesis.effects), None)
     asked = [r for r in ranked if out[r.name] >= SETTINGS.verdict_hardly]
-    if bare in asked:
-        _no_cause_leaves_noise(bare, ranked, out, held)
     for r in asked:
         causes = r.fit.hypothesis.causes
         known = bool(causes) and all(effect != UNKNOWN for effect, _ in causes)
         if not known and held(r).reduced > SETTINGS.fit_run_away:
             # It shows that something unknown is there, but not what.
             out[r.name] = 0.0
-        if known and bare and held(r).log_density < held(bare).log_density:
-            # Its lead was estimated twice, and the two estimates disagree in its sign.
-            _give(out, r, bare, 0.5)
-        if len(causes) > 1:
-            first = _first_alone(r, ranked)
-            if first and held(r).log_density < held(first).log_density:
-                # What it predicts, the first part alone predicts better.
-                _give(out, r, first)
-            elif first and known and held(r).reduced > SETTINGS.verdict_noise:
+        if known and bare:
+            _by_both_leads(r, bare, out, held, heat)
+        first = _first_alone(r, ranked) if len(causes) > 1 else None
+        if first is None:
+            continue
+        if not known and causes[0][1] == causes[-1][1]:
+            _of_one_place(r, first, bare, ranked, out, held)
+        elif held(r).log_density >= held(first).log_density:
+            if known and held(r).reduced > SETTINGS.verdict_noise:
                 _second_is_not_proven(r, first, bare, ranked, out, held)
+        elif known:
+            _by_both_leads(r, first, out, held, heat)
+        else:
+            # What it predicts, the known part alone predicts better.
+            _give(out, r, first)
+    if bare and out[bare.name] >= SETTINGS.verdict_hardly:
+        _no_cause_leaves_noise(bare, ranked, out, held)
     return out
 
 
@@ -100,6 +114,48 @@ def _first_alone(both: Ranked, ranked: Sequence[Ranked]) -> Ranked | None:
     parts = [(c,) for c in both.fit.hypothesis.causes if c[0] != UNKNOWN]
     alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in parts]
     return max(alone, key=lambda x: x.fit.log_evidence, default=None)
+
+
+def _by_both_leads(
+    r: Ranked, simpler: Ranked, odds: dict[str, float], held: Callable[[Ranked], HeldOut], heat: float
+) -> None:
+    """
+    Share the probability of a hypothesis with a simpler one that predicts held-out records better.
+
+    Its lead was estimated twice, by evidence and by prediction, and the two disagree in its sign: the mean of both decides, and it
+    keeps half at most.
+    """
+    predicted = held(r).log_density - held(simpler).log_density
+    if predicted >= 0.0:
+        return
+    lead = r.fit.log_evidence - simpler.fit.log_evidence
+    both = odds[r.name] + odds[simpler.name]
+    ratio = np.log(max(odds[r.name], 1e-300) / max(odds[simpler.name], 1e-300)) + (predicted - lead) / (2.0 * heat)
+    kept = both * min(0.5, float(special.expit(ratio)))
+    if kept < odds[r.name]:
+        _give(odds, r, simpler, 1.0 - kept / odds[r.name])
+
+
+def _of_one_place(
+    both: Ranked,
+    first: Ranked,
+    bare: Ranked | None,
+    ranked: Sequence[Ranked],
+    odds: dict[str, float],
+    held: Callable[[Ranked], HeldOut],
+) -> None:
+    """
+    Pass on the probability of a known cause beside something unknown at its own place: there is one part, of another form.
+
+    Its kind is known where the cause alone closes most of the excess, and then keeps what such an answer keeps (`of_known_form`).
+    """
+    place = both.fit.hypothesis.causes[-1:]
+    unknown = [x for x in ranked if x.refined and x.fit.hypothesis.causes == place]
+    if not unknown:
+        return
+    if share(held(bare) if bare else None, held(first), held(both)) > 0.5:
+        _give(odds, both, first, SETTINGS.verdict_form)
+    _give(odds, both, max(unknown, key=lambda x: x.fit.log_evidence))
 
 
 def _no_cause_leaves_noise(
@@ -152,8 +208,8 @@ def of_known_form(
     """
     Probabilities in which an answer is not sure that only stands because its model errs by more than is believed.
 
-    Where a parameter of a restoring force ends at what the motion allows, or the discrepancies of both the nominal model and the
-    cause at the largest sizes of their priors, or held-out records show far more than noise as stated, the form is not known, and
+    Where a parameter of a restoring force ends at what the motion allows, or discrepancies, tuning or calibration beyond what
+    their priors believe (`Fit.beyond_belief`), or held-out records show far more than noise as stated, the form is not known, and
     no more is the cause. What such answers lose lies on something unknown: with it the probabilities sum to one. A linear cause
     ends where another takes over: a resonance far above the band is a mass.
     """
@@ -162,6 +218,6 @@ def of_known_form(
         if kind_of(r.fit.hypothesis) not in ("known", "sums") or out[r.name] < SETTINGS.verdict_hardly:
             continue
         beyond = bool(r.fit.at_end) and not r.fit.hypothesis.linear
-        if beyond or r.fit.spread.at_largest or held(r).against_stated > SETTINGS.verdict_misfit:
+        if beyond or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit:
             out[r.name] *= SETTINGS.verdict_form
     return out

@@ -199,10 +199,10 @@ def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], f
     """
     Whether the best cause leaves so little that nothing more need be tried.
 
-    One that needs the largest discrepancies of all that are believed stands in for what they take up.
+    One that needs more error of the model than is believed stands in for what that takes up.
     """
     best = max((none, *ranked), key=lambda r: r.fit.log_evidence)
-    if best.fit.log_evidence <= none.fit.log_evidence or not best.refined or best.fit.spread.at_largest:
+    if best.fit.log_evidence <= none.fit.log_evidence or not best.refined or best.fit.beyond_belief:
         return False
     left = best.reduced
     if not best.fit.hypothesis.linear and (held_out := leaves(best)) > SETTINGS.verdict_misfit:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
@@ -23,6 +23,7 @@ from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.results import FloatArray
 
 MASS, CUBIC = AddedMass("tool", 0.1), CubicStiffness("joint2", 1e9)
 UNKNOWN = UnknownElement("joint1", "joint1", 1e5, 10.0, 400.0)
@@ -66,7 +67,7 @@ TUNED = Leaves(squares=1.0, log_density=-1000.0)
 )
 def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: float, best: str) -> None:
     seen = held(none=TUNED, main=Leaves(squares=1.0 - closed), both=Leaves(reduced=left), beside=Leaves())
-    found = judged_on_held_out(EVERY, ODDS, seen)
+    found = judged_on_held_out(EVERY, ODDS, seen, 1.0)
     assert max(found, key=lambda name: found[name]) == best
     assert sum(found.values()) == pytest.approx(1.0)
     # Nothing is taken from what was not in question.
@@ -80,32 +81,44 @@ def test_a_second_cause_that_predicts_more_than_something_unknown_is_named_and_n
         both=Leaves(reduced=1.3, log_density=-200.0),
         beside=Leaves(log_density=-300.0),
     )
-    found = judged_on_held_out(EVERY, ODDS, seen)
+    found = judged_on_held_out(EVERY, ODDS, seen, 1.0)
     assert found["both"] == pytest.approx(0.95 * SETTINGS.verdict_form)
     assert found["beside"] == pytest.approx(0.02 + 0.95 * (1 - SETTINGS.verdict_form))
 
 
 def test_what_is_improbable_is_not_judged_again() -> None:
     odds = {**ODDS, "both": 0.001, "main": 0.979}
-    assert judged_on_held_out(EVERY, odds, held(none=TUNED, main=Leaves(), beside=Leaves())) == odds
+    assert judged_on_held_out(EVERY, odds, held(none=TUNED, main=Leaves(), beside=Leaves()), 1.0) == odds
 
 
 def test_a_model_alone_that_leaves_far_more_than_noise_gives_way_to_something_unknown() -> None:
     none, other = ranked("none", 50.0), ranked("unknown", 40.0, UNKNOWN)
     for left, best in ((1.2, "none"), (3.0, "unknown")):
         found = judged_on_held_out(
-            [none, other], {"none": 0.7, "unknown": 0.3}, held(none=Leaves(against_stated=left), unknown=Leaves())
+            [none, other], {"none": 0.7, "unknown": 0.3}, held(none=Leaves(against_stated=left), unknown=Leaves()), 1.0
         )
         assert max(found, key=lambda name: found[name]) == best
-    assert judged_on_held_out([none], {"none": 1.0}, held(none=Leaves(against_stated=3.0))) == {"none": 1.0}
+    assert judged_on_held_out([none], {"none": 1.0}, held(none=Leaves(against_stated=3.0)), 1.0) == {"none": 1.0}
 
 
 def test_a_cause_that_trails_on_held_out_records_is_not_sure() -> None:
-    odds = {"none": 0.02, "main": 0.98}
-    for density, probability in ((-1200.0, 0.49), (-800.0, 0.98)):
-        found = judged_on_held_out([NONE, MAIN], odds, held(none=TUNED, main=Leaves(log_density=density)))
+    # Evidence of 40 for the cause, at a temperature of 10: odds of e^4.
+    main, odds = ranked("main", 40.0, MASS), {"none": 1.0 / (1.0 + np.exp(4.0)), "main": 1.0 / (1.0 + np.exp(-4.0))}
+    # Prediction speaks for it; against it, by less than evidence does; by more: the mean of the leads is -1.
+    for density, probability in ((-990.0, odds["main"]), (-1020.0, 0.5), (-1060.0, 1.0 / (1.0 + np.exp(1.0)))):
+        found = judged_on_held_out([NONE, main], odds, held(none=TUNED, main=Leaves(log_density=density)), 10.0)
         assert found["main"] == pytest.approx(probability)
         assert sum(found.values()) == pytest.approx(1.0)
+
+
+def test_a_known_cause_beside_something_unknown_at_its_place_is_one_part_of_another_form() -> None:
+    here = replace(UNKNOWN, place="tool", port="tool_x")
+    alone, both = ranked("unknown", 20.0, here), ranked("beside", 200.0, MASS, here)
+    odds = {"none": 0.0, "main": 0.0, "unknown": 0.0, "beside": 1.0}
+    for closed, kept in ((0.9, SETTINGS.verdict_form), (0.2, 0.0)):
+        seen = held(none=TUNED, main=Leaves(squares=1.0 - closed), unknown=Leaves(), beside=Leaves())
+        found = judged_on_held_out([NONE, MAIN, alone, both], odds, seen, 1.0)
+        assert found == pytest.approx({"none": 0.0, "main": kept, "unknown": 1.0 - kept, "beside": 0.0})
 
 
 @pytest.mark.parametrize("second", ["both", "beside"])
@@ -113,7 +126,7 @@ def test_a_second_part_that_predicts_less_than_the_first_alone_is_not_there(seco
     odds = {"none": 0.0, "main": 0.4, "other": 0.0, "both": 0.0, "beside": 0.0, second: 0.6}
     for density, best in ((-400.0, "main"), (-200.0, second)):
         seen = held(none=TUNED, main=Leaves(log_density=-300.0), **{second: Leaves(log_density=density)})
-        found = judged_on_held_out(EVERY, odds, seen)
+        found = judged_on_held_out(EVERY, odds, seen, 1.0)
         assert max(found, key=lambda name: found[name]) == best
         assert sum(found.values()) == pytest.approx(1.0)
 
@@ -121,7 +134,7 @@ def test_a_second_part_that_predicts_less_than_the_first_alone_is_not_there(seco
 def test_something_unknown_that_runs_away_is_not_shown() -> None:
     none, other = ranked("none", 0.0), ranked("unknown", 40.0, UNKNOWN)
     found = judged_on_held_out(
-        [none, other], {"none": 0.3, "unknown": 0.7}, held(none=TUNED, unknown=Leaves(reduced=1e30))
+        [none, other], {"none": 0.3, "unknown": 0.7}, held(none=TUNED, unknown=Leaves(reduced=1e30)), 1.0
     )
     assert found == {"none": 0.3, "unknown": 0.0}
 
@@ -141,12 +154,19 @@ class WithSizes:
     spread: Spread
     at_end: tuple[str, ...] = ()
     reduced: float = 1.0
+    x: FloatArray = field(default_factory=lambda: np.zeros(20))
+    first_effect: int = 20
+    beyond_belief = Fit.beyond_belief
 
 
-def sized(name: str, nominal: float, cause: float, *effects: Effect, at_end: tuple[str, ...] = ()) -> Ranked:
+def sized(
+    name: str, nominal: float, cause: float, *effects: Effect, at_end: tuple[str, ...] = (), tuned: float = 0.0
+) -> Ranked:
+    """A fit of given discrepancies whose 20 values of tuning and calibration are `tuned` standard deviations out."""
     layout = Layout(1, (), (), (), (0,), ((0.0, 0.0),), 1)
     spread = Spread(layout, Sizes(nominal=nominal, cause=cause), np.zeros(0), np.eye(1))
-    return Ranked(name, cast(Fit, WithSizes(Hypothesis(effects), float(len(effects)), spread, at_end)), True)
+    found = WithSizes(Hypothesis(effects), float(len(effects)), spread, at_end, x=np.full(20, tuned))
+    return Ranked(name, cast(Fit, found), True)
 
 
 def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> None:
@@ -156,6 +176,8 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
         (sized("mass", 0.03, 0.3, MASS), fits),
         (sized("mass", 3e-5, 1e-3, MASS), fails),
         (sized("mass", 3e-5, 1e-3, CUBIC, at_end=("0.stiffness3",)), fits),
+        # Twenty values of 1.6 standard deviations: a χ² of 51, which one model of five thousand has.
+        (sized("mass", 3e-5, 1e-3, MASS, tuned=1.6), fits),
     ):
         strained = of_known_form([none, mass], odds, seen)
         assert strained["mass"] == pytest.approx(0.99 * SETTINGS.verdict_form)
@@ -166,6 +188,8 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
     # One of the two alone is what the discrepancy is for.
     for nominal, cause in ((0.03, 0.1), (0.01, 0.3), (3e-5, 1e-3)):
         assert of_known_form([none, sized("mass", nominal, cause, MASS)], odds, fits) == odds
+    # So are values within their tolerances, each near its end.
+    assert of_known_form([none, sized("mass", 3e-5, 1e-3, MASS, tuned=1.4)], odds, fits) == odds
     # Something unknown has no form that could err.
     assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds, fails) == odds
 
@@ -175,5 +199,6 @@ def test_a_cause_that_stands_in_for_others_is_not_enough() -> None:
     for found, enough in (
         (sized("mass", 3e-5, 1e-3, MASS), True),
         (sized("mass", 0.03, 0.3, MASS), False),
+        (sized("mass", 3e-5, 1e-3, MASS, tuned=1.6), False),
     ):
         assert _enough([found], none, lambda r: 1.0) is enough
