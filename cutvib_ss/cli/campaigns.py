@@ -156,7 +156,7 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
         *([["place set", ", ".join(where.place_set)]] if len(where.place_set) > 1 else []),
         ["bands", wording.bands_text(where.bands_hz)],
         ["before", f"{wording.figure(gap.before)} {gap.unit}: the model as given, on held-out records"],
-        ["tuned", f"{wording.figure(gap.tuned)} {gap.unit}: within its tolerances"],
+        ["tuned", f"{wording.figure(gap.tuned)} {gap.unit}: no effect; tolerances are standard deviations"],
         ["after", f"{wording.figure(gap.after)} {gap.unit}: with the cause added"],
         ["noise", f"{wording.figure(gap.noise_floor)} {gap.unit}"],
         [

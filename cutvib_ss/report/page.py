@@ -120,7 +120,7 @@ def _content(d: Diagnosis, command: str) -> dict[str, Any]:
         ],
         "records": [record_name(c) for c in d.comparisons],
         "channels": list(dict.fromkeys(name for c in d.comparisons for name in c.measured.outputs)),
-        "models": list(zip(MODELS, ("nominal model", "re-tuned within tolerance", "corrected model"), strict=True))[
+        "models": list(zip(MODELS, ("nominal model", "re-tuned model", "corrected model"), strict=True))[
             ::-1
         ],
         "sizes": answer.size_rows(d),
@@ -162,7 +162,7 @@ def _bars(gap: GapFigures) -> list[tuple[str, float, float]]:
     """Label, figure, and length in percent of the longest."""
     rows = [
         ("before: the model as given", gap.before),
-        ("tuned: within its tolerances, no effect", gap.tuned),
+        ("tuned, no effect; tolerances are standard deviations", gap.tuned),
         ("after: with the cause added", gap.after),
         ("noise: of the measurement alone", gap.noise_floor),
     ]

@@ -39,7 +39,7 @@ def test_charts_are_drawn_from_the_file_alone(browser: Any, tmp_path: Path, widt
         "return ['frf-shown', 'map-shown'].map((id) => document.getElementById(id).textContent)"
     )
     first = browser.execute_script("return data.records[data.first[0]].name + ', ' + data.first[1]")
-    assert shown == [first, f"re-tuned within tolerance, {first.split(', ')[-1]}"]
+    assert shown == [first, f"re-tuned model, {first.split(', ')[-1]}"]
 
 
 def test_a_browser_that_cannot_unpack_the_charts_says_so(browser: Any, tmp_path: Path) -> None:
