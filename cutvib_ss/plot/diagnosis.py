@@ -87,7 +87,7 @@ def _compare(axes: Axes, comparison: Comparison, channel: str) -> None:
     axes.semilogy(measured.freq, scale * np.abs(measured.data[0, 0, 0]), color=MEASURED, lw=2.2, label="measured")
     for model, colour, style, width, label in (
         (comparison.nominal, NOMINAL, (0, (4, 1.5)), 1.0, "nominal model"),
-        (comparison.tuned, TUNED, (0, (1.2, 1.2)), 1.3, "re-tuned within tolerance"),
+        (comparison.tuned, TUNED, (0, (1.2, 1.2)), 1.3, "re-tuned model"),
         (comparison.corrected, CORRECTED, "-", 1.1, "corrected model"),
     ):
         data = model.sel(output=channel).data[0, 0, 0]

@@ -1,6 +1,6 @@
 "use strict";
 (() => {
-  const LABEL = { measured: "measured", nominal: "nominal model", tuned: "re-tuned within tolerance", corrected: "corrected model" };
+  const LABEL = { measured: "measured", nominal: "nominal model", tuned: "re-tuned model", corrected: "corrected model" };
   const DASH = { nominal: "dash", tuned: "dot", corrected: "solid" };
 
   function responses() {
