@@ -35,6 +35,7 @@ class Fit:
     model: Model  # Tuned, with the effects
     tuned: Model  # The tuning alone
     x: FloatArray  # Fitted unknowns: tuning, calibration, instant of the blow, effects (transformed)
+    n_tuning: int  # How many of them are tuned values
     first_effect: int  # Where the effects' unknowns begin
     covariance: FloatArray  # Posterior covariance of the unknowns
     # Weighted squares of the residuals, drift and discrepancy integrated out, the scatter of merged records included
@@ -58,12 +59,12 @@ class Fit:
         """
         Whether it stands only because the model errs by more than is believed.
 
-        The discrepancies of both the nominal model and a cause are the largest of their priors, or tuning and calibration lie
-        farther out than their priors let those of a right model lie.
+        The discrepancies of both the nominal model and a cause are the largest of their priors, or beside a restoring force, which
+        takes no other linear cause up, tuned values lie farther out than their priors let those of a right model lie.
         """
-        own = self.x[: self.first_effect]
-        strained = float(own @ own) > chi2_distribution.isf(SETTINGS.fit_strained, max(self.first_effect, 1))
-        return strained or self.spread.at_largest
+        own = self.x[: self.n_tuning]
+        strained = self.n_tuning > 0 and float(own @ own) > chi2_distribution.isf(SETTINGS.fit_strained, self.n_tuning)
+        return self.spread.at_largest or (strained and not self.hypothesis.linear)
 
 
 def fit(
@@ -197,6 +198,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         model=problem.applied(x),
         tuned=problem.tuned(x),
         x=x,
+        n_tuning=problem.n_tuning,
         first_effect=problem.first_effect,
         covariance=covariance[: problem.size, : problem.size],
         chi2=search.at.chi2,

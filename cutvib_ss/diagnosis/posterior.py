@@ -208,8 +208,8 @@ def of_known_form(
     """
     Probabilities in which an answer is not sure that only stands because its model errs by more than is believed.
 
-    Where a parameter of a restoring force ends at what the motion allows, or discrepancies, tuning or calibration beyond what
-    their priors believe (`Fit.beyond_belief`), or held-out records show far more than noise as stated, the form is not known, and
+    Where a parameter of a restoring force ends at what the motion allows, or discrepancies or tuned values lie beyond
+    what is believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, the form is not known, and
     no more is the cause. What such answers lose lies on something unknown: with it the probabilities sum to one. A linear cause
     ends where another takes over: a resonance far above the band is a mass.
     """

@@ -258,7 +258,7 @@ class Settings:
     search_hopeless: float = _of(3.0, "χ² a datum", "On few lines, from which a simulated cause is not fitted on all",
         "longer", _TIME)
     fit_strained: float = _of(1e-3, "probability",
-        "Of squares of the tuning and calibration as large as those of a fit, below which something stands behind them",
+        "Of squares of tuned values as large as those of a fit, below which something stands behind them",
         "a second cause is looked for more often", "one campaign of a thousand, as verdict_form")
     search_enough: float = _of(1.1, "χ² a datum", "Below which the re-tuned model needs no cause if the level shows nothing",
         "small gaps are not searched", "as verdict_stands_out")

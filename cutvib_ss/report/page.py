@@ -120,9 +120,7 @@ def _content(d: Diagnosis, command: str) -> dict[str, Any]:
         ],
         "records": [record_name(c) for c in d.comparisons],
         "channels": list(dict.fromkeys(name for c in d.comparisons for name in c.measured.outputs)),
-        "models": list(zip(MODELS, ("nominal model", "re-tuned model", "corrected model"), strict=True))[
-            ::-1
-        ],
+        "models": list(zip(MODELS, ("nominal model", "re-tuned model", "corrected model"), strict=True))[::-1],
         "sizes": answer.size_rows(d),
         "sizes_sentence": answer.sizes_sentence(d),
         "limits": answer.limit_rows(d),

@@ -155,14 +155,14 @@ class WithSizes:
     at_end: tuple[str, ...] = ()
     reduced: float = 1.0
     x: FloatArray = field(default_factory=lambda: np.zeros(20))
-    first_effect: int = 20
+    n_tuning: int = 20
     beyond_belief = Fit.beyond_belief
 
 
 def sized(
     name: str, nominal: float, cause: float, *effects: Effect, at_end: tuple[str, ...] = (), tuned: float = 0.0
 ) -> Ranked:
-    """A fit of given discrepancies whose 20 values of tuning and calibration are `tuned` standard deviations out."""
+    """A fit of given discrepancies whose 20 tuned values are `tuned` standard deviations out."""
     layout = Layout(1, (), (), (), (0,), ((0.0, 0.0),), 1)
     spread = Spread(layout, Sizes(nominal=nominal, cause=cause), np.zeros(0), np.eye(1))
     found = WithSizes(Hypothesis(effects), float(len(effects)), spread, at_end, x=np.full(20, tuned))
@@ -177,7 +177,7 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
         (sized("mass", 3e-5, 1e-3, MASS), fails),
         (sized("mass", 3e-5, 1e-3, CUBIC, at_end=("0.stiffness3",)), fits),
         # Twenty values of 1.6 standard deviations: a χ² of 51, which one model of five thousand has.
-        (sized("mass", 3e-5, 1e-3, MASS, tuned=1.6), fits),
+        (sized("mass", 3e-5, 1e-3, CUBIC, tuned=1.6), fits),
     ):
         strained = of_known_form([none, mass], odds, seen)
         assert strained["mass"] == pytest.approx(0.99 * SETTINGS.verdict_form)
@@ -189,7 +189,7 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
     for nominal, cause in ((0.03, 0.1), (0.01, 0.3), (3e-5, 1e-3)):
         assert of_known_form([none, sized("mass", nominal, cause, MASS)], odds, fits) == odds
     # So are values within their tolerances, each near its end.
-    assert of_known_form([none, sized("mass", 3e-5, 1e-3, MASS, tuned=1.4)], odds, fits) == odds
+    assert of_known_form([none, sized("mass", 3e-5, 1e-3, CUBIC, tuned=1.4)], odds, fits) == odds
     # Something unknown has no form that could err.
     assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds, fails) == odds
 
@@ -199,6 +199,7 @@ def test_a_cause_that_stands_in_for_others_is_not_enough() -> None:
     for found, enough in (
         (sized("mass", 3e-5, 1e-3, MASS), True),
         (sized("mass", 0.03, 0.3, MASS), False),
-        (sized("mass", 3e-5, 1e-3, MASS, tuned=1.6), False),
+        (sized("mass", 3e-5, 1e-3, MASS, tuned=1.6), True),
+        (sized("mass", 3e-5, 1e-3, CUBIC, tuned=1.6), False),
     ):
         assert _enough([found], none, lambda r: 1.0) is enough
