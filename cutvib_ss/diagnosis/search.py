@@ -279,19 +279,26 @@ def _rival(nominal: Model, outlook: Records, best: Ranked) -> tuple[float, float
 def _rough(
     nominal: Model, records: Records, few: Records, found: Sequence[Candidate], none: Ranked, workers: Workers
 ) -> list[tuple[Candidate, Fit]]:
-    """The candidates that promise most, each from the best of its starts, on few lines; best first."""
-    # The tuning of a model that lacks the cause leads away from a large one; of a small one it is what is left that tells.
-    afar = Scan(nominal, few, Hypothesis(), None, {}, apart=False)
-    sharp = records.coarse(SETTINGS.search_coarse_lines, 0.0)
-    near = Scan(nominal, sharp, Hypothesis(), none.fit.x, {}, apart=False)
+    """
+    The candidates that promise most, each from the best of its starts, on few lines; best first.
+
+    The tuning of a model that lacks the cause leads away from a large one, which is scanned for from the untuned model; of a small
+    one the tuned model's residual tells, and where nothing stands out that alone.
+    """
+    scans = []
+    if none.reduced < SETTINGS.search_first_order:
+        sharp = records.coarse(SETTINGS.search_coarse_lines, 0.0)
+        scans.append(Scan(nominal, sharp, Hypothesis(), none.fit.x, {}, apart=False))
+    if none.reduced > SETTINGS.search_enough:
+        # The fits start from the untuned model, too: the order of starts is that of the last scan.
+        scans.append(Scan(nominal, few, Hypothesis(), None, {}, apart=False))
     # What is far from all that first order tells of is fitted, whatever it promises.
     count = SETTINGS.search_scouted if none.reduced < SETTINGS.search_first_order else len(found)
     chosen: set[int] = set()
-    for scan in (near, afar):
+    for scan in scans:
         tried = workers.map(scan.each, [c.starts for c in found])
         best = [max(max(gains) for gains in rows) for rows in tried]
         chosen |= set(np.argsort(best)[::-1][:count].tolist())
-    # The last scan is from the untuned model, from which the fits start too.
     ordered = [
         [found[i].starts[k] for k in sorted(range(len(tried[i])), key=lambda k: -tried[i][k][0])]
         for i in range(len(found))
