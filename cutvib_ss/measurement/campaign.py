@@ -13,6 +13,7 @@ import numpy as np
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.measurement.checks import check_record, guesses_left
 from cutvib_ss.measurement.conversion import frf_of, histories_of, motion_factor, to_contents
+from cutvib_ss.measurement.estimation import blow_start
 from cutvib_ss.measurement.formats import format_of
 from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawResponse, Signal, TextOptions
 from cutvib_ss.measurement.inputs import struck_port
@@ -21,6 +22,7 @@ from cutvib_ss.measurement.noise import frf_variance
 from cutvib_ss.measurement.plausibility import same_data
 from cutvib_ss.measurement.reading import read_file
 from cutvib_ss.measurement.records import FORCE, Campaign, History, MachineLike, Record
+from cutvib_ss.measurement.rounding import words_on_steps
 from cutvib_ss.measurement.schema import CampaignFile, ChannelTable, RecordTable, read_campaign_file, toml_text
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model_files import read_machine, write_machine
@@ -70,6 +72,8 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
         records.append(record)
         warnings += found
     warnings += same_data(records)
+    blows = [record for record in records if record.kind == "impact"]
+    warnings += words_on_steps(blows, [[blow_start(h.force) for h in record.histories] for record in blows])
     title = tables.campaign.title or file.parent.resolve().name
     return Campaign(title, file.parent, machine, tuple(records), _told_once(warnings))
 

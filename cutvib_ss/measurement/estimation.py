@@ -27,6 +27,7 @@ from cutvib_ss.measurement.noise import (
     widened,
 )
 from cutvib_ss.measurement.records import FORCE, History, Record
+from cutvib_ss.measurement.rounding import coarser, rounding_error
 from cutvib_ss.results import ComplexArray, Estimator, FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.results.arrays import optional_array
 from cutvib_ss.results.frequency import EstimatorKind
@@ -97,6 +98,7 @@ def estimate(
         raise ParameterError(f"record {record.name!r} holds estimated responses already: use its `frf`")
     if record.kind == "impact":
         freq, data, variance, gamma, averages = _from_blows(record, estimator, decay_rate, noise_bins)
+        variance = variance + _rounding_variance(record, estimator, decay_rate, noise_bins, data, variance)
     else:
         if decay_rate:
             raise ParameterError(
@@ -218,6 +220,23 @@ def _from_blows(
             variance[k] = _single_blow_variance(record.histories[0], k, h, input_power, window, noise_bins)
     freq: FloatArray = np.arange(samples // 2 + 1, dtype=np.float64) * (fs / samples)
     return freq, data, _finite(variance, data, input_power), gamma, averages
+
+
+def _rounding_variance(
+    record: Record,
+    estimator: EstimatorKind,
+    decay_rate: float,
+    noise_bins: int,
+    data: ComplexArray,
+    variance: FloatArray,
+) -> FloatArray | float:
+    """What rounding to coarse steps does alike in every blow, see `rounding`."""
+    total: FloatArray | float = 0.0
+    for more in coarser(record, [blow_start(h.force) for h in record.histories]):
+        _, other, scatter, _, _ = _from_blows(more.record, estimator, decay_rate, noise_bins)
+        seen = np.maximum(scatter - variance, 0.0) if len(record.histories) > 1 else None
+        total = total + rounding_error(data, other, seen, more.shares)
+    return total
 
 
 def without_offset(history: History, samples: int) -> tuple[FloatArray, FloatArray]:
