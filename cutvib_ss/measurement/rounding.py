@@ -11,7 +11,7 @@ Its size is found by rounding once more. Steps of 3q on values that lie on steps
 coarse had given (the thresholds of odd multiples are thresholds of the finer one; those of 2q would fall on the values). The
 error that follows the signal scales with q, for all amplitudes have the same share of a decay: err(3q) = 3 err(q), so that H(3q)
 - H(q) is twice that of H(q). With noise of standard deviation s it falls by exp(-2π² s²/q²) (Widrow and Kollár 2008, Quantization
-Noise, chapter 19), at 3q by the ninth root of that, and the quotient changes accordingly. The white part of H(3q) - H(q) has been
+Noise, on dither), at 3q by the ninth root of that, and the quotient changes accordingly. The white part of H(3q) - H(q) has been
 seen as scatter of the blows, and is taken off.
 
 The error is a variance here and not taken out: its sign hangs on where in its step a channel rests, and a mode that is still
@@ -114,10 +114,8 @@ def steps_of(values: FloatArray, before: int = 0) -> Steps:
     if np.any(off > np.maximum(_NEAR * size, np.where(moved > _SMALL * size, _DIGITS * moved, 0.0))):
         return NONE
     noise = [_dither(np.round((part - rest) / size)) for part in parts]
-    if len(noise) > 1 and noise[1] < DITHERED:
-        # What moves at the end is ringing then.
-        noise = [max(min(noise[0], RINGING), noise[1])]
-    return Steps(size, rest, largest / size, noise[0])
+    # Where it is quiet before the blow, what moves at the end is ringing.
+    return Steps(size, rest, largest / size, noise[0] if len(noise) == 1 else max(min(noise[0], RINGING), noise[1]))
 
 
 def _dither(counts: FloatArray) -> float:
