@@ -33,7 +33,7 @@ COARSER = 3
 """Steps of a converter that are put together to one, to see what its steps do: an odd number."""
 DITHERED = 0.5
 """Standard deviation of noise over a step, from which rounding is noise itself: of what follows the signal 0.7 % is left."""
-RINGING = 0.25
+RINGING = 0.2
 """The same of what still rings at the end of a record, at most: it keeps itself from being lost, but less well than noise."""
 SMOOTHED = 5
 """Lines over which the error is averaged: it has the width of a resonance."""
@@ -123,15 +123,15 @@ def _dither(counts: FloatArray) -> float:
     Standard deviation over a step of the noise that leaves so many steps from the middle one.
 
     Of Gaussian noise the distance between the thresholds on either side is one step: 1/s = z₊ + z₋, by the shares of what lies
-    beyond them; where the middle of the noise lies between them does not matter. What lies beyond neither moves too little to
-    tell: 0.
+    beyond them; where its middle lies between them does not matter. Where nothing lies beyond one of them that is the most that s
+    can be, and half of it is taken; where nothing lies beyond either, too little moves to tell: 0.
     """
     middle = np.median(counts)
     beyond = [int(np.count_nonzero(side > 0)) for side in (counts - middle, middle - counts)]
-    if not any(beyond):
-        return 0.0
     between = -sum(float(special.ndtri((n + 0.5) / (counts.size + 1))) for n in beyond)
-    return 1 / between if between > 0.0 else np.inf
+    if between <= 0.0:
+        return np.inf
+    return 0.5 * sum(n > 0 for n in beyond) / between
 
 
 def steps_in(record: Record, starts: Sequence[int]) -> dict[str, list[Steps]]:

@@ -104,8 +104,8 @@ def test_noise_is_told_from_the_steps_that_it_makes(deviation, middle):
     quiet = np.round(_RINGING / 0.01 + deviation * rng.standard_normal(4000) + middle)
     found = steps_of(quiet)
     if deviation < DITHERED:
-        # at the edge of a step one threshold alone is passed, and the deviation is an upper bound
-        assert 0.75 * deviation < found.noise < (1.6 if middle > 0.4 else 1.25) * deviation
+        # near the edge of a step one threshold alone may be passed, and half of what it can be is taken
+        assert 0.5 * deviation < found.noise < 1.25 * deviation
     else:
         assert not found.coarse
 
