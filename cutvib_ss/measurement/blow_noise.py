@@ -16,6 +16,7 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.estimation import blow_start, h1, without_offset
 from cutvib_ss.measurement.noise import NOISE_BINS, high_pass_variance, smooth_noise
 from cutvib_ss.measurement.records import History, Record
+from cutvib_ss.measurement.rounding import orders_by_rounding
 from cutvib_ss.results import FloatArray
 
 _FEWEST_QUIET = 32  # samples of a quiet part from which a power is told
@@ -98,11 +99,12 @@ def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_
     At each line A_i = (H + G x_i) F_i + E_i by least squares, x_i the peak force about its mean (weighted by |F_i|²) and of unit
     mean square: |G|² is the ordered power, with one complex degree of freedom, and what is left has n - 2.
 
-    Significance: the sum over lines of ordered over rest is compared with an F distribution. Sensor noise is
-    independent from line to line, a hit beside the point is not: with a rest of ρ times the noise, whose excess is taken as one
-    real direction common to all L lines (a gain, at worst), the sum has ν = 2 L ρ² / (1 + 2(ρ-1) + 2 L (ρ-1)²) degrees of freedom
-    (Satterthwaite 1946), ordered and rest alike. A structure with a law in the force orders all channels; so does a hand that
-    hits elsewhere when it hits harder: what orders with the force is evidence of nonlinearity, not proof.
+    Significance: the sum over lines of ordered over rest is compared with an F distribution. Sensor noise is independent from
+    line to line, a hit beside the point is not: with a rest of ρ times the noise, whose excess is taken as one real direction
+    common to all L lines (a gain, at worst), the sum has ν = 2 L ρ² / (1 + 2(ρ-1) + 2 L (ρ-1)²) degrees of freedom (Satterthwaite
+    1946), ordered and rest alike. A structure with a law in the force orders all channels; so does a hand that hits elsewhere
+    when it hits harder: what orders with the force is evidence of nonlinearity, not proof. Of a channel rounded to steps that
+    noise does not reach it is not told: a soft blow loses more of its ringing than a hard one.
     """
     if record.kind != "impact":
         raise ParameterError(
@@ -155,6 +157,8 @@ def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_
         weight = 1 / smooth_noise((np.abs(g) ** 2 * input_power + left) / (count - 1), np.abs(h), noise_bins)
         statistic = float(np.mean(np.abs(g) ** 2 * input_power * weight) / np.mean(left / (count - 2) * weight))
         significance[k] = float(stats.f.sf(statistic, freedom, freedom * (count - 2)))
+    rounded = orders_by_rounding(record, [blow_start(h.force) for h in record.histories])
+    significance = np.where(rounded, np.nan, significance)
     return BlowScatter(freq, ordered, rest, single, ratio, significance, spread)
 
 

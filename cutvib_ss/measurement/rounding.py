@@ -20,7 +20,7 @@ ringing at the end of a record, or that never moved a whole step, does not scale
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +37,9 @@ RINGING = 0.2
 """The same of what still rings at the end of a record, at most: it keeps itself from being lost, but less well than noise."""
 SMOOTHED = 5
 """Lines over which the error is averaged: it has the width of a resonance."""
+
+ORDERING = 0.15
+"""Share from which what blows lose goes with their force as a law would: at noise of 0.12 steps it does, at 0.3 it does not."""
 
 _MOST_STEPS = 4096  # within the largest value: more lose 1e-4 of a response, and 1e-2 of a mode of a hundredth of it
 _FEWEST_SIZES = 4  # that values take: fewer are a made-up signal
@@ -181,7 +184,7 @@ def coarser(record: Record, starts: Sequence[int]) -> tuple[Coarser, ...]:
             replace(h, force=s.coarser(h.force)) for h, s in zip(record.histories, steps[FORCE], strict=True)
         )
         out.append(Coarser(replace(record, histories=histories), np.full(len(record.channels), force)))
-    shares = np.array([_share(steps[name]) for name in record.channels])
+    shares = _shares(record, steps)
     if np.any(shares > 0.0):
         histories = tuple(
             replace(
@@ -191,6 +194,15 @@ def coarser(record: Record, starts: Sequence[int]) -> tuple[Coarser, ...]:
         )
         out.append(Coarser(replace(record, histories=histories), shares))
     return tuple(out)
+
+
+def orders_by_rounding(record: Record, starts: Sequence[int]) -> np.ndarray:
+    """Of each channel of a record of blows whether what rounding loses goes with their force."""
+    return np.asarray(_shares(record, steps_in(record, starts)) >= ORDERING)
+
+
+def _shares(record: Record, steps: Mapping[str, list[Steps]]) -> FloatArray:
+    return np.array([_share(steps[name]) for name in record.channels])
 
 
 def _share(steps: list[Steps]) -> float:

@@ -7,6 +7,7 @@ import pytest
 
 from cutvib_ss.measurement import Campaign, History, Record, estimate, read_campaign, write_campaign
 from cutvib_ss.measurement import estimation as estimation_module
+from cutvib_ss.measurement.blow_noise import blow_scatter
 from cutvib_ss.measurement.estimation import blow_start
 from cutvib_ss.measurement.rounding import COARSER, DITHERED, NONE, coarser, steps_of
 from tests.unit.measurement_rig import FREQ, FS, blow, impact, small_campaign
@@ -191,3 +192,10 @@ def test_user_is_told_once_and_how_to_mend_it(tmp_path):
     assert "a.tdms and 1 more" in said[0]
     assert "tool_x" in said[0]
     assert "lower the range" in said[0]
+
+
+def test_what_coarse_steps_lose_is_not_held_for_a_law_in_the_force():
+    rng = np.random.default_rng(4)
+    analog = _struck(rng, 4, 0.02)
+    assert np.isnan(blow_scatter(_digitised(analog, 0.3, 0.02), band=(20, 300)).significance[0])
+    assert blow_scatter(_digitised(analog, 0.03, 0.02), band=(20, 300)).significance[0] > 0.0
