@@ -43,10 +43,8 @@ ORDERING = 0.15
 
 _MOST_STEPS = 4096  # within the largest value: more lose 1e-4 of a response, and 1e-2 of a mode of a hundredth of it
 _FEWEST_SIZES = 4  # that values take: fewer are a made-up signal
-_OF_A_BLOW = (
-    9,
-    1024,
-)  # steps within the largest force: of fewer nothing is left when three are made one; more lose 1e-3 of a tail
+_FEWEST_OF_FORCE = 9  # steps within the largest force: of fewer nothing is left when three are made one
+_MOST_OF_FORCE = 1024  # more lose 1e-3 of what follows a blow
 _MOST_VALUES = 9  # at rest: noise of half a step takes five
 _FEWEST_REST = 32  # samples before the blow that are looked at
 _SAME = 1e-5  # of the largest value: what is nearer is one value but for its digits
@@ -62,7 +60,7 @@ class Steps:
     size: float  # In the channel's unit; 0 where none are seen, or where they are fine
     rest: float  # The value that the others lie whole steps from
     largest: float = 0.0  # Largest value from there, in steps
-    noise: float = np.inf  # Standard deviation of what moves at the end of the record (noise, ringing) over a step
+    noise: float = np.inf  # Standard deviation over a step of what keeps values moving when the blow has died out
 
     @property
     def coarse(self) -> bool:
@@ -143,7 +141,7 @@ def steps_in(record: Record, starts: Sequence[int]) -> dict[str, list[Steps]]:
     for h, start in zip(record.histories, starts, strict=True):
         for name, values in zip(found, (h.force, *h.responses), strict=True):
             found[name].append(steps_of(values, start))
-    found[FORCE] = [s if _OF_A_BLOW[0] <= s.largest <= _OF_A_BLOW[1] else NONE for s in found[FORCE]]
+    found[FORCE] = [s if _FEWEST_OF_FORCE <= s.largest <= _MOST_OF_FORCE else NONE for s in found[FORCE]]
     return found
 
 
@@ -159,7 +157,7 @@ def words_on_steps(records: Sequence[Record], starts: Sequence[Sequence[int]]) -
                     channels.setdefault(name, []).append(s.largest)
     if not files:
         return []
-    each = ", ".join(f"{name} (from {min(sizes):.0f} steps a blow)" for name, sizes in channels.items())
+    each = ", ".join(f"{name} ({min(sizes):.0f} steps in the softest blow)" for name, sizes in channels.items())
     return [
         f"{next(iter(files))}{f' and {len(files) - 1} more' if len(files) > 1 else ''}: noise does not reach half a step of the "
         f"converter in {each}: what rings on below it is lost, and counts as uncertain; lower the range, or take more bits"
