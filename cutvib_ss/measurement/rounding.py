@@ -45,6 +45,7 @@ _MOST_STEPS = 4096  # within the largest value: more lose 1e-4 of a response, an
 _FEWEST_SIZES = 4  # that values take: fewer are a made-up signal
 _FEWEST_OF_FORCE = 9  # steps within the largest force: of fewer nothing is left when three are made one
 _MOST_OF_FORCE = 1024  # more lose 1e-3 of what follows a blow
+_SAID = 256  # steps within the largest value, below which it is worth a word
 _MOST_VALUES = 9  # at rest: noise of half a step takes five
 _FEWEST_REST = 32  # samples before the blow that are looked at
 _SAME = 1e-5  # of the largest value: what is nearer is one value but for its digits
@@ -152,7 +153,7 @@ def words_on_steps(records: Sequence[Record], starts: Sequence[Sequence[int]]) -
     for record, own in zip(records, starts, strict=True):
         for name, steps in steps_in(record, own).items():
             for s in steps:
-                if s.coarse:
+                if s.coarse and s.largest < _SAID:
                     files[record.name] = None
                     channels.setdefault(name, []).append(s.largest)
     if not files:
