@@ -214,14 +214,18 @@ class SimulatedProblem(Problem):
             self._site_circles[index] = linear.circles
         here = _taken(p.model, sites, row, p.stiffness)
         moves = [(i, scale, carried) for i, (scale, carried) in enumerate(self._tuning_moves(effects, stages))]
-        by_law: dict[int, ComplexArray] = {}
+        by_simulation: list[int] = []
         for k, (which, _, _) in enumerate(self.parameters):
             i = self.first_effect + k
             if self.hypothesis.effects[which].linear:
                 moves.append((i, *self._effect_moves(x, k, effects, stages)))
             else:
-                by_law[i] = self._by_law(x, i, p)
-        out: dict[int, ComplexArray] = dict(by_law)
+                by_simulation.append(i)
+        if any(e.replay is not None and e.replay.block for same in p.group.entries for e in same):
+            # Windowed blocks leak by more than a step moves them: their derivative is not that of the response.
+            by_simulation += [i for i, _, _ in moves]
+            moves = []
+        out = {i: self._by_simulation(x, i, p) for i in by_simulation}
         out.update(self._by_force_scale(x, index, p))
         if self.force_offset > 0.0:
             step = SETTINGS.simulation_force_scale_step
@@ -241,13 +245,10 @@ class SimulatedProblem(Problem):
                 out[i][k] = scale * sum(w * sweep.derivative(path) for path, w in carried)
         return [out[i] for i in sorted(out)]
 
-    def _by_law(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
+    def _by_simulation(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
         moved = x.copy()
-        moved[i] += (
-            SETTINGS.simulation_law_step
-            if x[i] + SETTINGS.simulation_law_step <= 1.0
-            else -SETTINGS.simulation_law_step
-        )
+        step = SETTINGS.simulation_tuning_step if i < self.n_tuning else SETTINGS.simulation_law_step
+        moved[i] += step if i < self.n_tuning or x[i] + step <= 1.0 else -step
         index = self._fitted(p)
         scales = None if index is None else self._force_scales(x)[index]
         there = simulated(self.applied(moved), p.group, None, self.steps, scales, self.offset_of(x))

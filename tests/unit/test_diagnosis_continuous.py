@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.effects.dry_friction import DryFriction
+from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.measurement.records import Campaign, History, Record
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure, StructureTolerances
@@ -99,3 +101,21 @@ def test_the_constant_force_is_found_beside_the_friction() -> None:
 
 def test_a_linear_cause_knows_no_constant_force() -> None:
     assert problem_for(CARRIAGE, Records(observed().entries), Hypothesis(), apart=True).force_offset == 0.0
+
+
+def test_what_leaks_is_differentiated_with_its_leak() -> None:
+    # A stiff axis under a slow motion: what leaks is as large as the response at its upper lines.
+    stiff = replace(CARRIAGE, system=replace(CARRIAGE.system, stiffness=np.array([[MASS * (2 * np.pi * 3.0) ** 2]])))
+    spring = Hypothesis((ToolContact("carriage", 5e3, 10.0),))
+    problem = problem_for(stiff, Records(observed().entries), spring)
+    x = problem.start()
+    predictions, _, _ = problem.residuals(x)
+    rows = Directions(problem, x, predictions, spread=False).flat()
+    for i in (0, 2, problem.first_effect):  # mass, stiffness, the spring
+        ends = []
+        for step in (1e-3, -1e-3):
+            moved = x.copy()
+            moved[i] += step
+            ends.append(np.concatenate([p.ravel() for r in problem.residuals(moved)[1] for p in (r.real, r.imag)]))
+        change = (ends[1] - ends[0]) / 2e-3
+        assert np.linalg.norm(change - rows[i]) < 0.02 * np.linalg.norm(change)
