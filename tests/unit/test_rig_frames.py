@@ -11,7 +11,8 @@ pytest.importorskip("exudyn")
 import cutvib_ss as cv
 from cutvib_ss.validation.rig import draw_case, write_campaign
 from cutvib_ss.validation.rig.assembly import assembled
-from cutvib_ss.validation.rig.frames import TOLERANCES, beam_element, draw_frame, plate_element
+from cutvib_ss.validation.rig.elements import beam_element, plate_element
+from cutvib_ss.validation.rig.frames import TOLERANCES, draw_frame
 from cutvib_ss.validation.rig.motion import frequency_response
 
 LEVELS = {"levels": (50.0,), "blows": 1, "overloads": 0}

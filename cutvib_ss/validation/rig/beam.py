@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, eigh
 
+from cutvib_ss.validation.rig.elements import LOBATTO, beam_element, shearing_beam_element
 from cutvib_ss.validation.rig.fittings import Fittings, Twist
 from cutvib_ss.validation.rig.structure import Rail
 
@@ -21,8 +22,6 @@ Array = NDArray[np.float64]
 ELEMENTS = 64
 SHEAR_ELEMENTS = 20
 """At least so many elements along the rail, of two nodes, or of four where it shears: frequencies to 500 Hz are right to 1e-5."""
-
-_LOBATTO = np.array([0.0, 0.5 - 0.5 / np.sqrt(5.0), 0.5 + 0.5 / np.sqrt(5.0), 1.0])
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class RailMatrices:
 
 def _mesh(length: float, points: tuple[float, ...], shear: bool) -> tuple[Array, int]:
     """Nodes [m] along the rail, some of them at the given y / L, and how many spans an element has."""
-    elements, inner = (SHEAR_ELEMENTS, _LOBATTO) if shear else (ELEMENTS, np.array([0.0, 1.0]))
+    elements, inner = (SHEAR_ELEMENTS, LOBATTO) if shear else (ELEMENTS, np.array([0.0, 1.0]))
     cuts = np.unique(np.concatenate([[0.0, 1.0], points]))
     counts = np.maximum(1, np.ceil(np.diff(cuts) * elements).astype(int))
     pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in zip(cuts[:-1], cuts[1:], counts, strict=True)]
@@ -51,32 +50,6 @@ def _mesh(length: float, points: tuple[float, ...], shear: bool) -> tuple[Array,
 def rail_nodes(length: float, points: tuple[float, ...]) -> Array:
     """Nodes [m] along a slender rail, some of them at the given y / L."""
     return _mesh(length, points, shear=False)[0]
-
-
-def _slender_element(h: float, ei: float, mu: float) -> tuple[Array, Array]:
-    """Mass and stiffness over (w, s) at both ends: Hermite's shapes."""
-    k = [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h]]
-    k += [[-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]]
-    m = [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h]]
-    m += [[54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]
-    return mu * h / 420 * np.array(m), ei / h**3 * np.array(k)
-
-
-def _shearing_element(h: float, ei: float, mu: float, kga: float, rotary: float) -> tuple[Array, Array]:
-    """Mass and stiffness over (w, s) at four nodes: deflection and turn of the section are cubics of their own."""
-    x, weight = np.polynomial.legendre.leggauss(6)
-    x, weight = (x + 1) / 2, h * weight / 2
-    powers = np.linalg.inv(np.vander(_LOBATTO, increasing=True))  # coefficients of the four shapes, by column
-    value = np.vander(x, 4, increasing=True) @ powers
-    slope = np.column_stack([np.zeros_like(x), np.ones_like(x), 2 * x, 3 * x**2]) @ powers / h
-    w, s = np.zeros((x.size, 8)), np.zeros((x.size, 8))
-    dw, ds = np.zeros((x.size, 8)), np.zeros((x.size, 8))
-    w[:, 0::2], s[:, 1::2], dw[:, 0::2], ds[:, 1::2] = value, value, slope, slope
-
-    def integral(shape: Array) -> Array:
-        return np.asarray((shape.T * weight) @ shape)
-
-    return mu * integral(w) + rotary * integral(s), ei * integral(ds) + kga * integral(dw - s)
 
 
 def _bending(rail: Rail, nodes: Array, spans: int, fittings: Fittings) -> tuple[Array, Array]:
@@ -94,7 +67,7 @@ def _bending(rail: Rail, nodes: Array, spans: int, fittings: Fittings) -> tuple[
     for first in range(0, nodes.size - 1, spans):
         h = float(nodes[first + spans] - nodes[first])
         if fittings.shear is None:
-            m, k = _slender_element(h, ei, mu)
+            m, k = beam_element(h, ei, mu)
         else:
             shear = fittings.shear
             kga = shear.shear_ratio * np.pi**2 * ei / rail.length**2
@@ -102,7 +75,7 @@ def _bending(rail: Rail, nodes: Array, spans: int, fittings: Fittings) -> tuple[
             middle = (nodes[first] + h / 2) / nodes[-1]
             if shear.soft and not shear.soft[0] < middle < shear.soft[1]:
                 kga *= 50.0
-            m, k = _shearing_element(h, ei, mu, kga, rotary)
+            m, k = shearing_beam_element(h, ei, mu, kga, rotary)
         dofs = np.arange(2 * first, 2 * (first + spans) + 2)
         if first == hinge:
             dofs[1] = n - 1

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from cutvib_ss.validation.rig.elements import beam_element, plate_element
 from cutvib_ss.validation.rig.fittings import Fittings
 from cutvib_ss.validation.rig.multibody import Linearised
 from cutvib_ss.validation.rig.structure import Chain, Channel
@@ -169,15 +170,6 @@ def _chain(rng: np.random.Generator) -> _Matrices:
     return np.diag(m), stiffness, list(range(n)), springs
 
 
-def beam_element(h: float, ei: float, mu: float) -> tuple[Array, Array]:
-    """Mass and stiffness of a slender beam over deflection and slope at both ends (Hermite's shapes)."""
-    k = [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h]]
-    k += [[-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]]
-    m = [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h]]
-    m += [[54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]
-    return mu * h / 420 * np.array(m), ei / h**3 * np.array(k)
-
-
 def _beam(rng: np.random.Generator) -> _Matrices:
     """A slender beam of 3 to 14 elements: clamped at one end or both, pinned, or free; a mass at a node."""
     n = int(rng.integers(3, 15))
@@ -247,33 +239,6 @@ def _plate(rng: np.random.Generator) -> _Matrices:
     else:
         held = [3 * node(i, j) for i in (0, nx) for j in (0, ny)]
     return _without(mass, stiffness, held, range(0, size, 3))
-
-
-def plate_element(a: float, b: float, density: float, poisson: float) -> tuple[Array, Array]:
-    """Mass and stiffness of a plate a by b, flexural rigidity 1, over (w, w_y, -w_x) at corners (0, 0), (a, 0), (a, b), (0, b)."""
-    powers = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3), (3, 1), (1, 3)]
-
-    def terms(x: float, y: float, dx: int, dy: int) -> Array:
-        def one(p: int, t: float, d: int) -> float:
-            return 0.0 if p < d else float(np.prod(np.arange(p, p - d, -1)) * t ** (p - d))
-
-        return np.array([one(p, x, dx) * one(q, y, dy) for p, q in powers])
-
-    rows = []
-    for x, y in ((0.0, 0.0), (a, 0.0), (a, b), (0.0, b)):
-        rows += [terms(x, y, 0, 0), terms(x, y, 0, 1), -terms(x, y, 1, 0)]
-    shapes = np.linalg.inv(np.array(rows))
-    rigidity = np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, (1 - poisson) / 2]])
-    mass, stiffness = np.zeros((12, 12)), np.zeros((12, 12))
-    points, weights = np.polynomial.legendre.leggauss(5)
-    for px, wx in zip(points, weights, strict=True):
-        for py, wy in zip(points, weights, strict=True):
-            x, y, w = (px + 1) * a / 2, (py + 1) * b / 2, wx * wy * a * b / 4
-            n = terms(x, y, 0, 0) @ shapes
-            bend = np.array([terms(x, y, 2, 0), terms(x, y, 0, 2), 2 * terms(x, y, 1, 1)]) @ shapes
-            mass += w * density * np.outer(n, n)
-            stiffness += w * bend.T @ rigidity @ bend
-    return mass, stiffness
 
 
 def _without(mass: Array, stiffness: Array, held: list[int], deflections: range | list[int]) -> _Matrices:
