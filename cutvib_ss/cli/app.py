@@ -6,7 +6,7 @@ import re
 import sys
 import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import typer
@@ -38,10 +38,6 @@ app = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
     pretty_exceptions_enable=False,
 )
-absorber = typer.Typer(help="The tuned vibration absorber over the workspace.", rich_markup_mode="rich")
-campaign = typer.Typer(help="From a folder of measured files to a campaign.", rich_markup_mode="rich")
-control = typer.Typer(help="Controller prototypes and their check over the workspace.", rich_markup_mode="rich")
-blind = typer.Typer(help="The sealed trial of the diagnosis on a virtual machine.", rich_markup_mode="rich")
 
 
 def _version(asked: bool) -> None:
@@ -62,86 +58,58 @@ def root(
         typer.echo(context.get_help())
 
 
-@absorber.callback(invoke_without_command=True)
-def absorber_root(context: typer.Context) -> None:
-    """The tuned vibration absorber over the workspace."""
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+def _group(name: str, text: str) -> typer.Typer:
+    """Commands under a common name, which alone prints their help."""
+    group = typer.Typer(help=text, rich_markup_mode="rich")
+
+    @group.callback(invoke_without_command=True, help=text)
+    def group_root(context: typer.Context) -> None:
+        if context.invoked_subcommand is None:
+            typer.echo(context.get_help())
+
+    app.add_typer(group, name=name)
+    return group
 
 
-@campaign.callback(invoke_without_command=True)
-def campaign_root(context: typer.Context) -> None:
-    """From a folder of measured files to a campaign."""
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+absorber = _group("absorber", "The tuned vibration absorber over the workspace.")
+campaign = _group("campaign", "From a folder of measured files to a campaign.")
+control = _group("control", "Controller prototypes and their check over the workspace.")
+blind = _group("blind", "The sealed trial of the diagnosis on a virtual machine.")
 
+_COMMANDS: tuple[tuple[typer.Typer, str, Callable[..., None], str], ...] = (
+    (app, "demo", demo_command, "--out my-demo"),
+    (app, "diagnose", diagnose_command, "my-campaign --json out.json --report out.html"),
+    (app, "fleet", fleet_command, "my-campaigns --jobs 2 --json fleet.json --report fleet.html"),
+    (app, "plan", plan_command, "--position 0.1 --position 0.5 --level 20 --level 100 --json plan.json"),
+    (app, "identify", identify_command, "my-campaign --save-machine fitted.toml"),
+    (app, "paper", paper_command, "--json tables.json"),
+    (app, "figures", figures_command, "--out my-figures"),
+    (app, "modes", modes_command, "--position 0.5"),
+    (app, "frf", frf_command, "--position 0.5 --position 0.3333 --freq 100:300:0.5 --out frf.csv"),
+    (app, "bode", bode_command, "--position 0.02 --position 0.5 --out bode.png"),
+    (app, "schedule", schedule_command, "--out schedule.png --bode bode.png --table plants.mat"),
+    (app, "simulate", simulate_command, "--position 0.5 --steady --plot pulses.png"),
+    (absorber, "absorber check", absorber_check_command, "--frequency 215 --damping-ratio 0.03 --mass 0.08"),
+    (absorber, "absorber design", absorber_design_command, "--mass 0.08 --direction z --tolerance 0.02 --harmonics 5"),
+    (campaign, "campaign init", campaign_init_command, "my-folder --channel force=Hammer --position 0.25"),
+    (campaign, "campaign show", campaign_show_command, "my-folder --report campaign.html"),
+    (control, "control design", control_design_command, "h2@rail --order 10 --out h2.json"),
+    (
+        control,
+        "control check",
+        control_check_command,
+        "resonant@rail hinf@rail --corrected corrected.toml --plot rail.png",
+    ),
+    (blind, "blind run", blind_run_command, "--cases 12 --seed 1 --out my-trial --jobs 2"),
+    (blind, "blind score", blind_score_command, "my-trial --json score.json --report score.html"),
+    (blind, "blind measured", blind_measured_command, "measured-rigs --out added --seed 1 --jobs 2"),
+    (blind, "blind real", blind_real_command, "measured-rigs --json table.json"),
+    (app, "serve", serve_command, "my-campaign --port 8080 --no-open"),
+)
+"""The commands: what each stands under, its name, what it runs, and the arguments of the example in its help."""
 
-@control.callback(invoke_without_command=True)
-def control_root(context: typer.Context) -> None:
-    """Controller prototypes and their check over the workspace."""
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
-
-
-@blind.callback(invoke_without_command=True)
-def blind_root(context: typer.Context) -> None:
-    """The sealed trial of the diagnosis on a virtual machine."""
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
-
-
-app.command("demo", epilog="Example: cutvib demo --out my-demo")(demo_command)
-app.command("diagnose", epilog="Example: cutvib diagnose my-campaign --json out.json --report out.html")(
-    diagnose_command
-)
-app.command("fleet", epilog="Example: cutvib fleet my-campaigns --jobs 2 --json fleet.json --report fleet.html")(
-    fleet_command
-)
-app.command(
-    "plan", epilog="Example: cutvib plan --position 0.1 --position 0.5 --level 20 --level 100 --json plan.json"
-)(plan_command)
-app.command("identify", epilog="Example: cutvib identify my-campaign --save-machine fitted.toml")(identify_command)
-app.command("paper", epilog="Example: cutvib paper --json tables.json")(paper_command)
-app.command("figures", epilog="Example: cutvib figures --out my-figures")(figures_command)
-app.command("modes", epilog="Example: cutvib modes --position 0.5")(modes_command)
-app.command("frf", epilog="Example: cutvib frf --position 0.5 --position 0.3333 --freq 100:300:0.5 --out frf.csv")(
-    frf_command
-)
-app.command("bode", epilog="Example: cutvib bode --position 0.02 --position 0.5 --out bode.png")(bode_command)
-app.command("schedule", epilog="Example: cutvib schedule --out schedule.png --bode bode.png --table plants.mat")(
-    schedule_command
-)
-app.command("simulate", epilog="Example: cutvib simulate --position 0.5 --steady --plot pulses.png")(simulate_command)
-app.add_typer(absorber, name="absorber")
-absorber.command("check", epilog="Example: cutvib absorber check --frequency 215 --damping-ratio 0.03 --mass 0.08")(
-    absorber_check_command
-)
-absorber.command(
-    "design", epilog="Example: cutvib absorber design --mass 0.08 --direction z --tolerance 0.02 --harmonics 5"
-)(absorber_design_command)
-app.add_typer(campaign, name="campaign")
-campaign.command("init", epilog="Example: cutvib campaign init my-folder --channel force=Hammer --position 0.25")(
-    campaign_init_command
-)
-campaign.command("show", epilog="Example: cutvib campaign show my-folder --report campaign.html")(campaign_show_command)
-app.add_typer(control, name="control")
-control.command("design", epilog="Example: cutvib control design h2@rail --order 10 --out h2.json")(
-    control_design_command
-)
-control.command(
-    "check", epilog="Example: cutvib control check resonant@rail hinf@rail --corrected corrected.toml --plot rail.png"
-)(control_check_command)
-app.add_typer(blind, name="blind")
-blind.command("run", epilog="Example: cutvib blind run --cases 12 --seed 1 --out my-trial --jobs 2")(blind_run_command)
-blind.command("score", epilog="Example: cutvib blind score my-trial --json score.json --report score.html")(
-    blind_score_command
-)
-blind.command("measured", epilog="Example: cutvib blind measured measured-rigs --out added --seed 1 --jobs 2")(
-    blind_measured_command
-)
-blind.command("real", epilog="Example: cutvib blind real measured-rigs --json table.json")(blind_real_command)
-
-app.command("serve", epilog="Example: cutvib serve my-campaign --port 8080 --no-open")(serve_command)
+for _group_of, _path, _run, _arguments in _COMMANDS:
+    _group_of.command(_path.split()[-1], epilog=f"Example: cutvib {_path} {_arguments}".rstrip())(_run)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

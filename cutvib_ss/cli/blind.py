@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, existing_folder, existing_folders
-from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, working, write_all
+from cutvib_ss.cli.options import JsonOption, SchedulerOption, TablePageOption, existing_folder, existing_folders
+from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, text_writer, working, write_all
 from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from cutvib_ss.validation.score import Score
+    from cutvib_ss.validation.seal import Trial
 
+_TrialOption = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder of the trial; the labels go to DIR.sealed beside it.")
+]
+_TimeoutOption = Annotated[
+    float, typer.Option("--timeout", min=1.0, metavar="S", help="A diagnosis of more seconds has failed.")
+]
 _SuffixError = "give a name that ends in .html (a page) or .md (a table)"
 
 
 def blind_run_command(
     cases: Annotated[int, typer.Option("--cases", metavar="N", help="Number of cases.")],
     seed: Annotated[int, typer.Option("--seed", metavar="S", help="Of all cases: same settings, same cases.")],
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder of the trial; the labels go to DIR.sealed beside it.")
-    ],
+    out: _TrialOption,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Cases at a time.")] = 1,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do the work.")
-    ] = None,
+    scheduler: SchedulerOption = None,
     mix: Annotated[
         str | None,
         typer.Option(
@@ -45,9 +47,7 @@ def blind_run_command(
         bool,
         typer.Option("--small", help="Campaigns of four positions, two levels and two channels, for a quick trial."),
     ] = False,
-    timeout: Annotated[
-        float, typer.Option("--timeout", min=1.0, metavar="S", help="A diagnosis of more seconds has failed.")
-    ] = 1800.0,
+    timeout: _TimeoutOption = 1800.0,
 ) -> None:
     """Make campaigns on a virtual machine, seal what is wrong with it, diagnose them. The same command again resumes."""
     from cutvib_ss.validation.plan import settings
@@ -55,9 +55,7 @@ def blind_run_command(
 
     asked = settings(cases, seed, mix, _range(severity), small)
     trial = run_trial(asked, out, package_tools(), jobs, scheduler, timeout, _progress)
-    console = results()
-    say(console, f"{cases} cases diagnosed; sealed by {trial.commitment}")
-    say(console, f"labels: {trial.sealed}; open them with `cutvib blind score {out}`")
+    _say_sealed(trial, cases)
 
 
 def blind_score_command(
@@ -113,7 +111,7 @@ def blind_score_command(
 
         with working("writing the report"):
             texts = {p: score_html(found) if p.suffix.lower() == ".html" else score_markdown(found) for p in pages}
-        write_all({page: _writer(text) for page, text in texts.items()})
+        write_all({page: text_writer(text) for page, text in texts.items()})
     if not give_json(found.to_dict(), json):
         _print_score(found, results())
 
@@ -122,14 +120,10 @@ def blind_measured_command(
     data: Annotated[
         Path, typer.Argument(metavar="DATA", help="Folder that holds measured campaigns with documented causes.")
     ],
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder of the trial; the labels go to DIR.sealed beside it.")
-    ],
+    out: _TrialOption,
     seed: Annotated[int, typer.Option("--seed", metavar="S", help="Of the elements' sizes.")] = 1,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Cases at a time.")] = 1,
-    timeout: Annotated[
-        float, typer.Option("--timeout", min=1.0, metavar="S", help="A diagnosis of more seconds has failed.")
-    ] = 1800.0,
+    timeout: _TimeoutOption = 1800.0,
 ) -> None:
     """Add elements of known kind, place and size to measured campaigns, seal what they are, diagnose. The same command resumes."""
     from cutvib_ss.validation.measured_set import measured_trial
@@ -139,9 +133,7 @@ def blind_measured_command(
         raise ParameterError(f"{data}: is not a folder; give one that holds measured campaigns")
     asked, tools = measured_trial(data, seed)
     trial = run_trial(asked, out, tools, jobs, None, timeout, _progress)
-    console = results()
-    say(console, f"{asked.cases} cases diagnosed; sealed by {trial.commitment}")
-    say(console, f"labels: {trial.sealed}; open them with `cutvib blind score {out}`")
+    _say_sealed(trial, asked.cases)
 
 
 def blind_real_command(
@@ -154,10 +146,7 @@ def blind_real_command(
         ),
     ],
     json: JsonOption = None,
-    report: Annotated[
-        Path | None,
-        typer.Option("--report", metavar="FILE.html", help="Write the table as one self-contained page."),
-    ] = None,
+    report: TablePageOption = None,
     halves: Annotated[
         bool, typer.Option("--halves", help="Diagnose both halves of each campaign's records too: do they agree?")
     ] = False,
@@ -172,7 +161,7 @@ def blind_real_command(
         from cutvib_ss.report.blind import measured_html
 
         text = measured_html(rows)
-        write_all({report: _writer(text)})
+        write_all({report: text_writer(text)})
     if give_json(table_data(rows), json):
         return
     console = results()
@@ -189,6 +178,11 @@ def blind_real_command(
             say(console, f"{row.campaign}: {row.error}")
 
 
+def _say_sealed(trial: Trial, cases: int) -> None:
+    say(results(), f"{cases} cases diagnosed; sealed by {trial.commitment}")
+    say(results(), f"labels: {trial.sealed}; open them with `cutvib blind score {trial.folder}`")
+
+
 def _range(text: str) -> tuple[float, float]:
     try:
         low, high = (float(part) for part in text.split(":"))
@@ -200,10 +194,6 @@ def _range(text: str) -> tuple[float, float]:
 def _progress(stage: str, done: int, total: int) -> None:
     if done in (0, total) or done % max(1, total // 20) == 0:
         say(messages(), f"{stage}: {done} of {total}")
-
-
-def _writer(text: str) -> Callable[[Path], object]:
-    return lambda draft: draft.write_text(text, encoding="utf-8")
 
 
 def _print_score(found: Score, console: Console) -> None:

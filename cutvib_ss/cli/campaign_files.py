@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cutvib_ss.cli.options import CampaignArgument, JsonOption, MachineOption, existing_folder, load_model
-from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, working, write_all
+from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, text_writer, working, write_all
 from cutvib_ss.errors import CutvibError, ParameterError
 
 if TYPE_CHECKING:
@@ -257,7 +257,7 @@ def campaign_show_command(
 
         with working("drawing"):
             page = campaign_html(measured, found)
-        write_all({report: lambda draft: draft.write_text(page, encoding="utf-8")})
+        write_all({report: text_writer(page)})
     if not give_json(found.to_dict(), json):
         _print_show(found)
 

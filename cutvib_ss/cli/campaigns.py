@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import CampaignArgument, JsonOption, MachineOption, SaveMachineOption, limits
-from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, working, write_all
+from cutvib_ss.cli.options import CampaignArgument, JsonOption, MachineOption, SaveMachineOption, limits, load_model
+from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, text_writer, working, write_all
 from cutvib_ss.cli.progress import progress
 from cutvib_ss.errors import ParameterError
 
@@ -97,7 +97,7 @@ def identify_command(
     from cutvib_ss.model_files import write_machine
 
     with working("reading and fitting"):
-        measured = read_campaign(campaign, None if machine is None else _read(machine))
+        measured = read_campaign(campaign, None if machine is None else load_model(machine))
         found = identify(measured, base=base.value, band=lines)
     fitted = found.machine
     if save_machine is not None and fitted is not None:
@@ -114,14 +114,12 @@ def give_diagnosis(
     """Write a diagnosis as JSON, page and machine.toml: all that is asked for, or nothing."""
     writers: dict[str | Path, Any] = {}
     if json is not None and json != "-":
-        text = found.to_json() + "\n"
-        writers[json] = lambda draft: draft.write_text(text, encoding="utf-8")
+        writers[json] = text_writer(found.to_json() + "\n")
     if report is not None:
         from cutvib_ss.report.page import report_html
 
         with working("writing the report"):
-            page = report_html(found, command)
-        writers[report] = lambda draft: draft.write_text(page, encoding="utf-8")
+            writers[report] = text_writer(report_html(found, command))
     if save_machine is not None:
         from cutvib_ss.model_files import write_machine
 
@@ -238,7 +236,7 @@ def diagnosis_of(
     with progress() as told:
         from cutvib_ss.measurement.campaign import read_campaign
 
-        measured = read_campaign(campaign, None if machine is None else _read(machine))
+        measured = read_campaign(campaign, None if machine is None else load_model(machine))
         measured = chosen(measured, band, records)
         from cutvib_ss.diagnosis.diagnose import diagnose
 
@@ -281,12 +279,6 @@ def _command(
     for pattern in records:
         parts += ["--records", pattern]
     return shlex.join([*parts, "--seed", str(seed), "--report", "report.html"])
-
-
-def _read(machine: Path) -> Any:
-    from cutvib_ss.model_files import read_machine
-
-    return read_machine(machine)
 
 
 def _identify_data(found: IdentificationResult) -> dict[str, Any]:

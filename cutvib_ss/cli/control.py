@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cutvib_ss.cli.options import JsonOption, MachineOption, existing_machines, load_machine, picture, position_value
-from cutvib_ss.cli.output import check_outputs, give_json, json_text, results, say, show, working, write_all
+from cutvib_ss.cli.output import (
+    check_outputs,
+    give_json,
+    json_text,
+    results,
+    say,
+    show,
+    text_writer,
+    working,
+    write_all,
+)
 from cutvib_ss.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -74,7 +84,7 @@ def control_design_command(
         check = check_controller(made, model, places, hardware, label)
     data = controller_data(made, hardware)
     if out is not None:
-        write_all({out: lambda draft: draft.write_text(json_text(data), encoding="utf-8")})
+        write_all({out: text_writer(json_text(data))})
     if give_json(data, json):
         return
     console = results()

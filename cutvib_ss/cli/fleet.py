@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, existing_folder
-from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, write_all
+from cutvib_ss.cli.options import JsonOption, SchedulerOption, TablePageOption, existing_folder
+from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, text_writer, write_all
 
 
 def fleet_command(
@@ -17,10 +17,7 @@ def fleet_command(
         typer.Argument(metavar="DIR", help="Folder that holds campaigns, at any depth.", callback=existing_folder),
     ],
     json: JsonOption = None,
-    report: Annotated[
-        Path | None,
-        typer.Option("--report", metavar="FILE.html", help="Write the table as one self-contained page."),
-    ] = None,
+    report: TablePageOption = None,
     reports: Annotated[
         bool,
         typer.Option(
@@ -36,9 +33,7 @@ def fleet_command(
         ),
     ] = None,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Campaigns at a time.")] = 1,
-    scheduler: Annotated[
-        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do the work.")
-    ] = None,
+    scheduler: SchedulerOption = None,
 ) -> None:
     """
     Diagnose every campaign below a folder: one table, one page.
@@ -54,7 +49,7 @@ def fleet_command(
         from cutvib_ss.report.fleet import fleet_html
 
         text = fleet_html(rows, report)
-        write_all({report: lambda draft: draft.write_text(text, encoding="utf-8")})
+        write_all({report: text_writer(text)})
     if give_json(table_data(rows), json):
         return
     console = results()

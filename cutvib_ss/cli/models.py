@@ -13,6 +13,7 @@ from cutvib_ss.cli.options import (
     FreqOption,
     JsonOption,
     MachineOption,
+    PictureFileOption,
     PositionOption,
     PositionsOption,
     check_places,
@@ -155,9 +156,7 @@ def bode_command(
     form: _FormOption = None,
     input: _InputOption = None,
     output: _OutputsOption = None,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.", callback=picture)
-    ] = Path("bode.png"),
+    out: PictureFileOption = Path("bode.png"),
     machine: MachineOption = None,
     json: JsonOption = None,
 ) -> None:

@@ -133,6 +133,16 @@ SaveMachineOption = Annotated[
     Path | None,
     typer.Option("--save-machine", metavar="FILE.toml", help="Write the corrected model as a machine.toml."),
 ]
+PictureFileOption = Annotated[
+    Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.", callback=picture)
+]
+TablePageOption = Annotated[
+    Path | None,
+    typer.Option("--report", metavar="FILE.html", help="Write the table as one self-contained page."),
+]
+SchedulerOption = Annotated[
+    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do the work.")
+]
 
 _MOST_LINES = 1_000_000
 

@@ -77,6 +77,11 @@ def write_all(writers: dict[str | Path, Callable[[Path], object]]) -> None:
             writer(stack.enter_context(staged(target)))
 
 
+def text_writer(text: str) -> Callable[[Path], object]:
+    """What writes a text to a file."""
+    return lambda draft: draft.write_text(text, encoding="utf-8")
+
+
 def json_text(data: Any) -> str:
     """JSON without NaN or Infinity, arrays as lists."""
     return json.dumps(_plain(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
@@ -89,7 +94,7 @@ def give_json(data: Any, target: str | None) -> bool:
     if target == "-":
         sys.stdout.write(json_text(data))
         return True
-    write_all({target: lambda draft: draft.write_text(json_text(data), encoding="utf-8")})
+    write_all({target: text_writer(json_text(data))})
     return False
 
 

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import FreqOption, JsonOption, MachineOption, frequencies, load_machine, picture
+from cutvib_ss.cli.options import (
+    FreqOption,
+    JsonOption,
+    MachineOption,
+    PictureFileOption,
+    frequencies,
+    load_machine,
+    picture,
+)
 from cutvib_ss.cli.output import check_outputs, give_json, results, say, show, working
 
 if TYPE_CHECKING:
@@ -41,9 +49,7 @@ def schedule_command(
             "--output", metavar="NAME", help="Channel or port to map, the first beside the frequencies; tool_x."
         ),
     ] = None,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="Picture: .png, .svg or .pdf.", callback=picture)
-    ] = Path("schedule.png"),
+    out: PictureFileOption = Path("schedule.png"),
     poles: Annotated[Path | None, _picture("--poles", "the poles over positions")] = None,
     bode: Annotated[Path | None, _picture("--bode", "maps of magnitude and phase, one for each output")] = None,
     grid: Annotated[int, typer.Option("--grid", min=2, max=2001, help="Grid points of the table of plants.")] = 33,
