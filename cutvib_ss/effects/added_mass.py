@@ -14,19 +14,18 @@ from cutvib_ss.effects.base import (
     Range,
     Severity,
     applied,
-    attached_to,
     check_place,
     parameter,
-    port_of,
     ports_of,
 )
+from cutvib_ss.effects.port_element import PortElement
 from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.paths import Path, value_at, with_value
 
 
 @dataclass(frozen=True)
-class AddedMass(Effect):
+class AddedMass(PortElement):
     """A rigid mass; on the machine it moves in X and Z, which is the same as an m2 or m1 that is off."""
 
     effect: ClassVar[str] = "added_mass"
@@ -48,9 +47,7 @@ class AddedMass(Effect):
             own = float(value_at(model, _path(place)))
             return {"mass": replace(given["mass"], low=-0.5 * own, high=max(8.0, own))}
         scale = port_scale(model, place)
-        return {
-            "mass": replace(given["mass"], low=-0.5 * scale.mass, high=3.0 * scale.mass),
-        }
+        return {"mass": replace(given["mass"], low=-0.5 * scale.mass, high=3.0 * scale.mass)}
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
@@ -58,17 +55,18 @@ class AddedMass(Effect):
             mass = model.carried_at(place)[0] * 0.02
             yield place, tuple(cls(place, f * mass) for f in (1.0, 4.0, 16.0))
 
+    def element(self) -> SpringDamperMass:
+        return SpringDamperMass(mass=self.mass)
+
     def apply(self, model: Any) -> Any:
+        if model.head is None:
+            return super().apply(model)
         check_place(self, model)
-        if model.head is not None:
-            path = _path(self.place)
-            return applied(model, with_value(model, path, value_at(model, path) + self.mass), self)
-        return applied(model, attached_to(model, port_of(self.place, model), SpringDamperMass(mass=self.mass)), self)
+        path = _path(self.place)
+        return applied(model, with_value(model, path, value_at(model, path) + self.mass), self)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        if applied.head is not None:
-            return {"mass": ((_path(self.place), 1.0),)}
-        return {"mass": ((("attachments", len(applied.attachments) - 1, "element", "mass"), 1.0),)}
+        return super().moves(applied) if applied.head is None else {"mass": ((_path(self.place), 1.0),)}
 
 
 def _path(place: str) -> Path:

@@ -6,36 +6,22 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import (
-    Carried,
-    Effect,
-    Measured,
-    Model,
-    Severity,
-    applied,
-    channel_choices,
-    channels_of,
-    check_place,
-    parameter,
-)
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, channel_choices, channels_of, parameter
+from cutvib_ss.effects.chain_effect import ChainEffect
+from cutvib_ss.model.measurement_chain import MeasurementChain
 
 
 @dataclass(frozen=True)
-class ChannelDelay(Effect):
+class ChannelDelay(ChainEffect):
     """A delay of one response channel, or of all."""
 
     effect: ClassVar[str] = "channel_delay"
-    measurement = True
     severity = Severity("zero", ("delay",), {"delay": 1e-4})
     sentence = "{what} is late against the force"
     inspection = "compare the filters, sampling and cables of {what} with those of the force"
 
     channel: str  # Name of the channel, or ``"all"``
     delay: float = parameter("s", -2e-3, 2e-3, "linear", minimum=None)  # How late it is [s]; negative: early
-
-    @classmethod
-    def places(cls, model: Model) -> tuple[str, ...]:
-        return ("measurement",)
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
@@ -46,13 +32,12 @@ class ChannelDelay(Effect):
     def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
         return ((channel, cls(place, channel, 1e-4).at) for channel in ("all", *model.channels))
 
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
+    def changed_chain(self, model: Model) -> MeasurementChain:
         chain = model.chain
         for name in channels_of(self.effect, self.channel, model):
             old = chain.channel(name)
             chain = chain.with_channel(name, replace(old, delay=old.delay + self.delay))
-        return applied(model, replace(model, chain=chain), self)
+        return chain
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         return {

@@ -4,30 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from cutvib_ss.effects.base import (
-    Carried,
-    Effect,
-    Measured,
-    Model,
-    Range,
-    Severity,
-    applied,
-    attached_to,
-    check_place,
-    parameter,
-    port_of,
-    ports_of,
-)
+from cutvib_ss.effects.base import Effect, Measured, Model, Range, Severity, parameter, ports_of
+from cutvib_ss.effects.port_element import PortElement
 from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.model.elements import SprungMass
 
 
 @dataclass(frozen=True)
-class LocalResonator(Effect):
+class LocalResonator(PortElement):
     """A sprung mass in X (Eq. 24 with the signs of an element in parallel)."""
 
     effect: ClassVar[str] = "local_resonator"
@@ -66,11 +54,5 @@ class LocalResonator(Effect):
             masses = (own * 0.01, own * 0.06)
             yield place, tuple(cls(place, mass, float(f), 0.03) for f in grid for mass in masses)
 
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
-        element = SprungMass(self.mass, self.frequency, self.damping_ratio)
-        return applied(model, attached_to(model, port_of(self.place, model), element), self)
-
-    def moves(self, applied: Any) -> Mapping[str, Carried]:
-        at = ("attachments", len(applied.attachments) - 1, "element")
-        return {name: (((*at, name), 1.0),) for name in ("mass", "frequency", "damping_ratio")}
+    def element(self) -> SprungMass:
+        return SprungMass(self.mass, self.frequency, self.damping_ratio)

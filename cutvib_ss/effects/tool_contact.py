@@ -5,28 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from cutvib_ss.effects.base import (
-    Carried,
-    Effect,
-    Measured,
-    Model,
-    Range,
-    Severity,
-    applied,
-    attached_to,
-    check_place,
-    parameter,
-    port_of,
-    ports_of,
-)
+from cutvib_ss.effects.base import Effect, Measured, Model, Range, Severity, parameter, ports_of
+from cutvib_ss.effects.port_element import PortElement
 from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.model.elements import SpringDamperMass
 
 
 @dataclass(frozen=True)
-class ToolContact(Effect):
+class ToolContact(PortElement):
     """A spring and damper from the tool to ground in X."""
 
     effect: ClassVar[str] = "tool_contact"
@@ -65,11 +53,5 @@ class ToolContact(Effect):
             grid = [(f, g) for f in (0.3, 2.0, 12.0, 60.0) for g in (0.3, 10.0)]
             yield place, tuple(cls(place, f * stiffness, g * damping) for f, g in grid)
 
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
-        element = SpringDamperMass(stiffness=self.stiffness, damping=self.damping)
-        return applied(model, attached_to(model, port_of(self.place, model), element), self)
-
-    def moves(self, applied: Any) -> Mapping[str, Carried]:
-        at = ("attachments", len(applied.attachments) - 1, "element")
-        return {name: (((*at, name), 1.0),) for name in ("stiffness", "damping")}
+    def element(self) -> SpringDamperMass:
+        return SpringDamperMass(stiffness=self.stiffness, damping=self.damping)

@@ -6,15 +6,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, applied, check_place, parameter
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, parameter
+from cutvib_ss.effects.chain_effect import ChainEffect
+from cutvib_ss.model.measurement_chain import MeasurementChain
 
 
 @dataclass(frozen=True)
-class WindowDamping(Effect):
+class WindowDamping(ChainEffect):
     """The frequency response at s = σ + jω in place of jω."""
 
     effect: ClassVar[str] = "window_damping"
-    measurement = True
     severity = Severity("zero", ("decay_rate",))
     sentence = "the damping of an exponential window was never taken out"
     inspection = "look in the analyser's settings for an exponential window on force and response"
@@ -23,17 +24,11 @@ class WindowDamping(Effect):
     decay_rate: float = parameter("1/s", 0.0, 100.0, "linear")  # σ of the window on force and response [1/s]
 
     @classmethod
-    def places(cls, model: Model) -> tuple[str, ...]:
-        return ("measurement",)
-
-    @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
         yield "", (cls("measurement", 1.0),)
 
-    def apply(self, model: Any) -> Any:
-        check_place(self, model)
-        chain = replace(model.chain, decay_rate=model.chain.decay_rate + self.decay_rate)
-        return applied(model, replace(model, chain=chain), self)
+    def changed_chain(self, model: Model) -> MeasurementChain:
+        return replace(model.chain, decay_rate=model.chain.decay_rate + self.decay_rate)
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         return {"decay_rate": ((("chain", "decay_rate"), 1.0),)}
