@@ -23,7 +23,7 @@ from cutvib_ss.plot.style import (
     TUNED,
     WORKING_FREQUENCY,
     drawing,
-    legend_outside,
+    legend_beside,
 )
 from cutvib_ss.results import FrequencyResponse
 from cutvib_ss.units import STANDARD_GRAVITY
@@ -45,7 +45,7 @@ def figure_15(curves: PaperCurves) -> Figure:
                     peak, color=INK, linestyle="--", linewidth=0.8, label="measured peak (printed)" if j == 0 else None
                 )
             _finish(axes, next(iter(curves.held.values())), f"|{name}| [g/N]", name)
-        legend_outside(figure, panels[0])
+        legend_beside(panels[0], True)
     return figure
 
 
@@ -59,7 +59,7 @@ def figure_16(curves: PaperCurves) -> Figure:
                 label = f"{place}, y/L = {PAPER_POSITIONS[place.split()[0]]:.3g}"
                 axes.plot(frf.freq, np.abs(data[k, 0]) / STANDARD_GRAVITY, color=colour, label=label)
             _finish(axes, frf, f"|{name}| [g/N]", name)
-        legend_outside(figure, panels[0])
+        legend_beside(panels[0], True)
     return figure
 
 

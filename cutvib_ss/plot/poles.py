@@ -17,9 +17,8 @@ from cutvib_ss.plot.style import (
     WORKING_FREQUENCY,
     colour_bar,
     figure_of,
-    legend_beside,
     on_axes,
-    on_panels,
+    on_grid,
 )
 from cutvib_ss.results import Modes, TrackedModes
 
@@ -112,7 +111,8 @@ def poles_over_position(
     """
     colours = ["#27426b", "#2a7f9e", "#5fae8b", "#d9a441", "#c8553d", "#6a4c93", INK, GREY]
     lowest = tracked.natural_freq.min(axis=0)
-    with on_panels(ax, 2, 9.6, 4.2, title) as panels:
+    with on_grid(ax, 1, 2, 9.6, 4.2, title) as grid:
+        panels: np.ndarray = grid.axes[0]
         for k in np.flatnonzero(lowest <= (highest or np.inf)):
             colour = colours[k % len(colours)]
             panels[0].plot(tracked.positions, tracked.natural_freq[:, k], color=colour, label=f"mode {k + 1}")
@@ -120,5 +120,5 @@ def poles_over_position(
         panels[0].axhline(WORKING_FREQUENCY, color=GREY, linestyle=":", label=f"tool, {WORKING_FREQUENCY:g} Hz")
         panels[0].set(xlim=(0, 1), ylim=(0, highest), xlabel="position y/L [-]", ylabel="natural frequency [Hz]")
         panels[1].set(xlim=(0, 1), ylim=(0, None), xlabel="position y/L [-]", ylabel="damping ratio [%]")
-        legend_beside(panels[0], ax is None)
+        grid.legend(panels[0])
     return panels

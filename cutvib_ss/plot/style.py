@@ -89,17 +89,6 @@ def on_axes(ax: Axes | None, width: float, height: float, title: str = "") -> It
         yield ax
 
 
-@contextmanager
-def on_panels(ax: Any, columns: int, width: float, height: float, title: str = "") -> Iterator[np.ndarray]:
-    """A row of axes: those that were given, or those of a new figure."""
-    if ax is None:
-        with drawing(width, height, title) as figure:
-            yield figure.subplots(1, columns, squeeze=False)[0]
-        return
-    with mpl.rc_context(_STYLE):
-        yield np.asarray(ax, dtype=object).ravel()
-
-
 @dataclass(frozen=True)
 class Panels:
     """Axes of a picture in rows and columns: those that were given, or those of a figure of its own."""
@@ -119,13 +108,8 @@ class Panels:
         return self.figure if self.own else self.given
 
     def legend(self, axes: Axes, loc: Any = "outside right upper", **options: Any) -> None:
-        """A legend outside of the axes in a figure of one's own, inside of them in another's."""
-        if not self.own:
-            axes.legend(**{k: v for k, v in options.items() if k == "title"})
-            return
-        handles, labels = axes.get_legend_handles_labels()
-        if handles:
-            self.figure.legend(handles, labels, loc=loc, **options)
+        """`legend_beside`, as the picture has a figure of its own or not."""
+        legend_beside(axes, self.own, loc, **options)
 
 
 @contextmanager
@@ -239,19 +223,14 @@ def unit_text(unit: str) -> str:
     return raised.replace("m/s²/", "(m/s²)/").replace("m/s/", "(m/s)/")
 
 
-def legend_outside(figure: Figure, axes: Axes, **options: Any) -> None:
-    """A legend to the right of the data."""
+def legend_beside(axes: Axes, outside: bool, loc: Any = "outside right upper", **options: Any) -> None:
+    """A legend beside the axes in a figure of one's own, inside of them in another's, where there is no room but for a title."""
+    if not outside:
+        axes.legend(**{k: v for k, v in options.items() if k == "title"})
+        return
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        figure.legend(handles, labels, loc="outside right upper", **options)
-
-
-def legend_beside(axes: Axes, outside: bool, **options: Any) -> None:
-    """A legend to the right of the data in a figure of one's own, inside the axes of another's."""
-    if outside:
-        legend_outside(figure_of(axes), axes, **options)
-    else:
-        axes.legend(**options)
+        figure_of(axes).legend(handles, labels, loc=loc, **options)
 
 
 def colour_bar(figure: Figure, axes: Any, colours: Colormap | str, norm: Normalize, label: str) -> Any:
