@@ -8,7 +8,6 @@ pytest.importorskip("exudyn")
 from cutvib_ss.validation.rig import motion
 from cutvib_ss.validation.rig.blows import FINE, FS, Blow, Pulse, antialiased
 from cutvib_ss.validation.rig.cases import draw_case
-from cutvib_ss.validation.rig.direct import stepped
 from cutvib_ss.validation.rig.fittings import Law, Oscillator, Spring, Supports, Twist
 from cutvib_ss.validation.rig.motion import (
     CONVERGED,
@@ -21,6 +20,7 @@ from cutvib_ss.validation.rig.motion import (
 )
 from cutvib_ss.validation.rig.multibody import build, linearise
 from cutvib_ss.validation.rig.structure import CHANNELS, Head, Rig
+from tests.unit.exudyn_stepping import stepped
 
 POSITION = 0.3333
 K2 = Head().k2
