@@ -8,6 +8,7 @@ import numpy as np
 
 from cutvib_ss.errors import IdentificationError, ParameterError
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, MeasuredFrequencyResponse
+from cutvib_ss.results.display import Drawn, Table
 
 _ARC = 0.92
 """Part of the unit circle that the band covers: over all of it the ends of the band would have to join."""
@@ -15,8 +16,8 @@ _MOST_DAMPED = 0.2
 """Poles of a larger damping ratio are no modes of a structure."""
 
 
-@dataclass(frozen=True)
-class Stabilisation:
+@dataclass(frozen=True, repr=False)
+class Stabilisation(Drawn):
     """
     Poles by model order, and how far each agrees with one of the order before.
 
@@ -73,6 +74,12 @@ class Stabilisation:
             for c in np.split(kept, breaks)
             if np.unique(self.order[c]).size >= fewest
         )
+
+    def _table(self) -> Table:
+        rows = [(f"{f:.2f}", f"{100 * ratio:.3f}", f"{orders}") for f, ratio, orders in self.columns()]
+        place = "" if np.isnan(self.position) else f" at y/L = {self.position:.4g}"
+        title = f"{len(rows)} poles that stay{place}, of models up to order {self.order.max(initial=0)}"
+        return Table(title, ("frequency [Hz]", "damping [%]", "orders"), rows)
 
 
 def stabilisation(

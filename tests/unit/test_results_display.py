@@ -29,11 +29,14 @@ def results() -> dict[str, Displayed]:
         "absorber": cv.check_absorber(MACHINE, cv.AbsorberParameters(212.0, 0.04, 0.08)),
         "study": cv.parametric_study(MACHINE, tuning=[210.0, 212.0], damping_ratio=[0.01, 0.04]),
         "workspace": workspace_check(MACHINE, [cv.MountedAbsorber(cv.AbsorberParameters(212.0, 0.04, 0.08))]),
+        "stabilisation": cv.stabilisation(cv.frequency_response(MACHINE, 0.5, FREQ)),
         "diagnosis": example_diagnosis(lines=60, records=1),
     }
 
 
-@pytest.mark.parametrize("name", ["frf", "modes", "tracked", "time", "absorber", "study", "workspace", "diagnosis"])
+@pytest.mark.parametrize(
+    "name", ["frf", "modes", "tracked", "time", "absorber", "study", "workspace", "stabilisation", "diagnosis"]
+)
 def test_a_result_prints_short_shows_in_notebooks_and_draws_itself(results: dict[str, Displayed], name: str) -> None:
     result = results[name]
     text = str(result)
