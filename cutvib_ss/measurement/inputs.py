@@ -1,4 +1,4 @@
-"""Where the force of a record acted, if not at the model's input: a port, or a point of the rail."""
+"""Where the force of a record acted, if not at the model's input: a port, or a point of the rail; what the model answers there."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.records import FORCE, MachineLike
 from cutvib_ss.model.machine import CUTTING_SIGNALS
 from cutvib_ss.model.protocol import Model
+from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.results import FloatArray, FrequencyResponse
 
 _ON_RAIL = re.compile(r"^rail\s*(?:@|\()\s*([0-9.eE+-]+)\s*\)?$")
 
@@ -46,6 +48,15 @@ def port_of(struck: str | None, machine: MachineLike) -> str:
     if struck is None:
         return machine.input_port
     return f"rail({struck.removeprefix('rail@')})" if struck.startswith("rail@") else struck
+
+
+def response_to(
+    struck: str | None, model: Model, position: float | None, freq: FloatArray, outputs: str | Sequence[str]
+) -> FrequencyResponse:
+    """The model's responses to a record's force, in the channels' own quantities."""
+    inputs = FORCE if struck is None else port_of(struck, model)
+    places = None if position is None else [position]
+    return frequency_response(model, places, freq, inputs=inputs, outputs=outputs)
 
 
 def input_ports(machine: MachineLike) -> Sequence[str]:

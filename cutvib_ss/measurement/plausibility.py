@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from cutvib_ss.measurement.estimation import blow_start
-from cutvib_ss.measurement.inputs import port_of
+from cutvib_ss.measurement.inputs import response_to
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
 from cutvib_ss.model.protocol import Model
-from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.units import STANDARD_GRAVITY
 
@@ -80,11 +79,9 @@ def levels_over_nominal(
     """Median of each channel's modulus over the nominal model's on the lines clear of noise, and the spread of its logarithm."""
     if not isinstance(machine, Model):
         return {}
-    position = None if record.position is None else [record.position]
-    inputs = (FORCE,) if record.input is None else (port_of(record.input, machine),)
     above = frf.freq > 0
     freq = frf.freq[above]
-    nominal = frequency_response(machine, position, freq, inputs=inputs, outputs=record.channels).data[0, :, 0]
+    nominal = response_to(record.input, machine, record.position, freq, record.channels).data[0, :, 0]
     levels = {}
     for k, name in enumerate(record.channels):
         h, model = np.abs(frf.data[0, k, 0, above]), np.abs(nominal[k])

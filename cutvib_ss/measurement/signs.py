@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cutvib_ss.measurement.estimation import measured_response
-from cutvib_ss.measurement.inputs import port_of
-from cutvib_ss.measurement.records import FORCE, MachineLike, Record
+from cutvib_ss.measurement.inputs import port_of, response_to
+from cutvib_ss.measurement.records import MachineLike, Record
 from cutvib_ss.model.protocol import Model
-from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 
 _TURNED = -0.5  # of a sign or correlation between -1 and 1; models far off their machine still stay above zero
@@ -71,12 +70,9 @@ def _against_nominal(frf: MeasuredFrequencyResponse, record: Record, machine: Ma
     against = np.full(len(record.channels), np.nan)
     if not isinstance(machine, Model):
         return against
-    position = None if record.position is None else [record.position]
-    inputs = (FORCE,) if record.input is None else (port_of(record.input, machine),)
-    above = np.where(
-        frf.freq > 0, frf.freq, np.max(frf.freq)
-    )  # a free body has no response at 0 Hz; it is left out below
-    nominal = frequency_response(machine, position, above, inputs=inputs, outputs=record.channels).data[0, :, 0]
+    # a free body has no response at 0 Hz; it is left out below
+    above = np.where(frf.freq > 0, frf.freq, np.max(frf.freq))
+    nominal = response_to(record.input, machine, record.position, above, record.channels).data[0, :, 0]
     for k, (h, model) in enumerate(zip(frf.data[0, :, 0], nominal, strict=True)):
         clear = (np.abs(h) ** 2 > 100 * frf.variance[0, k, 0]) & np.isfinite(model) & (frf.freq > 0)
         if np.count_nonzero(clear) >= 8:

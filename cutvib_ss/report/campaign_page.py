@@ -9,12 +9,11 @@ import numpy as np
 
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.identification.stabilisation import stabilisation
-from cutvib_ss.measurement.inputs import port_of
-from cutvib_ss.measurement.records import FORCE, Campaign, Record
+from cutvib_ss.measurement.inputs import response_to
+from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.summary import PAIR_HEADS, RecordSummary, Summary
 from cutvib_ss.plot.style import WORKING_FREQUENCY, scale_of, unit_text
 from cutvib_ss.report.frame import complex_lists, lines_to_draw, number_list, page
-from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.units import SI_UNIT
 
@@ -100,9 +99,7 @@ def _nominal(campaign: Campaign, record: RecordSummary, freq: FloatArray) -> dic
     names = [c.name for c in record.channels if c.name in machine.channels]
     if not names:
         return {}
-    inputs = (FORCE,) if record.input is None else (port_of(record.input, machine),)
-    position = None if record.position is None else [record.position]
-    found = frequency_response(machine, position, freq, inputs=inputs, outputs=tuple(names))
+    found = response_to(record.input, machine, record.position, freq, names)
     return {
         name: {"freq": number_list(freq), "h": complex_lists(scale_of(unit)[0] * found.data[0, k, 0])}
         for k, (name, unit) in enumerate(zip(names, found.units, strict=True))

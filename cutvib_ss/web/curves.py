@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from cutvib_ss.absorber.coupling import attach_absorber
-from cutvib_ss.measurement.inputs import port_of
-from cutvib_ss.measurement.records import FORCE, Campaign
+from cutvib_ss.measurement.inputs import response_to
+from cutvib_ss.measurement.records import Campaign
 from cutvib_ss.measurement.summary import RecordSummary
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.structure import Structure
@@ -136,9 +136,8 @@ def model_curves(
         place = (record.position, record.input)
         if place in curves or output not in {c.name for c in record.channels}:
             continue
-        struck = FORCE if record.input is None else port_of(record.input, campaign.machine)
         freq = lines_of(model, record.position, *record.band_hz)
-        found = frequency_response(model, _at(record.position), freq, inputs=struck, outputs=output)
+        found = response_to(record.input, model, record.position, freq, output)
         name = kind if record.position is None else f"{kind}, y/L = {record.position:.3g}"
         curves[place] = Curve(name, freq, found.data[0, 0, 0], kind, found.units[0], colour)
     return list(curves.values())
