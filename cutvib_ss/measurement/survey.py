@@ -176,19 +176,11 @@ def grouped(files: Sequence[FoundFile]) -> list[list[FoundFile]]:
     for k, file in enumerate(files):
         path = Path(file.name)
         key: tuple[object, ...] = (k,)
-        if (
-            file.kind == "impact"
-            and file.blows == 1
-            and _BLOW_NUMBER.search(path.stem)
-            and guess_position(path.stem) is None
-        ):
-            stem = _BLOW_NUMBER.sub("", path.stem)
+        stem = _BLOW_NUMBER.sub("", path.stem)
+        numbered = file.kind == "impact" and file.blows == 1 and stem != path.stem
+        # the number at the end may be the position itself
+        if numbered and (guess_position(path.stem) is None or guess_position(stem) is not None):
             key = (path.parent, stem, path.suffix.lower(), tuple(c.name for c in file.columns))
-        elif file.kind == "impact" and file.blows == 1 and _BLOW_NUMBER.search(path.stem):
-            stem = _BLOW_NUMBER.sub("", path.stem)
-            # the number at the end may be the position itself
-            if guess_position(stem) is not None:
-                key = (path.parent, stem, path.suffix.lower(), tuple(c.name for c in file.columns))
         groups.setdefault(key, []).append(file)
     return list(groups.values())
 
