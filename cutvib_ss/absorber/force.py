@@ -8,7 +8,7 @@ import numpy as np
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.parameters import check_number
-from cutvib_ss.response.pulses import PULSE_RATE
+from cutvib_ss.response.pulses import PULSE_RATE, check_pulse
 from cutvib_ss.results import FloatArray, read_only
 
 WORKING_FREQUENCY = PULSE_RATE
@@ -107,16 +107,8 @@ class HarmonicForce:
         >>> HarmonicForce.pulses(duty=0.5, rise=0.0, fall=0.0, harmonics=3).amplitude.round(4)
         array([0.6366, 0.    , 0.2122])
         """
-        for name, value in (("rise", rise), ("fall", fall)):
-            check_number(f"pulse {name}", value, 0.0)
-        check_number("pulse rate", rate, 0.0, strict=True)
-        check_number("pulse duty", duty, 0.0, strict=True)
+        check_pulse(rate, duty, rise, fall)
         check_number("harmonics", harmonics, 1)
-        flanks = (rise + fall) / 2 * rate
-        if not flanks <= duty <= 1.0 - flanks:
-            raise ParameterError(
-                f"a pulse of duty {duty:g} at {rate:g} Hz has no room for flanks of {rise:g} s and {fall:g} s"
-            )
         n = np.arange(1.0, harmonics + 1)
         # numpy's sinc has π inside.
         c = np.sinc(n * rate * rise) - np.sinc(n * rate * fall) * np.exp(-2j * np.pi * n * duty)

@@ -68,16 +68,11 @@ def pulse_train(
     >>> pulse_train(fs=8.0, duration=1.0, rate=1.0, duty=0.5, rise=0.0, fall=0.0)
     array([0.5, 1. , 1. , 1. , 0.5, 0. , 0. , 0. ])
     """
-    for name, value in (("rise", rise), ("fall", fall), ("jitter", jitter)):
-        check_number(f"pulse {name}", value, 0.0)
-    for name, value in (("fs", fs), ("duration", duration), ("rate", rate), ("duty", duty)):
-        check_number(f"pulse {name}", value, 0.0, strict=True)
+    check_number("pulse jitter", jitter, 0.0)
+    check_number("pulse fs", fs, 0.0, strict=True)
+    check_number("pulse duration", duration, 0.0, strict=True)
+    check_pulse(rate, duty, rise, fall)
     check_number("pulse amplitude", amplitude)
-    flanks = (rise + fall) / 2 * rate
-    if not flanks <= duty <= 1.0 - flanks:
-        raise ParameterError(
-            f"a pulse of duty {duty:g} at {rate:g} Hz has no room for flanks of {rise:g} s and {fall:g} s"
-        )
     period, samples = 1.0 / rate, round(duration * fs)
     # One pulse more on either side, for what reaches in; their jitter is drawn like the others'.
     begins = period * np.arange(-1, int(np.ceil(duration * rate)) + 1)
@@ -90,6 +85,19 @@ def pulse_train(
         near = edges[first:last]
         force[first : max(first, last - 1)] += np.diff(_ramped(near - begin, rise) - _ramped(near - end, fall))
     return np.asarray(amplitude * fs * force)
+
+
+def check_pulse(rate: float, duty: float, rise: float, fall: float) -> None:
+    """Refuse a trapezoidal pulse that does not fit into its period, or whose flanks do not fit into it."""
+    for name, value in (("rise", rise), ("fall", fall)):
+        check_number(f"pulse {name}", value, 0.0)
+    for name, value in (("rate", rate), ("duty", duty)):
+        check_number(f"pulse {name}", value, 0.0, strict=True)
+    flanks = (rise + fall) / 2 * rate
+    if not flanks <= duty <= 1.0 - flanks:
+        raise ParameterError(
+            f"a pulse of duty {duty:g} at {rate:g} Hz has no room for flanks of {rise:g} s and {fall:g} s"
+        )
 
 
 def _ramped(time: FloatArray, length: float) -> FloatArray:
