@@ -223,6 +223,14 @@ class Tolerances:
         _check_tolerances(self)
 
 
+TOLERANCED_HEAD = ("m1", "m2", "l1", "l2", "k1", "k2", "c1", "c2")
+TOLERANCED_RAIL = ("mass", "first_frequency", "damping_ratio")
+"""Values of head and rail that have a tolerance."""
+
+MATRICES = ("mass", "damping", "stiffness")
+"""Matrices of a second-order structure; each has one."""
+
+
 @dataclass(frozen=True)
 class StructureTolerances:
     """Tolerances of a second-order structure: one common scale factor on each matrix."""

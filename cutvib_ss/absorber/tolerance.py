@@ -10,13 +10,11 @@ import numpy as np
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.measurement_chain import MeasurementChain
-from cutvib_ss.parameters import check_number
+from cutvib_ss.parameters import TOLERANCED_HEAD, TOLERANCED_RAIL, check_number
 from cutvib_ss.results import FloatArray
 
 _RATES = 5
 """Rates at which the tool is tried, from the slowest to the fastest within tolerance."""
-_HEAD = ("m1", "m2", "l1", "l2", "k1", "k2", "c1", "c2")
-_RAIL = ("mass", "first_frequency", "damping_ratio")
 
 
 @dataclass(frozen=True)
@@ -103,10 +101,14 @@ def machines_within(machine: Machine, tolerance: AbsorberTolerance) -> list[Mach
     rng = np.random.default_rng(tolerance.seed)
     plain, out = machine_as_built(machine), []
     for _ in range(tolerance.machines):
-        off = {name: 1.0 + getattr(machine.tolerance, name) * _cut_normal(rng) for name in (*_HEAD, *_RAIL)}
-        head = replace(plain.head, **{name: off[name] * getattr(plain.head, name) for name in _HEAD})
+        off = {
+            name: 1.0 + getattr(machine.tolerance, name) * _cut_normal(rng)
+            for name in (*TOLERANCED_HEAD, *TOLERANCED_RAIL)
+        }
+        head = replace(plain.head, **{name: off[name] * getattr(plain.head, name) for name in TOLERANCED_HEAD})
         beam = replace(
-            plain.rail.parameters, **{name: off[name] * getattr(plain.rail.parameters, name) for name in _RAIL}
+            plain.rail.parameters,
+            **{name: off[name] * getattr(plain.rail.parameters, name) for name in TOLERANCED_RAIL},
         )
         out.append(replace(plain, head=head, rail=replace(plain.rail, parameters=beam)))
     return out

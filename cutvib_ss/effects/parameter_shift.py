@@ -10,6 +10,7 @@ from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, a
 from cutvib_ss.effects.base import parameter as fitted
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.paths import Path, value_at, with_value
+from cutvib_ss.parameters import MATRICES
 
 MACHINE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "joint1": ("k1", "c1"),
@@ -20,7 +21,6 @@ MACHINE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
 }
 """Place of each parameter of the cutting machine; m1 and m2 go by `added_mass`."""
 
-STRUCTURE_PARAMETERS = ("mass", "damping", "stiffness")
 """Matrices of any other structure, where they are not zero; their place is ``"structure"``."""
 
 ALIASES = frozenset({"l1", "l2", "c1", "c2", "damping"})
@@ -47,7 +47,7 @@ class ParameterShift(Effect):
         """Every (place, parameter) that can be off on a model."""
         if model.rail is not None:
             return tuple((place, name) for place, names in MACHINE_PARAMETERS.items() for name in names)
-        return tuple(("structure", name) for name in STRUCTURE_PARAMETERS if getattr(model.system, name).any())
+        return tuple(("structure", name) for name in MATRICES if getattr(model.system, name).any())
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
@@ -73,7 +73,7 @@ class ParameterShift(Effect):
                 f"parameter_shift: no parameter {self.parameter!r} at {self.place!r}; there are {known}"
             )
         if model.rail is None:
-            return ("scales", STRUCTURE_PARAMETERS.index(self.parameter))
+            return ("scales", MATRICES.index(self.parameter))
         return ("rail", "parameters", self.parameter) if self.place == "rail" else ("head", self.parameter)
 
     def apply(self, model: Any) -> Any:

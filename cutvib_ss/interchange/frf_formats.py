@@ -19,6 +19,7 @@ from scipy.io import loadmat, savemat
 
 from cutvib_ss.errors import CutvibError, DataFormatError, ParameterError
 from cutvib_ss.interchange.conversions import from_xarray
+from cutvib_ss.measurement.layout import DIRECTIONS
 from cutvib_ss.results import FrequencyResponse, Quantity
 from cutvib_ss.results.display import optional
 from cutvib_ss.units import DISPLACEMENT_UNITS, FORCE_OF, rate_unit, ratio_unit
@@ -30,7 +31,6 @@ UNITS: dict[str, tuple[str, Quantity, str]] = {
 }
 """Every unit of a response that reads back: unit of displacement, quantity, unit of the input."""
 
-_AXIS = {"_x": 1, "_y": 2, "_z": 3}
 _ABOUT_Y = 5
 _NODES = {"tool": 1, "base": 2, "head": 3}
 _NODES_A_POSITION = 100
@@ -88,7 +88,7 @@ def write_uff(frf: FrequencyResponse, path: Path) -> None:
 
 def _place(signal: str, unit: str) -> tuple[str, int]:
     """Place of a signal and its direction: 1, 2, 3 for X, Y, Z, 5 for a rotation about Y; X where the name tells none."""
-    axis = _AXIS.get(signal[-2:])
+    axis = DIRECTIONS.get(signal[-2:])
     if unit == "rad":
         return signal, _ABOUT_Y
     return (signal, 1) if axis is None else (signal[:-2], axis)

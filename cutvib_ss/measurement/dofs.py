@@ -13,7 +13,7 @@ from cutvib_ss.measurement.layout import UNSTATED
 from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.measurement.schema import ChannelTable
 
-_Column = TypeVar("_Column", Signal, RawResponse)
+ColumnT = TypeVar("ColumnT", Signal, RawResponse)
 _AXES = {1: "X", 2: "Y", 3: "Z", None: ""}
 _DOF = re.compile(r"^(?:.*[:\s])?(\d+)\s*:?\s*[+-]?\s*([XYZ])[+-]?$", re.IGNORECASE)
 
@@ -24,7 +24,7 @@ def parse_dof(text: str) -> tuple[int, int] | None:
     return None if match is None else (int(match[1]), " XYZ".index(match[2].upper()))
 
 
-def by_node(columns: Sequence[_Column], layout: Layout, where: str, required: bool) -> dict[str, int]:
+def by_node(columns: Sequence[ColumnT], layout: Layout, where: str, required: bool) -> dict[str, int]:
     """Index of the column of each channel, by the nodes of ``[dofs]``; refused where none is found and one is required."""
     found: dict[str, int] = {}
     responses = bool(columns) and isinstance(columns[0], RawResponse)

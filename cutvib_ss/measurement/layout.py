@@ -12,7 +12,8 @@ from cutvib_ss.measurement.records import FORCE, MachineLike
 UNSTATED = -1
 """Node of a place that no [dofs] gives."""
 
-_AXIS = {"_x": 1, "_y": 2, "_z": 3}
+DIRECTIONS = {"_x": 1, "_y": 2, "_z": 3}
+"""Direction, as formats number it, behind the end of a channel's name."""
 _CUTTING_MACHINE_NODES = {"tool": 1, "base": 2}
 
 
@@ -45,7 +46,7 @@ def layout_of(
         if stated is None:
             stated = places[name][-1]
             given[stated] = max(given.values(), default=0) + 1
-        axis = _AXIS.get(port[-2:], _AXIS.get(name[-2:]))
+        axis = DIRECTIONS.get(port[-2:], DIRECTIONS.get(name[-2:]))
         nodes[name] = (given[stated], 1 if axis is None and machine.has_position else axis)
     return Layout(quantities, nodes)
 
@@ -53,4 +54,6 @@ def layout_of(
 def _places(name: str, port: str) -> list[str]:
     """Names under which [dofs] may give a channel's node, the most particular first."""
     names = [name, port] if name != FORCE else [FORCE, port]
-    return list(dict.fromkeys([*names, *(n[:-2] if n[-2:] in _AXIS else n for n in reversed(names) if n != FORCE)]))
+    return list(
+        dict.fromkeys([*names, *(n[:-2] if n[-2:] in DIRECTIONS else n for n in reversed(names) if n != FORCE)])
+    )

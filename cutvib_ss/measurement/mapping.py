@@ -6,19 +6,17 @@ import difflib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError
-from cutvib_ss.measurement.dofs import by_node, check_one_each, driven, parse_dof
+from cutvib_ss.measurement.dofs import ColumnT, by_node, check_one_each, driven, parse_dof
 from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawHistory, RawResponse, Signal
 from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.measurement.schema import ChannelTable
 from cutvib_ss.results import FloatArray
 from cutvib_ss.units import SI_UNIT
 
-_Column = TypeVar("_Column", Signal, RawResponse)
 _AS_IS = ChannelTable()
 _PLAIN = re.compile(r"[^a-z0-9]+")
 
@@ -165,13 +163,13 @@ def _ratio_unit(stated: str | None, response: str | None, force: str | None, def
 
 
 def _chosen(
-    columns: Sequence[_Column],
+    columns: Sequence[ColumnT],
     layout: Layout,
     channels: Mapping[str, ChannelTable],
     where: str,
     warnings: list[str],
     group: str,
-) -> list[tuple[str, _Column]]:
+) -> list[tuple[str, ColumnT]]:
     """Columns that carry a channel of the model, in the model's order; the others are named in a warning."""
     numbered = any(column.dof is not None for column in columns)
     if not numbered and not channels:
@@ -179,7 +177,7 @@ def _chosen(
     groups = [column.group if isinstance(column, Signal) else "" for column in columns]
     there = [f"{g}/{column.name}" if g else column.name for g, column in zip(groups, columns, strict=True)]
     responses_only = bool(columns) and isinstance(columns[0], RawResponse)
-    chosen: list[tuple[str, _Column]] = []
+    chosen: list[tuple[str, ColumnT]] = []
     taken: dict[int, str] = {}
     named = any(spec.name is not None for name, spec in channels.items() if name != FORCE)
     nodes = by_node(columns, layout, where, required=not named) if numbered else {}
@@ -223,7 +221,7 @@ def _spelt(name: str, there: Sequence[str], layout: Layout) -> str:
     return alike[0] if len(alike) == 1 and alike[0] not in there else name
 
 
-def _index(wanted: str | int, there: Sequence[str], columns: Sequence[_Column], channel: str, group: str) -> int | None:
+def _index(wanted: str | int, there: Sequence[str], columns: Sequence[ColumnT], channel: str, group: str) -> int | None:
     """Place of a column: by number, by its full name, by group/name, by node and direction, at last by letters alone."""
     if isinstance(wanted, int):
         return wanted - 1 if wanted <= len(there) else None

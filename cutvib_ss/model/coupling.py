@@ -40,14 +40,13 @@ from cutvib_ss.model.head import HEAD_DOFS, head_changes, head_matrices, head_ro
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.rail import Rail, rail, rail_rows, rail_rows_bound
 from cutvib_ss.model.second_order import SecondOrder
-from cutvib_ss.parameters import HeadParameters, check_position, control_name
+from cutvib_ss.parameters import MATRICES, HeadParameters, check_position, control_name
 from cutvib_ss.results import FloatArray, Quantity
 
 if TYPE_CHECKING:
     import control
 
 Matrices: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
-_MATRICES = ("mass", "damping", "stiffness")
 
 
 @dataclass(frozen=True)
@@ -203,7 +202,7 @@ class Coupling:
         """M, C and K at a position, or derivatives of them: (TᵀXT)⁽ᵈ⁾ = Σ_k (d over k) T⁽ᵏ⁾ᵀ X T⁽ᵈ⁻ᵏ⁾ (Leibniz)."""
         t, n = [self.transform(position, k) for k in range(order + 1)], len(self.beam.dofs)
         out = []
-        for name in _MATRICES:
+        for name in MATRICES:
             x = getattr(self.head, name)
             total = sum(comb(order, k) * (t[k].T @ x @ t[order - k]) for k in range(order + 1))
             if not order:

@@ -22,11 +22,11 @@ from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import Rail
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
-from cutvib_ss.parameters import AbsorberParameters, StructureTolerances, Tolerances, recovered_rail, table_3
+from cutvib_ss.parameters import MATRICES, AbsorberParameters, StructureTolerances, Tolerances, recovered_rail, table_3
 from cutvib_ss.results import Quantity
 
-_ANGLES = ("theta01", "theta02")
-_MATRICES = ("mass", "damping", "stiffness")
+ANGLES = ("theta01", "theta02")
+"""Values that the file gives in degrees."""
 
 
 class _Table(BaseModel):
@@ -179,7 +179,7 @@ def model_of(content: dict[str, Any], source: str) -> Model:
 
 def _machine(tables: _MachineFile, source: str) -> Machine:
     head = tables.head.given()
-    for name in _ANGLES:
+    for name in ANGLES:
         if f"{name}_deg" in head:
             head[name] = radians(head.pop(f"{name}_deg"))
     if head:
@@ -198,7 +198,7 @@ def _structure(tables: _StructureFile) -> Structure:
     n = len(tables.model.dofs)
     if n == 0 or len(set(tables.model.dofs)) < n:
         raise ParameterError("model.dofs must name every degree of freedom once, and at least one")
-    matrices = {name: _square(f"model.{name}", getattr(tables.model, name), n) for name in _MATRICES}
+    matrices = {name: _square(f"model.{name}", getattr(tables.model, name), n) for name in MATRICES}
     if not tables.ports:
         raise ParameterError("[ports] is empty; give at least the port at which the force acts")
     if not tables.channels:

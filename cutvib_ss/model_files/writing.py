@@ -19,12 +19,11 @@ from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.model.elements import SprungMass
 from cutvib_ss.model.head import HEAD_PARAMETERS
 from cutvib_ss.model.structure import Structure
-from cutvib_ss.model_files.reading import model_of
+from cutvib_ss.model_files.reading import ANGLES, model_of
+from cutvib_ss.parameters import MATRICES
 
-_ANGLES = ("theta01", "theta02")
 _RAIL = ("length", "mass", "first_frequency", "n_modes")
 _ABSORBER = ("frequency", "damping_ratio", "mass")
-_MATRICES = ("mass", "damping", "stiffness")
 
 
 def write_machine(model: Model, path: str | os.PathLike[str]) -> None:
@@ -68,7 +67,7 @@ def _lines(model: Model) -> Iterator[str]:
         yield from ["[model]", 'kind = "cutting_machine"', "", "[head]"]
         for name in HEAD_PARAMETERS:
             value = getattr(bare.head, name)
-            yield f"{name}_deg = {_in_degrees(value)!r}" if name in _ANGLES else f"{name} = {float(value)!r}"
+            yield f"{name}_deg = {_in_degrees(value)!r}" if name in ANGLES else f"{name} = {float(value)!r}"
         yield from ["", "[rail]"]
         rail = bare.rail.parameters
         yield from (_entry(name, getattr(rail, name)) for name in _RAIL)
@@ -93,7 +92,7 @@ def _lines(model: Model) -> Iterator[str]:
 def _structure_lines(bare: Structure) -> Iterator[str]:
     system = bare.scaled
     yield from ["[model]", 'kind = "second_order"', _entry("dofs", system.dofs)]
-    yield from (_entry(name, getattr(system, name).tolist()) for name in _MATRICES)
+    yield from (_entry(name, getattr(system, name).tolist()) for name in MATRICES)
     yield from ["", "[ports]"]
     yield from (_entry(name, row.tolist()) for name, row in system.ports.items())
     yield from ["", "[channels]"]

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.machine import Machine
+from cutvib_ss.model.machine import PLANT_OUTPUTS, Machine
 from cutvib_ss.parameters import check_choice, check_position, names_of
 from cutvib_ss.plant.table import ERROR_ORDER, Interpolation, PlantMatrices, PlantTable
 from cutvib_ss.response.axes import as_laplace, as_positions
@@ -40,8 +40,6 @@ from cutvib_ss.units import DERIVATIVE_ORDER
 
 if TYPE_CHECKING:
     import control
-
-_OUTPUTS = ("tool_x", "tool_z", "base_x", "head_x", "head_z")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -275,7 +273,7 @@ def schedule(
     positions: ArrayLike,
     *,
     inputs: str | Sequence[str] = ("force",),
-    outputs: str | Sequence[str] = _OUTPUTS,
+    outputs: str | Sequence[str] = PLANT_OUTPUTS,
     quantity: Quantity = "displacement",
     interpolation: Interpolation = "linear",
     pade_order: int | None = None,

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from cutvib_ss import __version__
 from cutvib_ss.diagnosis.result import Comparison, Diagnosis, GapFigures
 from cutvib_ss.files import staged
+from cutvib_ss.parameters import TOLERANCED_HEAD, TOLERANCED_RAIL
 from cutvib_ss.plot.diagnosis import comparison_grid, probability_text
 from cutvib_ss.plot.style import png
 from cutvib_ss.report import answer, details, wording
@@ -28,8 +29,6 @@ _LISTED = 6
 _WORTH_LISTING = 1e-3
 """Causes in the table: so many at least, and all above this probability."""
 
-_VALUES = ("m1", "m2", "l1", "l2", "k1", "k2", "c1", "c2")
-_RAIL_VALUES = ("mass", "first_frequency", "damping_ratio")
 _UNITS = {
     "m1": "kg", "m2": "kg", "l1": "m", "l2": "m", "k1": "N m/rad", "k2": "N m/rad", "c1": "N m s/rad",
     "c2": "N m s/rad", "mass": "kg", "first_frequency": "Hz", "damping_ratio": "",
@@ -188,8 +187,8 @@ def _changes(d: Diagnosis) -> list[_Change]:
         return []
     rows = []
     for names, before, after in (
-        (_VALUES, nominal.head, corrected.head),
-        (_RAIL_VALUES, nominal.rail.parameters, corrected.rail.parameters),
+        (TOLERANCED_HEAD, nominal.head, corrected.head),
+        (TOLERANCED_RAIL, nominal.rail.parameters, corrected.rail.parameters),
     ):
         for name in names:
             old, new = float(getattr(before, name)), float(getattr(after, name))

@@ -9,17 +9,14 @@ model's receptances as sums over its modes.
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numba
 import numpy as np
 
 from cutvib_ss.model.restoring_forces.packed import Packed
-from cutvib_ss.response.compiled_forces import _Tables, forces
+from cutvib_ss.response.compiled_forces import forces
+from cutvib_ss.response.port_motion import System, Tables
 from cutvib_ss.results import ComplexArray, FloatArray
-
-_System: TypeAlias = tuple[ComplexArray, ComplexArray, ComplexArray]
-"""Poles (mode,); participation of the force and of the ports (mode, 1 + port); displacement of the ports (port, mode)."""
 
 _TURN = 1e-7
 """Relative step of the derivative to frequency."""
@@ -38,7 +35,7 @@ _ARC_OF_MOTION = 0.2
 
 
 @numba.njit(cache=True)
-def _receptance(system: _System, s: complex) -> tuple[ComplexArray, ComplexArray]:
+def _receptance(system: System, s: complex) -> tuple[ComplexArray, ComplexArray]:
     """Displacement of the ports per unit force at the input (port,), and at the ports (port, port)."""
     poles, drives, shapes = system
     ports = shapes.shape[0]
@@ -60,9 +57,9 @@ def balance(
     x: FloatArray,
     omega: float,
     force: float,
-    system: _System,
+    system: System,
     elements: Packed,
-    tables: _Tables,
+    tables: Tables,
     residual: FloatArray,
     jacobian: FloatArray,
     harmonics: FloatArray,
@@ -139,7 +136,7 @@ def _solve(a: FloatArray, b: FloatArray) -> None:
 
 
 @numba.njit(cache=True)
-def newton(x: FloatArray, omega: float, force: float, system: _System, elements: Packed, tables: _Tables) -> bool:
+def newton(x: FloatArray, omega: float, force: float, system: System, elements: Packed, tables: Tables) -> bool:
     """The solution at a frequency, in place of a motion x close by; whether there is one."""
     n = x.size
     r, j, f = np.zeros(n), np.zeros((n, n)), np.zeros(n)
@@ -180,9 +177,9 @@ def sweep(
     start: FloatArray,
     omegas: FloatArray,
     force: FloatArray,
-    system: _System,
+    system: System,
     elements: Packed,
-    tables: _Tables,
+    tables: Tables,
     reach: float,
 ) -> tuple[int, FloatArray]:
     """
@@ -274,7 +271,7 @@ def sweep(
 
 @numba.njit(cache=True)
 def balances(
-    motions: FloatArray, omegas: FloatArray, system: _System, elements: Packed, tables: _Tables
+    motions: FloatArray, omegas: FloatArray, system: System, elements: Packed, tables: Tables
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Residuals, Jacobians, harmonics and slopes of many lines, as `balance` gives them, without force."""
     lines, n = motions.shape

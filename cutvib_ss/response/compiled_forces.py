@@ -7,17 +7,14 @@ With q = Tx and v = ωT'x over the samples of a period the law's forces go back 
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
 import numba
 import numpy as np
 
 from cutvib_ss.model.restoring_forces.compiled import numbers, resist, tangents
 from cutvib_ss.model.restoring_forces.packed import SLIDES
+from cutvib_ss.response.port_motion import Tables
 from cutvib_ss.results import FloatArray
-
-_Tables: TypeAlias = tuple[np.ndarray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Harmonic numbers, a zero for the mean; T, T', and T half a sample later (sample, unknown); P (unknown, sample)."""
 
 
 @numba.njit(cache=True)
@@ -28,7 +25,7 @@ def forces(
     which: int,
     values: FloatArray,
     sliders: FloatArray,
-    tables: _Tables,
+    tables: Tables,
     out: FloatArray,
     slope: FloatArray,
 ) -> None:

@@ -16,7 +16,9 @@ import numpy as np
 from cutvib_ss.model.restoring_forces import RestoringForce, packed
 from cutvib_ss.results import ComplexArray, FloatArray
 
+# Poles (mode,); participation of the force and of the ports (mode, 1 + port); displacement of the ports (port, mode).
 System: TypeAlias = tuple[ComplexArray, ComplexArray, ComplexArray]
+# Harmonic numbers, a zero for the mean; T, T', and T half a sample later (sample, unknown); P (unknown, sample).
 Tables: TypeAlias = tuple[np.ndarray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 _REACH = 5.0

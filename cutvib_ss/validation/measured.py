@@ -18,12 +18,11 @@ from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.measurement.records import Campaign, History, Record
 from cutvib_ss.results import ComplexArray, FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.results.display import finite
+from cutvib_ss.units import DERIVATIVE_ORDER
 from cutvib_ss.validation.files import read_json
 
 SCHEMA = "cutvib-blind-real/1"
 LABEL = "label.toml"
-POWERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
-"""Power of s = jω by which each quantity exceeds the displacement."""
 
 Element: TypeAlias = Callable[[Any], Any]
 
@@ -156,7 +155,7 @@ def add_element(record: Record, z: Element, *, channel: str | None = None) -> Re
             f"record {record.name!r}: its input is the base's {record.input_quantity}; an element needs a force"
         )
     drive = _drive(record, channel)
-    power = POWERS[record.quantities[drive]]
+    power = DERIVATIVE_ORDER[record.quantities[drive]]
     if record.frf is not None:
         return _added_to_frf(record, record.frf, z, drive, power)
     histories = tuple(

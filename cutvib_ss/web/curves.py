@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cutvib_ss.absorber.coupling import attach_absorber
+from cutvib_ss.effects.base import Model
 from cutvib_ss.measurement.inputs import response_to
 from cutvib_ss.measurement.records import Campaign
 from cutvib_ss.measurement.summary import RecordSummary
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import AbsorberParameters, table_7
 from cutvib_ss.report.frame import lines_to_draw
 from cutvib_ss.response.frequency import frequency_response, output_quantities
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     import control
 
     from cutvib_ss.control_design.loop import Loop
-
-Model: TypeAlias = Machine | Structure
 
 WORKING_FREQUENCY = 217.0
 """Frequency of the tool's force on a cutting machine [Hz]."""

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 from nicegui import background_tasks, run, ui
 
+from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.plot.style import unit_text
 from cutvib_ss.web import curves, figures
-from cutvib_ss.web.curves import Change, Controller, Curve, Model
+from cutvib_ss.web.curves import Change, Controller, Curve
 from cutvib_ss.web.session import Opened
 
 if TYPE_CHECKING:

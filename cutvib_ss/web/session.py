@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 import cutvib_ss
+from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError, DataFormatError
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.measurement.records import Campaign
 from cutvib_ss.measurement.summary import Summary, summarise
 from cutvib_ss.model_files import read_machine
-from cutvib_ss.web.curves import Model
 from cutvib_ss.web.job import Job
 from cutvib_ss.web.uploads import message_of, store
 from cutvib_ss.web.worker import MACHINE
