@@ -11,7 +11,6 @@ import json
 import os
 import platform
 import re
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -24,15 +23,13 @@ import cutvib_ss
 from cutvib_ss.errors import CutvibError, DataFormatError, ParameterError
 from cutvib_ss.measurement.schema import read_campaign_file
 from cutvib_ss.validation.files import canonical, digest, packed_files, unpack, write_bytes
-from cutvib_ss.validation.workers import clean_environment, spread
+from cutvib_ss.validation.workers import alone, spread
 
 SCHEMA = "cutvib-fleet/1"
 KEPT = ".cutvib-fleet"
 """Folder of what is kept, unless another is named; below the fleet's own."""
 
 _OWN = re.compile(r"[0-9a-f]{64}\.(?:json|html)")
-_TOLD = 2000
-"""Characters of a failed process's last words that are kept."""
 
 
 @dataclass(frozen=True)
@@ -136,21 +133,15 @@ def diagnose_one(task: Task) -> Diagnosed:
             root = here / "files" / task.root
         diagnosis, report = here / "diagnosis.json", here / "report.html"
         command = [sys.executable, "-m", "cutvib_ss", "diagnose", task.name, "--json", str(diagnosis)]
-        ended = subprocess.run(
-            [*command, "--report", str(report)] if task.report else command,
-            cwd=root, env=clean_environment(here), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE, check=False,
-        )  # fmt: skip
-        if ended.returncode in (130, -2, -15):
-            raise KeyboardInterrupt  # stopped from outside: as if never begun
-        said = ended.stderr.decode(errors="replace")[-_TOLD:].strip().splitlines()
-        if ended.returncode or not diagnosis.is_file():
+        status, words = alone([*command, "--report", str(report)] if task.report else command, root, here)
+        if status or not diagnosis.is_file():
+            said = words.splitlines()
             last = said[-1].removeprefix("cutvib: ") if said else "it said nothing"
-            # A refusal is one line; of a fault of the program the line before names the exception.
-            last = last if ended.returncode == 2 or len(said) < 2 else f"{said[-2].strip()} ({last})"
-            return Diagnosed(
-                None, None, last if ended.returncode == 2 else f"{platform.node()}: status {ended.returncode}: {last}"
-            )
+            if status == 2:  # a refusal is one line
+                return Diagnosed(None, None, last)
+            # Of a fault of the program the line before names the exception.
+            last = last if len(said) < 2 else f"{said[-2].strip()} ({last})"
+            return Diagnosed(None, None, f"{platform.node()}: status {status}: {last}")
         return Diagnosed(diagnosis.read_bytes(), report.read_bytes() if task.report else None, "")
 
 

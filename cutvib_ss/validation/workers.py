@@ -97,18 +97,8 @@ def diagnosed(archive: bytes, forbidden: Sequence[str] = (), timeout: float | No
             "diagnose", CAMPAIGN, "--json", DIAGNOSIS, "--save-machine", MACHINE,
         ]  # fmt: skip
         started, clock = now(), time.perf_counter()
-        exit_status: int | None
-        try:
-            ended = subprocess.run(
-                command, cwd=folder, env=clean_environment(folder), stdin=subprocess.DEVNULL, timeout=timeout,
-                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False,
-            )  # fmt: skip
-            exit_status, said = ended.returncode, ended.stderr
-        except subprocess.TimeoutExpired as error:
-            exit_status, said = None, error.stderr or b""
+        exit_status, said = alone(command, folder, folder, timeout)
         seconds = time.perf_counter() - clock
-        if exit_status in (130, -2, -15):
-            raise KeyboardInterrupt  # stopped from outside: the case is as if never begun
         done = exit_status == 0 and (folder / DIAGNOSIS).is_file()
         usage = json.loads((folder / USAGE).read_text()) if (folder / USAGE).is_file() else {}
         return Outcome(
@@ -120,10 +110,28 @@ def diagnosed(archive: bytes, forbidden: Sequence[str] = (), timeout: float | No
             cpu_seconds=usage.get("cpu_seconds"),
             code_sha256=usage.get("code_sha256"),
             host=platform.node(),
-            message=said.decode(errors="replace")[-_TOLD:].strip(),
+            message=said,
             diagnosis=(folder / DIAGNOSIS).read_bytes() if done else None,
             machine=(folder / MACHINE).read_bytes() if done else None,
         )
+
+
+def alone(command: Sequence[str], cwd: Path, temporary: Path, timeout: float | None = None) -> tuple[int | None, str]:
+    """Run a program by itself: its exit status, None where its time was up, and its last words on standard error."""
+    try:
+        ended = subprocess.run(
+            command, cwd=cwd, env=clean_environment(temporary), stdin=subprocess.DEVNULL, timeout=timeout,
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired as error:
+        return None, _last_words(error.stderr or b"")
+    if ended.returncode in (130, -2, -15):
+        raise KeyboardInterrupt  # stopped from outside: as if never begun
+    return ended.returncode, _last_words(ended.stderr)
+
+
+def _last_words(said: bytes) -> str:
+    return said.decode(errors="replace")[-_TOLD:].strip()
 
 
 def clean_environment(folder: Path) -> dict[str, str]:
