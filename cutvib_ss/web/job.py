@@ -123,8 +123,15 @@ class Job:
             elif "fault" in told:
                 self.error = f"a fault of the program, not of the input: {told['fault']}"
             else:
-                text = told.get("stage") or told.get("step") or ""
-                self.lines.append(Progress(time.monotonic() - self._started, text))
+                self._told(told["step"])
+
+    def _told(self, said: str) -> None:
+        """Note a step as it begins; what follows a colon is how far it has come, and takes the place of what was said before."""
+        last = self.lines[-1] if self.lines else None
+        if last is not None and last.text.partition(":")[0] == said.partition(":")[0]:
+            self.lines[-1] = Progress(last.seconds, said)
+        else:
+            self.lines.append(Progress(time.monotonic() - self._started, said))
 
     def _read_faults(self) -> None:
         assert self._process.stderr is not None

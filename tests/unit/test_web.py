@@ -361,15 +361,25 @@ def test_a_cancelled_diagnosis_is_gone(session: Session) -> None:
     session.open_demo()
     job = session.diagnose()
     until = time.monotonic() + 60.0
-    while not any(line.text == "Diagnosing" for line in job.lines) and time.monotonic() < until:
+    while len(job.lines) < 3 and time.monotonic() < until:
         time.sleep(0.05)
-    assert [line.text for line in job.lines][:2] == ["Reading the campaign", "Diagnosing"]
+    assert [line.text for line in job.lines][:3] == ["Reading the campaign", "Diagnosing", "Tuning the nominal model"]
     assert job.state == "running"
     assert session.result("report.html") is None
     job.cancel()
     assert job.state == "cancelled"
     assert not _alive(job.process_id)
     assert session.corrected_machine() is None
+
+
+def test_a_step_that_counts_is_one_line(session: Session) -> None:
+    session.open_demo()
+    job = session.diagnose()
+    job.cancel()
+    job.lines = []
+    for said in ("Fitting causes", "Fitting causes: 1 of 30", "Fitting causes: 2 of 30", "Judging causes"):
+        job._told(said)
+    assert [line.text for line in job.lines] == ["Fitting causes: 2 of 30", "Judging causes"]
 
 
 def test_a_campaign_that_cannot_be_diagnosed_ends_in_one_line(tmp_path: Path) -> None:
