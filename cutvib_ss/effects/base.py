@@ -190,7 +190,7 @@ def identifying_values(effect: Effect) -> tuple[str, ...]:
 def check_place(effect: Effect, model: Model) -> None:
     """Refuse a place at which the effect cannot sit: ParameterError, which lists the places that it has."""
     places = effect.places(model)
-    if effect.place not in places and place_of(effect.place, model) not in places:
+    if effect.place not in places and model.place_of(effect.place) not in places:
         known = ", ".join(places) or "none on this model"
         raise ParameterError(f"{effect.effect} cannot sit at {effect.place!r}; its places are: {known}")
 
@@ -211,11 +211,6 @@ def machine_only(effect: str, model: Model) -> Machine:
 def ports_of(model: Model, machine_places: tuple[str, ...]) -> tuple[str, ...]:
     """Places of an effect that is an element at a port: those of the cutting machine, or all of another structure."""
     return machine_places if model.head is not None else model.places
-
-
-def place_of(port: str, model: Model) -> str:
-    """The place that a port belongs to."""
-    return model.place_of(port)
 
 
 def port_of(place: str, model: Model) -> str:

@@ -300,15 +300,5 @@ def default_absorber(model: Model) -> AbsorberParameters:
     return AbsorberParameters(max(first, 0.1), 0.05, 0.02 * float(np.mean(np.diag(model.system.mass))))
 
 
-def absorber_port(model: Model) -> str:
-    """Where the absorber sits: at the tool in X, or where the force acts."""
-    return model.input_port
-
-
-def response_channels(model: Model) -> list[str]:
-    """Channels of the model that the page offers."""
-    return list(model.channels)
-
-
 def _at(position: float | None) -> list[float] | None:
     return None if position is None else [position]

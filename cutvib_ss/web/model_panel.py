@@ -67,7 +67,7 @@ class ModelPanel:
         self.which.visible = self.page.session.corrected_machine() is not None
 
     def _build_choices(self, model: Model) -> None:
-        channels = curves.response_channels(model)
+        channels = list(model.channels)
         self.which = ui.toggle({"nominal": "nominal", "corrected": "corrected"}, value="nominal", on_change=self.draw)
         self.which.props("no-caps dense")
         self.which.visible = self.page.session.corrected_machine() is not None
@@ -79,7 +79,7 @@ class ModelPanel:
 
     def _build_absorber(self, model: Model) -> None:
         start = curves.default_absorber(model)
-        self.absorber = ui.switch(f"absorber at {curves.absorber_port(model)}", on_change=self.draw)
+        self.absorber = ui.switch(f"absorber at {model.input_port}", on_change=self.draw)
         self.absorber.props('data-act="absorber"')
         low, high = (100.0, 350.0) if model.has_position else (self.band[0], self.band[1])
         with ui.element("div").classes("group").bind_visibility_from(self.absorber, "value"):
@@ -161,7 +161,7 @@ class ModelPanel:
         controller = None
         if self.model.has_position and self.controller.value != _NONE:
             controller = Controller(str(self.controller.value), float(self.gain.value), self.designed_at)
-        return Change(absorber, curves.absorber_port(self.model), controller)
+        return Change(absorber, self.model.input_port, controller)
 
     def draw(self) -> None:
         """Draw the model at the sliders' values."""

@@ -8,7 +8,7 @@ import pytest
 from cutvib_ss.diagnosis.hypotheses import candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.severity import runs
 from cutvib_ss.diagnosis.variants import variants
-from cutvib_ss.effects.base import Motion, parameter_fields, place_of
+from cutvib_ss.effects.base import Motion, parameter_fields
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.errors import ParameterError
@@ -89,7 +89,7 @@ def test_ports_that_move_together_are_one_place_named_after_the_first() -> None:
     both = structure(np.diag([2.0, 0.5]), 3.0 * LINK, 4e4 * LINK, twice=[2.0, 0.0], other=[0.0, 1.0], back=[0.0, -3.0])
     assert ToolContact.places(both) == ("drive", "other")
     assert {v.place for v in variants(both, ("y",))} == {"drive", "other", "measurement"}
-    assert place_of("back", both) == "other"
+    assert both.place_of("back") == "other"
     names = [c.name for c in candidates(both, (5.0, 200.0), ("y",))]
     assert len(names) == len(set(names))
     assert not any("twice" in n or "back" in n for n in names)
