@@ -6,17 +6,13 @@ import io
 import os
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from PIL import Image
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.files import staged
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, drawing, on_grid
+from cutvib_ss.plot.style import CORRECTED, GREY, INK, MEASURED, drawing, image, on_grid
 from cutvib_ss.results import FloatArray, Modes
 
 _SIZE = 0.12
@@ -95,7 +91,7 @@ def animate_mode(
         with drawing(8.4, 2.4, f"Mode {mode}: {modes.natural_freq[mode - 1]:.1f} Hz") as figure:
             row = figure.subplots(1, 2, width_ratios=[2.6, 1.0])
             _draw(row, machine, modes, mode - 1, float(np.cos(2 * np.pi * n / frames)))
-            pictures.append(_image(figure, dpi))
+            pictures.append(image(figure, dpi, 64))
     with staged(path) as draft:
         content = io.BytesIO()
         pictures[0].save(content, "GIF", save_all=True, append_images=pictures[1:], duration=1600 // frames, loop=0)
@@ -148,11 +144,3 @@ def _links(machine: Machine) -> FloatArray:
     elbow = np.array([h.l1 * np.cos(first), h.l1 * np.sin(first)])
     tool = elbow + np.array([h.l2 * np.cos(second), h.l2 * np.sin(second)])
     return np.array([[0.0, 0.0], elbow, tool])
-
-
-def _image(figure: Figure, dpi: float) -> Image.Image:
-    canvas: Any = FigureCanvasAgg(figure)
-    with mpl.rc_context():
-        figure.set_dpi(dpi)
-        canvas.draw()
-        return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]).quantize(64, dither=Image.Dither.NONE)

@@ -185,19 +185,23 @@ def png(figure: Figure | Axes | np.ndarray, dpi: float = 150.0, colours: int = 2
     bytes
         The PNG file.
     """
-    figure = figure_of(figure)
+    small = io.BytesIO()
+    image(figure_of(figure), dpi, colours).save(small, format="PNG", optimize=True)
+    return small.getvalue()
+
+
+def image(figure: Figure, dpi: float, colours: int) -> Image.Image:
+    """A figure as an image, its colours reduced to a palette."""
     canvas: Any = FigureCanvasAgg(figure)  # matplotlib does not annotate its canvases
     before = figure.dpi
     with mpl.rc_context(_STYLE):
         figure.set_dpi(dpi)
         try:
             canvas.draw()
-            image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+            drawn = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
         finally:
             figure.set_dpi(before)
-    small = io.BytesIO()
-    image.quantize(colours, dither=Image.Dither.NONE).save(small, format="PNG", optimize=True)
-    return small.getvalue()
+    return drawn.quantize(colours, dither=Image.Dither.NONE)
 
 
 def position_colours(positions: Sequence[float]) -> list[Any]:
