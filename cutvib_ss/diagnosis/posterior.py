@@ -211,13 +211,22 @@ def of_known_form(
     Where a parameter of a restoring force ends at what the motion allows, or discrepancies or tuned values lie beyond
     what is believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, the form is not known, and
     no more is the cause. What such answers lose lies on something unknown: with it the probabilities sum to one. A linear cause
-    ends where another takes over: a resonance far above the band is a mass.
+    ends where another takes over: a resonance far above the band is a mass. Where an unknown element, too, leaves far more than
+    noise, it may as well be a known cause in a form that nothing here has, and the nearest one has the rest.
     """
     out = dict(odds)
-    for r in ranked:
-        if kind_of(r.fit.hypothesis) not in ("known", "sums") or out[r.name] < SETTINGS.verdict_hardly:
+    known = [r for r in ranked if kind_of(r.fit.hypothesis) in ("known", "sums") and r.refined]
+    for r in known:
+        if out[r.name] < SETTINGS.verdict_hardly:
             continue
         beyond = bool(r.fit.at_end) and not r.fit.hypothesis.linear
         if beyond or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit:
             out[r.name] *= SETTINGS.verdict_form
+    named = [r for r in known if r.fit.hypothesis.causes[-1][0] != UNKNOWN]
+    nearest = max(named, key=lambda r: r.fit.log_evidence, default=None)
+    for r in ranked:
+        if nearest is None or kind_of(r.fit.hypothesis) != UNKNOWN or out[r.name] < SETTINGS.verdict_hardly:
+            continue
+        if held(r).against_stated > SETTINGS.verdict_misfit:
+            _give(out, r, nearest, 1.0 - SETTINGS.verdict_form)
     return out

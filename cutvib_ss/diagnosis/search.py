@@ -282,17 +282,16 @@ def _rough(
     """
     The candidates that promise most, each from the best of its starts, on few lines; best first.
 
-    The tuning of a model that lacks the cause leads away from a large one, which is scanned for from the untuned model; of a small
-    one the tuned model's residual tells, and where nothing stands out that alone.
+    The tuning of a model that lacks the cause leads away from a large one, and may take up nearly all of one that is not small:
+    it is scanned for from the untuned model. Of a small one the tuned model's residual tells.
     """
     scans = []
+    # Where the residual is far from all that first order tells of, all are fitted.
     if none.reduced < SETTINGS.search_first_order:
         sharp = records.coarse(SETTINGS.search_coarse_lines, 0.0)
         scans.append(Scan(nominal, sharp, Hypothesis(), none.fit.x, {}, apart=False))
-    if none.reduced > SETTINGS.search_enough:
-        # The fits start from the untuned model, too: the order of starts is that of the last scan.
-        scans.append(Scan(nominal, few, Hypothesis(), None, {}, apart=False))
-    # What is far from all that first order tells of is fitted, whatever it promises.
+    # The fits start from the untuned model, too: the order of starts is that of the last scan.
+    scans.append(Scan(nominal, few, Hypothesis(), None, {}, apart=False))
     count = SETTINGS.search_scouted if none.reduced < SETTINGS.search_first_order else len(found)
     chosen: set[int] = set()
     for scan in scans:

@@ -194,6 +194,16 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
     assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds, fails) == odds
 
 
+def test_something_unknown_that_leaves_far_more_than_noise_may_be_a_known_cause_in_another_form() -> None:
+    none, near, far = sized("none", 3e-5, 1e-3), sized("near", 3e-5, 1e-3, MASS), sized("far", 3e-5, 1e-3, MASS)
+    far = replace(far, fit=replace(cast(WithSizes, far.fit), log_evidence=-100.0))
+    other = sized("unknown", 3e-5, 1e-3, UNKNOWN)
+    odds = {"none": 0.0, "near": 0.0, "far": 0.0, "unknown": 1.0}
+    for left, kept in ((1.5, 1.0), (5.0, SETTINGS.verdict_form)):
+        found = of_known_form([none, near, far, other], odds, held(unknown=Leaves(against_stated=left)))
+        assert found == pytest.approx({"none": 0.0, "near": 1.0 - kept, "far": 0.0, "unknown": kept})
+
+
 def test_a_cause_that_stands_in_for_others_is_not_enough() -> None:
     none = sized("none", 3e-5, 1e-3)
     for found, enough in (
