@@ -31,7 +31,7 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import AbsorberParameters, check_number, names_of
 from cutvib_ss.results import FloatArray
-from cutvib_ss.results.display import Drawn, Table
+from cutvib_ss.results.display import Drawn, Table, data_frame
 
 TUNING = (150.0, 500.0)
 """Tuning frequencies among which the best is sought [Hz]."""
@@ -65,6 +65,25 @@ class AbsorberDesign(Drawn):
     check: WorkspaceCheck
     objective: float
     evaluations: int
+
+    def to_dataframe(self) -> Any:
+        """
+        The absorbers as a table of pandas (extra ``data``).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each absorber, from 1: port, tuning [Hz], damping ratio, stiffness [N/m], mass [kg].
+        """
+        absorbers = [m.absorber for m in self.mounted]
+        columns = {
+            "port": [m.port for m in self.mounted],
+            "tuning [Hz]": [a.frequency for a in absorbers],
+            "damping_ratio": [a.damping_ratio for a in absorbers],
+            "stiffness [N/m]": [a.stiffness for a in absorbers],
+            "mass [kg]": [a.mass for a in absorbers],
+        }
+        return data_frame(columns, "absorber", range(1, len(absorbers) + 1))
 
     def _table(self) -> Table:
         rows = []

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,11 +13,13 @@ from scipy import signal
 from cutvib_ss.absorber.coupling import attach_absorber
 from cutvib_ss.absorber.force import WORKING_FREQUENCY, HarmonicForce
 from cutvib_ss.absorber.workspace import Workspace
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import AbsorberCheck, FloatArray, FrequencyResponse, read_only
-from cutvib_ss.results.display import Drawn, Table
+from cutvib_ss.results.arrays import label_indices, position_indices, value_indices
+from cutvib_ss.results.display import Drawn, Table, optional
 
 _PEAK_PROMINENCE = 0.02
 """A peak stands out of its surroundings by this part of the largest value."""
@@ -56,6 +59,86 @@ class AbsorberStudy(Drawn):
     def __post_init__(self) -> None:
         for name in ("positions", "tuning", "damping_ratio", "before", "worst"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
+
+    def sel(
+        self,
+        *,
+        position: float | Sequence[float] | None = None,
+        output: str | Sequence[str] | None = None,
+        input: str | Sequence[str] | None = None,
+        tuning: float | Sequence[float] | None = None,
+        damping_ratio: float | Sequence[float] | None = None,
+    ) -> AbsorberStudy:
+        """
+        The study of some of its absorbers; no axis is dropped.
+
+        Parameters
+        ----------
+        position : float or sequence of float, optional
+            All of the positions y_b / L: the worst is taken over them together.
+        output, input : str or sequence of str, optional
+            The one output, ``"tool_x"``, and the one input, ``"force"``.
+        tuning : float or sequence of float, optional
+            Tuning frequencies that were tried [Hz] (to 1e-9).
+        damping_ratio : float or sequence of float, optional
+            Damping ratios that were tried (to 1e-9).
+
+        Returns
+        -------
+        AbsorberStudy
+            The part; ``best`` is the best of it.
+
+        Raises
+        ------
+        ParameterError
+            If a label is not there, or positions are left out; the message lists those that are.
+        """
+        label_indices(("tool_x",), output, "output")
+        label_indices(("force",), input, "input")
+        if len(set(position_indices(self.positions, position).tolist())) < self.positions.size:
+            places = ", ".join(f"{y:g}" for y in self.positions)
+            raise ParameterError(f"the worst is that of positions {places} together; run parametric_study for fewer")
+        kept = value_indices(self.tuning, tuning, "tuning")
+        ratios = value_indices(self.damping_ratio, damping_ratio, "damping ratio")
+        tunings, dampings, worst = self.tuning[kept], self.damping_ratio[ratios], self.worst[np.ix_(kept, ratios)]
+        best = _best(self.best, tunings, dampings, worst)
+        return replace(self, tuning=tunings, damping_ratio=dampings, worst=worst, best=best)
+
+    def to_dataframe(self) -> Any:
+        """
+        What each absorber leaves as a table of pandas (extra ``data``).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each tuning frequency [Hz] and damping ratio: the largest accelerance over the positions [m/s^2/N].
+        """
+        pandas = optional("pandas", "to_dataframe")
+        rows = pandas.MultiIndex.from_product([self.tuning, self.damping_ratio], names=["tuning [Hz]", "damping_ratio"])
+        return pandas.DataFrame({"worst [m/s^2/N]": self.worst.ravel()}, index=rows)
+
+    def to_xarray(self) -> Any:
+        """
+        The study as a dataset of xarray (extra ``data``).
+
+        Returns
+        -------
+        xarray.Dataset
+            ``worst`` over (tuning [Hz], damping_ratio), ``before`` over position; both [m/s^2/N].
+        """
+        unit = {"units": "m/s^2/N"}
+        return optional("xarray", "to_xarray").Dataset(
+            {
+                "worst": (("tuning", "damping_ratio"), np.array(self.worst), unit),
+                "before": ("position", np.array(self.before), unit),
+            },
+            coords={
+                "position": self.positions,
+                "tuning": ("tuning", self.tuning, {"units": "Hz"}),
+                "damping_ratio": self.damping_ratio,
+            },
+            attrs={"working_frequency": self.working_frequency, "mass": self.best.mass},
+        )
 
     def _table(self) -> Table:
         rows = []
@@ -157,10 +240,16 @@ def parametric_study(
     workspace = Workspace(machine, (port,), positions, HarmonicForce.tone(working_frequency))
     grid = np.stack(np.broadcast_arrays(tunings[:, None], dampings, mass), axis=-1)
     worst = workspace.values(grid.reshape(-1, 1, 3), [0]).max(axis=(1, 2)).reshape(grid.shape[:2])
-    i, j = np.unravel_index(int(np.argmin(worst)), worst.shape)
-    best = AbsorberParameters(float(tunings[i]), float(dampings[j]), mass, source="parametric study")
+    any_of_them = AbsorberParameters(float(tunings[0]), float(dampings[0]), mass, source="parametric study")
+    best = _best(any_of_them, tunings, dampings, worst)
     before = workspace.values(np.empty((1, 0, 3)), [])[0].max(axis=-1)
     return AbsorberStudy(working_frequency, workspace.positions, tunings, dampings, before, worst, best)
+
+
+def _best(like: AbsorberParameters, tuning: FloatArray, damping: FloatArray, worst: FloatArray) -> AbsorberParameters:
+    """An absorber with the tuning and damping of the least worst, and all else as given."""
+    i, j = np.unravel_index(int(np.argmin(worst)), worst.shape)
+    return replace(like, frequency=float(tuning[i]), damping_ratio=float(damping[j]))
 
 
 def _peaks(frf: FrequencyResponse) -> tuple[tuple[float, ...], ...]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,12 +29,14 @@ from cutvib_ss.response.axes import as_positions
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray, FloatArray, read_only
 from cutvib_ss.results.arrays import label_indices, position_indices
-from cutvib_ss.results.display import Drawn, Table
+from cutvib_ss.results.display import Drawn, Table, data_frame, optional
 
 Criterion: TypeAlias = Literal["harmonic", "rms"]
 
 WORKSPACE = read_only(np.arange(1, 100) / 100)
 """Positions y_b / L that stand for the whole rail."""
+_JUDGED = ("before", "exact", "toleranced")
+"""What a check has at each position."""
 
 
 class Workspace:
@@ -162,7 +164,7 @@ class WorkspaceCheck(Drawn):
     toleranced: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("positions", "before", "exact", "toleranced"):
+        for name in ("positions", *_JUDGED):
             object.__setattr__(self, name, read_only(getattr(self, name), np.float64))
 
     @property
@@ -208,8 +210,33 @@ class WorkspaceCheck(Drawn):
         if len(label_indices(self.outputs, output, "output")) < len(self.outputs):
             raise ParameterError(f"{', '.join(self.outputs)} are judged together; run workspace_check for fewer")
         rows = position_indices(self.positions, position)
-        names = ("positions", "before", "exact", "toleranced")
-        return replace(self, **{name: getattr(self, name)[rows] for name in names})
+        return replace(self, **{name: getattr(self, name)[rows] for name in ("positions", *_JUDGED)})
+
+    def to_dataframe(self) -> Any:
+        """
+        Accelerations over the rail as a table of pandas (extra ``data``).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each position y_b / L: before, exact and toleranced [m/s^2].
+        """
+        return data_frame({f"{name} [m/s^2]": getattr(self, name) for name in _JUDGED}, "position", self.positions)
+
+    def to_xarray(self) -> Any:
+        """
+        Accelerations over the rail as a dataset of xarray (extra ``data``).
+
+        Returns
+        -------
+        xarray.Dataset
+            ``before``, ``exact`` and ``toleranced`` [m/s^2] over position.
+        """
+        return optional("xarray", "to_xarray").Dataset(
+            {name: ("position", np.array(getattr(self, name)), {"units": "m/s^2"}) for name in _JUDGED},
+            coords={"position": self.positions},
+            attrs={"criterion": self.criterion},
+        )
 
     def _table(self) -> Table:
         rows = []

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.measurement.replay import assumed_blow
 from cutvib_ss.results import Estimator, FloatArray, MeasuredFrequencyResponse, Quantity
 from cutvib_ss.results.arrays import optional_array
-from cutvib_ss.results.display import Displayed, Table
+from cutvib_ss.results.display import Displayed, Table, data_frame
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,10 @@ class PlannedCause:
     told_apart: float  # Severity at which it is told from that one over the severity at which it is seen
 
 
+_COLUMNS = ("effect", "place", "parameter", "unit", "seen", "seen_best", "seen_worst", "named", "rival", "told_apart")
+"""What a plan's table of pandas has of each cause."""
+
+
 @dataclass(frozen=True, repr=False)
 class Plan(Displayed):
     """
@@ -114,6 +119,21 @@ class Plan(Displayed):
     causes: tuple[PlannedCause, ...]
     pairs: tuple[tuple[str, str, float], ...]
     threshold: float
+
+    def to_dataframe(self) -> Any:
+        """
+        The causes as a table of pandas (extra ``data``).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each cause: effect, place, the parameter that tells its severity and its SI unit; the parameter's values
+            from which the cause is seen (middle, best and worst of its shapes) and named, NaN where none is; the cause with which
+            it is confused longest, and the ratio of the severities at which the two are told apart and at which it is seen.
+        """
+        values: dict[str, Any] = {name: [getattr(c, name) for c in self.causes] for name in _COLUMNS}
+        values |= {name: optional_array(values[name]) for name in ("seen", "seen_best", "seen_worst", "named")}
+        return data_frame(values, "cause", [c.name for c in self.causes])
 
     def _table(self) -> Table:
         rows = []

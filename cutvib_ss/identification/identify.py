@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -17,7 +17,8 @@ from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.parameters import HeadParameters, check_choice, table_3
 from cutvib_ss.results import FloatArray, FrequencyResponse, MeasuredFrequencyResponse, read_only
-from cutvib_ss.results.display import Drawn, Table
+from cutvib_ss.results.arrays import optional_array
+from cutvib_ss.results.display import Drawn, Table, data_frame
 
 Base: TypeAlias = Literal["held", "rail"]
 
@@ -81,6 +82,28 @@ class IdentificationResult(Drawn):
     def position(self) -> float:
         """Position y_b / L of the record; NaN where it is not known."""
         return float(self.measured.positions[0])
+
+    def to_dataframe(self) -> Any:
+        """
+        The parameters as a table of pandas (extra ``data``).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each of the ten parameters: value, SI unit, status, standard deviation, lower and upper end of the
+            interval; NaN where the data do not determine it.
+        """
+        found = self.determination.parameters
+        ends = [e.interval or (np.nan, np.nan) for e in found]
+        columns = {
+            "value": [e.value for e in found],
+            "unit": [e.unit for e in found],
+            "status": [e.status for e in found],
+            "std": optional_array([e.std for e in found]),
+            "lower": [low for low, _ in ends],
+            "upper": [high for _, high in ends],
+        }
+        return data_frame(columns, "parameter", [e.name for e in found])
 
     def _table(self) -> Table:
         rows = []

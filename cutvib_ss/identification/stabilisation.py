@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from cutvib_ss.errors import IdentificationError, ParameterError
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, MeasuredFrequencyResponse
-from cutvib_ss.results.display import Drawn, Table
+from cutvib_ss.results.display import Drawn, Table, data_frame
 
 _ARC = 0.92
 """Part of the unit circle that the band covers: over all of it the ends of the band would have to join."""
@@ -74,6 +75,24 @@ class Stabilisation(Drawn):
             for c in np.split(kept, breaks)
             if np.unique(self.order[c]).size >= fewest
         )
+
+    def to_dataframe(self) -> Any:
+        """
+        The poles as a table of pandas (extra ``data``).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each pole, from 1: order of the model, natural frequency [Hz], damping ratio, and how far it is stable
+            (0, 1 or 2).
+        """
+        columns = {
+            "order": self.order,
+            "natural_freq [Hz]": self.natural_freq,
+            "damping_ratio": self.damping_ratio,
+            "stable": self.stable,
+        }
+        return data_frame(columns, "pole", range(1, self.order.size + 1))
 
     def _table(self) -> Table:
         rows = [(f"{f:.2f}", f"{100 * ratio:.3f}", f"{orders}") for f, ratio, orders in self.columns()]

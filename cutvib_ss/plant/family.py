@@ -21,7 +21,7 @@ and the grid too coarse to tell.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -35,6 +35,7 @@ from cutvib_ss.parameters import check_choice, check_position, names_of
 from cutvib_ss.plant.table import ERROR_ORDER, Interpolation, PlantMatrices, PlantTable
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
+from cutvib_ss.results.arrays import label_indices, position_indices
 from cutvib_ss.results.display import Displayed, Table, span
 from cutvib_ss.units import DERIVATIVE_ORDER
 
@@ -59,6 +60,8 @@ class PlantSchedule(Displayed):
         Which motion the outputs give.
     pade_order : int, optional
         Order of the Padé approximation of channel delays.
+    scaled_at : float, optional
+        Position y_b / L whose matrices scale the states of all plants; by default the middle one of the grid.
     """
 
     machine: Machine
@@ -66,6 +69,11 @@ class PlantSchedule(Displayed):
     outputs: tuple[str, ...]
     quantity: Quantity
     pade_order: int | None = None
+    scaled_at: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.scaled_at is None:
+            object.__setattr__(self, "scaled_at", float(self.positions[self.positions.size // 2]))
 
     def _table(self) -> Table:
         title = f"Plants at {self.positions.size} positions ({span(self.positions)}), {len(self.states)} states, {self.quantity}"
@@ -86,6 +94,39 @@ class PlantSchedule(Displayed):
     def states(self) -> tuple[str, ...]:
         """Names of the states: coordinates, then their rates."""
         return (*self.table.coupling.dofs, *(f"d_{d}" for d in self.table.coupling.dofs))
+
+    def sel(
+        self,
+        *,
+        position: float | Sequence[float] | None = None,
+        output: str | Sequence[str] | None = None,
+        input: str | Sequence[str] | None = None,
+    ) -> PlantSchedule:
+        """
+        The family on some of its grid points, with some of its signals, in the same states.
+
+        Parameters
+        ----------
+        position : float or sequence of float, optional
+            Grid points y_b / L to keep (to 1e-9), two or more; the table is interpolated between those that are left.
+        output, input : str or sequence of str, optional
+            Names to keep, in this order.
+
+        Returns
+        -------
+        PlantSchedule
+            The part.
+
+        Raises
+        ------
+        ParameterError
+            If a label is not there (the message lists those that are), or fewer than two grid points are left.
+        """
+        grid = _grid(self.positions[position_indices(self.positions, position)])
+        outputs = tuple(self.outputs[k] for k in label_indices(self.outputs, output, "output"))
+        inputs = tuple(self.inputs[k] for k in label_indices(self.inputs, input, "input"))
+        table = replace(self.table, positions=grid, inputs=inputs, outputs=_reads(self.machine, outputs))
+        return replace(self, table=table, outputs=outputs)
 
     def exact(self, position: float) -> control.StateSpace:
         """
@@ -219,8 +260,9 @@ class PlantSchedule(Displayed):
 
     @cached_property
     def _scale(self) -> tuple[FloatArray, float]:
-        """Scales of the coordinates and of time, the same for all plants: those of the middle of the grid."""
-        mass, _, stiffness = self.table.coupling.matrices(float(self.positions[self.positions.size // 2]))
+        """Scales of the coordinates and of time, the same for all plants: those at `scaled_at`."""
+        assert self.scaled_at is not None
+        mass, _, stiffness = self.table.coupling.matrices(self.scaled_at)
         squares = linalg.eigvalsh(stiffness, mass)
         positive = squares[squares > 1e-12 * squares[-1]]
         return np.sqrt(np.diag(mass)), float((positive[0] * positive[-1]) ** 0.25)
@@ -320,15 +362,25 @@ def schedule(
     >>> bool(family.error(0.4, 217.0).item() < family.error_bound(0.4, 217.0).item())
     True
     """
-    grid = np.unique(as_positions(machine, positions))
-    if grid.size < 2:
-        raise ParameterError("a table over positions needs two of them at least")
+    grid = _grid(as_positions(machine, positions))
     check_choice("interpolation", interpolation, tuple(ERROR_ORDER))
     check_choice("quantity", quantity, tuple(DERIVATIVE_ORDER))
     drives, signals = names_of(inputs), names_of(outputs)
-    reads = tuple(dict.fromkeys(machine.chain.signals(signals)))
-    table = PlantTable(machine.coupling(viscous_at), grid, drives, reads, interpolation)
+    table = PlantTable(machine.coupling(viscous_at), grid, drives, _reads(machine, signals), interpolation)
     return PlantSchedule(machine, table, signals, quantity, pade_order)
+
+
+def _grid(positions: FloatArray) -> FloatArray:
+    """The different ones of some positions, ascending; two at least."""
+    grid = np.unique(positions)
+    if grid.size < 2:
+        raise ParameterError("a table over positions needs two of them at least; `exact` gives the plant at one")
+    return grid
+
+
+def _reads(machine: Machine, signals: Sequence[str]) -> tuple[str, ...]:
+    """The outputs that a table needs: those asked for, then what leaks into them."""
+    return tuple(dict.fromkeys(machine.chain.signals(signals)))
 
 
 def _dynamic(m: PlantMatrices, s: ComplexArray) -> ComplexArray:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from cutvib_ss.parameters import AbsorberParameters
 from cutvib_ss.results.arrays import FloatArray, position_indices, read_only
-from cutvib_ss.results.display import Drawn, Table
+from cutvib_ss.results.display import Drawn, Table, data_frame, optional
 from cutvib_ss.results.frequency import FrequencyResponse
 
 
@@ -96,6 +97,34 @@ class AbsorberCheck(Drawn):
             frf_after=self.frf_after.sel(position=position, output=output, input=input),
             peaks_before=tuple(self.peaks_before[k] for k in rows),
             peaks_after=tuple(self.peaks_after[k] for k in rows),
+        )
+
+    def to_dataframe(self) -> Any:
+        """
+        Accelerances at the working frequency as a table of pandas (extra ``data``).
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each position y_b / L: accelerance before and after [m/s^2/N], reduction as a fraction of 1.
+        """
+        columns = {"before [m/s^2/N]": self.before, "after [m/s^2/N]": self.after, "reduction": self.reduction}
+        return data_frame(columns, "position", self.positions)
+
+    def to_xarray(self) -> Any:
+        """
+        Accelerances at the working frequency as a dataset of xarray (extra ``data``).
+
+        Returns
+        -------
+        xarray.Dataset
+            ``before`` and ``after`` [m/s^2/N] over position; the responses around it are ``frf_before`` and ``frf_after``, which
+            become datasets of their own.
+        """
+        return optional("xarray", "to_xarray").Dataset(
+            {name: ("position", np.array(getattr(self, name)), {"units": "m/s^2/N"}) for name in ("before", "after")},
+            coords={"position": self.positions},
+            attrs={"working_frequency": self.working_frequency},
         )
 
     def _table(self) -> Table:

@@ -76,11 +76,18 @@ def position_indices(positions: FloatArray, wanted: float | str | Sequence[float
     """Indices of wanted positions (to 1e-9), all by default."""
     if wanted is None:
         return np.arange(positions.size)
+    given = np.asarray(wanted, dtype=object).ravel()
+    return value_indices(positions, [position_named(y) if isinstance(y, str) else float(y) for y in given], "position")
+
+
+def value_indices(values: FloatArray, wanted: float | Sequence[float] | None, what: str) -> NDArray[np.intp]:
+    """Indices of wanted values (to 1e-9), all by default; the message of the error lists those that are there."""
+    if wanted is None:
+        return np.arange(values.size)
     rows: list[np.intp] = []
-    for given in np.asarray(wanted, dtype=object).ravel():
-        value = position_named(given) if isinstance(given, str) else float(given)
-        hits = np.flatnonzero(np.abs(positions - value) < 1e-9)
+    for value in np.atleast_1d(np.asarray(wanted, dtype=np.float64)):
+        hits = np.flatnonzero(np.abs(values - value) < 1e-9)
         if hits.size == 0:
-            raise ParameterError(f"no position {value:g}; there are {positions.tolist()}")
+            raise ParameterError(f"no {what} {value:g}; there are {values.tolist()}")
         rows.extend(hits)
     return np.array(rows, dtype=np.intp)

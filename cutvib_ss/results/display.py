@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -80,6 +80,12 @@ def optional(module: str, asked: str) -> Any:
         raise CutvibError(
             f"{asked} needs the package {module}, which is not installed: pip install 'cutvib_ss[data]'"
         ) from error
+
+
+def data_frame(columns: Mapping[str, Any], index: str, values: Any) -> Any:
+    """Columns as a table of pandas (extra `data`), its rows named by the values of an index."""
+    pandas = optional("pandas", "to_dataframe")
+    return pandas.DataFrame(dict(columns), index=pandas.Index(values, name=index))
 
 
 def finite(value: Any) -> Any:

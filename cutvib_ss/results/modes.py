@@ -10,7 +10,7 @@ import numpy as np
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.results.arrays import ComplexArray, FloatArray, label_indices, position_indices, read_only
-from cutvib_ss.results.display import Drawn, Table, optional
+from cutvib_ss.results.display import Drawn, Table, data_frame, optional
 
 
 def _refuse(what: str, asked: object) -> None:
@@ -97,14 +97,13 @@ class Modes(Drawn):
         pandas.DataFrame
             A row for each mode: natural frequency [Hz], damping ratio, pole [rad/s], and the mode shape by degree of freedom.
         """
-        pandas = optional("pandas", "to_dataframe")
         columns: dict[str, Any] = {
             "natural_freq [Hz]": self.natural_freq,
             "damping_ratio": self.damping_ratio,
             "pole [rad/s]": self.poles,
         }
         columns |= {dof: self.mode_shapes[k] for k, dof in enumerate(self.dofs)}
-        return pandas.DataFrame(columns, index=pandas.Index(range(1, self.natural_freq.size + 1), name="mode"))
+        return data_frame(columns, "mode", range(1, self.natural_freq.size + 1))
 
     def to_xarray(self) -> Any:
         """

@@ -10,7 +10,7 @@ import numpy as np
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.results.arrays import FloatArray, label_indices, position_indices, read_only
-from cutvib_ss.results.display import Drawn, Table, optional
+from cutvib_ss.results.display import Drawn, Table, data_frame, optional
 from cutvib_ss.units import STANDARD_GRAVITY
 
 
@@ -226,10 +226,9 @@ class TimeResponse(Drawn):
         pandas.DataFrame
             A row for each instant [s], a column for the force and for each output, with units.
         """
-        pandas = optional("pandas", "to_dataframe")
         columns = {f"force [{self.force_unit}]": self.force}
         columns |= {f"{o} [{u}]": d for o, u, d in zip(self.outputs, self.units, self.data, strict=True)}
-        return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time [s]"))
+        return data_frame(columns, "time [s]", self.time)
 
     def _table(self) -> Table:
         rows = [
