@@ -126,14 +126,11 @@ def margins(gain: control.StateSpace, poles: ComplexArray) -> Margins:
 
 
 class _Transfer:
-    """
-    A loop transfer on the imaginary axis, or the unit circle, by its modes.
-
-    A crossing takes some twenty single frequencies, for each of which SLICOT would balance and reduce A anew.
-    """
+    """A loop transfer on the imaginary axis, or the unit circle, by its modes."""
 
     def __init__(self, gain: control.StateSpace) -> None:
         self.gain = gain
+        # A crossing takes some twenty single frequencies, for each of which SLICOT would balance and reduce A anew.
         values, vectors = (np.asarray(part, dtype=np.complex128) for part in np.linalg.eig(gain.A))
         self.modes: tuple[ComplexArray, ComplexArray, ComplexArray] | None = None
         if not gain.nstates or np.linalg.cond(vectors) < _DEFECTIVE:

@@ -175,13 +175,7 @@ def predicted(
 
 
 def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) -> Shown:
-    """
-    A record whose force is guessed: its force scale, one unknown against all its data, is taken from the record itself, about the
-    mean of those that were fitted.
-
-    What else the force may have been, blows that differ among themselves and are shorter or longer than guessed, makes the
-    prediction uncertain: by how it moves beyond what another force scale would do.
-    """
+    """Show a record whose force is guessed, its force scale found from all its data about the mean of those that were fitted."""
     ((entry,),) = group.entries
     replay = entry.replay
     assert replay is not None
@@ -204,6 +198,8 @@ def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) 
         x += float((np.vdot(along, left).real - (x - mean)) / (1.0 + np.vdot(along, along).real))
         x = float(np.clip(x, -SETTINGS.fit_within, SETTINGS.fit_within))
         here = shown(x)
+    # Blows may also differ among themselves, and be shorter or longer than guessed: the prediction is uncertain by how that moves
+    # it beyond what another force scale would do.
     others = [
         shown(x + SETTINGS.held_out_blows_differ),
         shown(x - SETTINGS.held_out_blows_differ),

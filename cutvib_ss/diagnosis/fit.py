@@ -121,11 +121,8 @@ def fit(
 
 
 def _problems(nominal: Model, records: Records, hypothesis: Hypothesis, spread: bool) -> tuple[Problem, ...]:
-    """
-    The same problem with groups of all records and, to follow drift, of one session, and of one record where the machine moves.
-
-    Without drift the sessions need not be told apart, and many positions are predicted at once.
-    """
+    """The problem with all records together and, to follow drift, by session, and by record where the machine moves."""
+    # Without drift the sessions need not be told apart, and many positions are predicted at once.
     followed: tuple[By, ...] = ("session", "record") if records.moving else ("session",)
     return tuple(problem_for(nominal, records, hypothesis, by=by) for by in (None, *(followed if spread else ())))
 
@@ -139,11 +136,8 @@ def _beside(problem: Problem, records: Records) -> Beside:
 
 
 def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: Climb) -> Climb:
-    """
-    Unknowns and drifts on few lines with a widened noise.
-
-    A session that drifts by more than a resonance is wide is caught in a side minimum when the noise is small.
-    """
+    """Unknowns and drifts on few lines with a widened noise."""
+    # A session that drifts by more than a resonance is wide is caught in a side minimum when the noise is small.
     few = records.coarse(SETTINGS.fit_start_lines, SETTINGS.fit_start_error)
     problems = _problems(nominal, few, hypothesis, True)
     search = Climb(problems, start.at.x, True, _beside(problems[0], few))

@@ -149,13 +149,10 @@ def _sine(record: Record) -> SineTest | None:
 
 
 def _by_blows(e: Entry, record: Record) -> Entry:
-    """
-    A record of blows with how surely they order with their force.
-
-    The variance keeps what orders: a hand may hit elsewhere when it hits harder.
-    """
+    """A record of blows with how surely they order with their force."""
     if record.kind != "impact" or len(record.histories) < SETTINGS.level_blows:
         return e
+    # The variance keeps what orders: a hand may hit elsewhere when it hits harder.
     found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])))
     ordering = tuple(float(p) if np.isfinite(p) else None for p in found.significance)
     return replace(e, response=replace(e.response, estimator=replace(e.estimator, ordering=ordering)))

@@ -107,14 +107,12 @@ class _Family:
         return [(Candidate(name, ()), f) for (name, _), f in zip(ahead, fits, strict=True) if f is not None]
 
     def _views(self, base: _Base) -> list[tuple[Records, FloatArray | None, Records]]:
-        """
-        On which records second causes are scanned, with which tuning of the first, and on which they take their first steps.
-
-        What is small beside the widened noise shows as measured, once the first cause is right. Laws, whose every scan is a
-        simulation, are scanned once: as measured where the first cause leaves nothing in the widened noise, and else from afar.
-        """
+        """On which records second causes are scanned, with which tuning of the first, and on which they take their first steps."""
+        # What is small beside the widened noise shows as measured, once the first cause is right.
         if self.linear:
             return [(self.wide, base.x, self.wide), (self.sharp, base.x, self.sharp)]
+        # Laws, whose every scan is a simulation, are scanned once: as measured where the first cause leaves nothing in the
+        # widened noise, and else from afar.
         scan = Scan(self.nominal, some(self.wide), base.hypothesis, base.x, self.motion, apart=True)
         if scan.leaves < SETTINGS.search_enough * scan.left.size:
             return [(some(self.sharp), base.x, self.sharp)]
@@ -178,10 +176,8 @@ def _second_of(pair: Candidate, fitted: Fit) -> _Base:
 
 
 def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ranked]:
-    """
-    Each cause of the best linear pair by itself, from its values there, and each of the best two laws: its own fit may have been
-    caught in a side minimum, or never begun.
-    """
+    """Each cause of the best linear pair by itself, from its values there, and each of the best two laws."""
+    # The own fit of such a cause may have been caught in a side minimum, or never begun.
     out = []
     for linear, steps in ((True, SETTINGS.search_most_steps), (False, SETTINGS.search_most_law_steps)):
         found = [r for r in pairs if all(e.linear is linear for e in r.fit.hypothesis.effects)]

@@ -119,15 +119,12 @@ def _first_alone(both: Ranked, ranked: Sequence[Ranked]) -> Ranked | None:
 def _by_both_leads(
     r: Ranked, simpler: Ranked, odds: dict[str, float], held: Callable[[Ranked], HeldOut], heat: float
 ) -> None:
-    """
-    Share the probability of a hypothesis with a simpler one that predicts held-out records better.
-
-    Its lead was estimated twice, by evidence and by prediction, and the two disagree in its sign: the mean of both decides, and it
-    keeps half at most.
-    """
+    """Share the probability of a hypothesis with a simpler one that predicts held-out records better."""
     predicted = held(r).log_density - held(simpler).log_density
     if predicted >= 0.0:
         return
+    # The lead was estimated twice, by evidence and by prediction, and the two disagree in its sign: the mean of both decides, and
+    # the hypothesis keeps half at most.
     lead = r.fit.log_evidence - simpler.fit.log_evidence
     both = odds[r.name] + odds[simpler.name]
     ratio = np.log(max(odds[r.name], 1e-300) / max(odds[simpler.name], 1e-300)) + (predicted - lead) / (2.0 * heat)
@@ -144,15 +141,13 @@ def _of_one_place(
     odds: dict[str, float],
     held: Callable[[Ranked], HeldOut],
 ) -> None:
-    """
-    Pass on the probability of a known cause beside something unknown at its own place: there is one part, of another form.
-
-    Its kind is known where the cause alone closes most of the excess, and then keeps what such an answer keeps (`of_known_form`).
-    """
+    """Pass on the probability of a known cause beside something unknown at its place: there is one part, of another form."""
     place = both.fit.hypothesis.causes[-1:]
     unknown = [x for x in ranked if x.refined and x.fit.hypothesis.causes == place]
     if not unknown:
         return
+    # The kind is known where the cause alone closes most of the excess, and then keeps what such an answer keeps
+    # (`of_known_form`).
     if share(held(bare) if bare else None, held(first), held(both)) > 0.5:
         _give(odds, both, first, SETTINGS.verdict_form)
     _give(odds, both, max(unknown, key=lambda x: x.fit.log_evidence))
@@ -161,12 +156,9 @@ def _of_one_place(
 def _no_cause_leaves_noise(
     bare: Ranked, ranked: Sequence[Ranked], odds: dict[str, float], held: Callable[[Ranked], HeldOut]
 ) -> None:
-    """
-    Where the re-tuned model leaves far more than noise, something unknown is there.
-
-    That is held against the noise as stated: its own factor on it takes up what is not the machine's.
-    """
+    """Where the re-tuned model leaves far more than noise, something unknown is there."""
     unknown = [x for x in ranked if x.refined and kind_of(x.fit.hypothesis) == UNKNOWN]
+    # Held against the noise as stated: the model's own factor on the noise takes up what is not the machine's.
     if unknown and held(bare).against_stated > SETTINGS.verdict_misfit:
         _give(odds, bare, max(unknown, key=lambda x: x.fit.log_evidence))
 
@@ -179,19 +171,17 @@ def _second_is_not_proven(
     odds: dict[str, float],
     held: Callable[[Ranked], HeldOut],
 ) -> None:
-    """
-    Pass on the probability of two known causes that leave more than noise.
-
-    What the form of a first cause leaves is structured: of many second causes some takes a part of it away. The first cause alone
-    is the answer where it closes all but a few percent, and else the first beside something unknown. If the second predicts more
-    than something unknown does, its kind is right and its form is not known: it keeps what such an answer keeps (`of_known_form`).
-    """
+    """Pass on the probability of two known causes that leave more than noise."""
+    # What the form of a first cause leaves is structured: of many second causes some takes a part of it away. The first cause
+    # alone is the answer where it closes all but a few percent, and else the first beside something unknown.
     if share(held(bare) if bare else None, held(first), held(both)) >= SETTINGS.verdict_closed:
         _give(odds, both, first)
         return
     beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
     partly = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
     target = max(partly, key=lambda x: x.fit.log_evidence, default=first)
+    # If the second predicts more than something unknown does, its kind is right and its form is not known: it keeps what such an
+    # answer keeps (`of_known_form`).
     better = held(both).log_density > held(target).log_density
     _give(odds, both, target, 1.0 - SETTINGS.verdict_form if better else 1.0)
 

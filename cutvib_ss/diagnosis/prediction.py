@@ -91,16 +91,15 @@ class Prediction:
 
     @cached_property
     def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, ComplexArray]]:
-        """
-        Of each position with slow poles: its circles' points, e^(zT) dz / 2πi there, and what takes responses on them and on their
-        mirror images (a real system mirrors each pole in the real axis) to the tail's transform.
-        """
+        """For each position with slow poles: its circles' points, e^(zT) dz / 2πi there, and what makes the tail of responses."""
         found = []
         # Where there are no circles at all there are no inverses.
         for i, (inverse, rest) in enumerate(zip(self.circles.inverse, self.rest, strict=False)):
             own = np.flatnonzero(self.circles.position == i)
             if own.size:
                 # e^((z-s)T) parts into a factor of each point and one of each line.
+                # The tail's transform takes responses on the circles and on their mirror images: a real system mirrors each pole
+                # in the real axis.
                 lag = np.exp(self.circles.points[own] * rest) * self.circles.weights[own]
                 kernel = np.concatenate([lag, lag.conj()])[:, None] * inverse * np.exp(-self.s * rest)
                 found.append((i, self.s.size + own, lag, np.asarray(kernel, dtype=np.complex128)))
@@ -199,12 +198,9 @@ def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray)
 
 
 def _blow_between(group: Group, row: int, start: float, z: ComplexArray, s: ComplexArray) -> ComplexArray | float:
-    """
-    What a blow of finite length puts into the tail: its spectrum at z, then at their mirror images, over that at s, shape (point,
-    line), as H1 averages blows.
-
-    A mode at z rings with F(z), and the estimator divides by F(s). One for an impulse, and where no force was recorded.
-    """
+    """What a blow's length puts into the tail: its spectrum at z, then at their mirror images, over that at s, (point, line)."""
+    # A mode at z rings with F(z), and the estimator (H1, which averages blows) divides by F(s). One for an impulse, and where no
+    # force was recorded.
     entries = group.entries[row] if group.entries else ()
     replays = [e.replay for e in entries if e.replay is not None and not e.replay.assumed and not e.replay.block]
     if s[0].real or not replays or len(replays) < len(entries) or len({r.fs for r in replays}) > 1:

@@ -137,11 +137,8 @@ def search(
 def _moving(
     nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked], workers: Workers
 ) -> tuple[Ranked, list[Ranked]]:
-    """
-    The model without a cause and the best linear causes, fitted to every record by itself.
-
-    Levels of one session that differ since the machine moved between them would pass for a cause that depends on the level.
-    """
+    """The model without a cause and the best linear causes, fitted to every record by itself."""
+    # Levels of one session that differ since the machine moved between them would pass for a cause that depends on the level.
     workers.say("following the machine from record to record")
     best = sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[: SETTINGS.search_moving]
     again = workers.map(partial(_followed, nominal, records), [none, *best])
@@ -154,15 +151,12 @@ def _followed(nominal: Model, records: Records, r: Ranked) -> Ranked:
 
 
 def _other_instants(nominal: Model, records: Records, r: Ranked) -> Ranked:
-    """
-    A fit, or the same with the blow up to a period of the slowest mode earlier or later where that is better.
-
-    What a block cuts off of a mode that has not died out is periodic in the instant of the blow, where that is not stated.
-    """
+    """A fit, or the same with the blow up to a period of the slowest mode earlier or later where that is better."""
     sharp = records.coarse(SETTINGS.search_coarse_lines, 0.0)
     problem = problem_for(nominal, sharp, r.fit.hypothesis)
     if not problem.n_blow or not (slow := slow_frequencies(problem.predictions(r.fit.x))):
         return r
+    # What a block cuts off of a mode that has not died out is periodic in the instant of the blow, where that is not stated.
     tries = []
     for periods in (0.0, -1.0, -0.5, 0.5, 1.0):
         x = problem.struck_at(r.fit.x, problem.blow_at(r.fit.x) + periods / min(slow))
@@ -196,12 +190,9 @@ def _best(ranked: Sequence[Ranked], none: Ranked) -> Ranked:
 
 
 def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], float]) -> bool:
-    """
-    Whether the best cause leaves so little that nothing more need be tried.
-
-    One that needs more error of the model than is believed stands in for what that takes up.
-    """
+    """Whether the best cause leaves so little that nothing more need be tried."""
     best = max((none, *ranked), key=lambda r: r.fit.log_evidence)
+    # A cause that needs more error of the model than is believed stands in for what that error takes up.
     if best.fit.log_evidence <= none.fit.log_evidence or not best.refined or best.fit.beyond_belief:
         return False
     left = best.reduced
@@ -279,12 +270,9 @@ def _rival(nominal: Model, outlook: Records, best: Ranked) -> tuple[float, float
 def _rough(
     nominal: Model, records: Records, few: Records, found: Sequence[Candidate], none: Ranked, workers: Workers
 ) -> list[tuple[Candidate, Fit]]:
-    """
-    The candidates that promise most, each from the best of its starts, on few lines; best first.
-
-    The tuning of a model that lacks the cause leads away from a large one, and may take up nearly all of one that is not small:
-    it is scanned for from the untuned model. Of a small one the tuned model's residual tells.
-    """
+    """The candidates that promise most, each from the best of its starts, on few lines; best first."""
+    # The tuning of a model that lacks the cause leads away from a large one, and may take up nearly all of one that is not small:
+    # it is scanned for from the untuned model. Of a small one the tuned model's residual tells.
     scans = []
     # Where the residual is far from all that first order tells of, all are fitted.
     if none.reduced < SETTINGS.search_first_order:

@@ -109,14 +109,13 @@ def simulated(
 
 
 def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:
-    """
-    What an exponential window that nobody took out does to each blow: by how much the force was larger than recorded, and the
-    window on the response (blow, sample), one at the blow. A guessed force is the one that acted; a continuous recording, cut into
-    blocks, has no blow for a window to begin at.
-    """
+    """What an exponential window that nobody took out does to blows: gain of the force, window on responses (blow, sample)."""
+    # The force was larger than recorded by the gain; the window is one at the blow.
     force = np.stack(replay.forces)
+    # A continuous recording, cut into blocks, has no blow for a window to begin at.
     chain = replace(model.chain, decay_rate=0.0) if replay.block else model.chain
     at = np.argmax(np.abs(force), axis=1)[:, None] / replay.fs
+    # A guessed force is the one that acted.
     gain = 1.0 if replay.assumed else float(chain.window(-at.mean()))
     return gain, chain.window(np.arange(force.shape[1]) / replay.fs - at)
 
@@ -186,13 +185,10 @@ class SimulatedProblem(Problem):
         return tuple((i, row) for _, i, row in scaled)
 
     def _force_offset(self) -> float:
-        """
-        A continuous recording lacks what is constant: a weight, a cable's pull, the zero of an amplifier.
-
-        On a law it acts as a working point; of blows the offset before them was taken out.
-        """
+        """Scale of the constant force [N] that a continuous recording lacks: a weight, a cable's pull, the zero of an amplifier."""
         if self.hypothesis.linear:
             return 0.0
+        # On a law a constant force acts as a working point; of blows the offset before them was taken out.
         replays = (e.replay for g in self.groups for same in g.entries for e in same)
         power = [float(np.mean(f**2)) for r in replays if r is not None and r.block for f in r.forces]
         return SETTINGS.simulation_force_offset * float(np.sqrt(np.mean(power))) if power else 0.0

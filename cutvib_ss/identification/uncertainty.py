@@ -188,13 +188,10 @@ def _noise(fit: HeadFit, data: FitData) -> FloatArray:
 
 
 def _gains(data: FitData) -> FloatArray:
-    """
-    How a slowly varying error of each channel's sensitivity moves the weighted residuals, shape (residual, pattern).
-
-    The tolerance says "smooth over frequency": an offset, a slope and a bow over the band, together of unit variance on
-    the average.
-    """
+    """How a slowly varying error of each channel's sensitivity moves the weighted residuals, shape (residual, pattern)."""
     outputs, lines = data.measured.shape
+    # The tolerance says "smooth over frequency": an offset, a slope and a bow over the band, together of unit variance on the
+    # average.
     shapes = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, lines), 2).T / _SMOOTH_NORM
     moved = np.sqrt(data.weights) * data.measured
     columns = np.zeros((2, outputs, lines, outputs, len(shapes)))

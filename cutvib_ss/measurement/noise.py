@@ -174,12 +174,9 @@ def floored(variance: FloatArray, gain: FloatArray) -> FloatArray:
 
 
 def _running(values: FloatArray, half_width: int) -> FloatArray:
-    """
-    Running sum over a window that is cut at the ends.
-
-    Sums of 1, 2, 4, ... neighbours are put together to the window's length: as exact as adding them up, where
-    differences of one long sum lose what is small beside the rest of it.
-    """
+    """Running sum over a window that is cut at the ends."""
+    # Sums of 1, 2, 4, ... neighbours are put together to the window's length: as exact as adding them up, where differences of
+    # one long sum lose what is small beside the rest of it.
     width = 2 * half_width + 1
     part = np.pad(values, half_width)
     total = np.zeros(values.size)

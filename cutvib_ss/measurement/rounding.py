@@ -121,18 +121,16 @@ def steps_of(values: FloatArray, before: int = 0) -> Steps:
 
 
 def _dither(counts: FloatArray) -> float:
-    """
-    Standard deviation over a step of the noise that leaves so many steps from the middle one.
-
-    Of Gaussian noise the distance between the thresholds on either side is one step: 1/s = z₊ + z₋, by the shares of what lies
-    beyond them; where its middle lies between them does not matter. Where nothing lies beyond one of them that is the most that s
-    can be, and half of it is taken; where nothing lies beyond either, too little moves to tell: 0.
-    """
+    """Standard deviation over a step of the noise that leaves so many steps from the middle one."""
+    # Of Gaussian noise the distance between the thresholds on either side is one step: 1/s = z₊ + z₋, by the shares of what lies
+    # beyond them; where its middle lies between them does not matter.
     middle = np.median(counts)
     beyond = [int(np.count_nonzero(side > 0)) for side in (counts - middle, middle - counts)]
     between = -sum(float(special.ndtri((n + 0.5) / (counts.size + 1))) for n in beyond)
     if between <= 0.0:
         return np.inf
+    # Where nothing lies beyond one of them this is the most that s can be, and half of it is taken; where nothing lies beyond
+    # either, too little moves to tell: 0.
     return 0.5 * sum(n > 0 for n in beyond) / between
 
 

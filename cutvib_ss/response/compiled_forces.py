@@ -59,12 +59,9 @@ def forces(
 def _slipping(
     x: FloatArray, sliders: FloatArray, edges: FloatArray, back: FloatArray, out: FloatArray, slope: FloatArray
 ) -> None:
-    """
-    Jenkins elements, marched over two periods, of which the second counts: by then they have forgotten where they began.
-
-    Between the samples the motion is taken as straight, and what counts at a sample is the force's mean from half a sample
-    before to half a sample after: the force turns round within a sample or two where the element is stiff.
-    """
+    """Jenkins elements, marched over two periods, of which the second counts: by then they have forgotten where they began."""
+    # Between the samples the motion is taken as straight, and what counts at a sample is the force's mean from half a sample
+    # before to half a sample after: the force turns round within a sample or two where the element is stiff.
     samples, n = edges.shape
     count = sliders.shape[0]
     ends, held = np.zeros((count, n)), np.zeros(count)

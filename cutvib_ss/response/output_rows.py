@@ -78,19 +78,17 @@ def _end_force(
     name: str,
     inputs: Sequence[str],
 ) -> OutputRow:
-    """
-    Force of the rail on what holds an end.
-
-    Of springs and dampers under the ends: k u + c u̇. A rigid pin passes on what the equation of the end's motion, released, lacks:
-    the forces that would push it, less M q̈ + C q̇ + K q in its row, at u = 0.
-    """
+    """Force of the rail on what holds an end."""
     end = name.removesuffix("_force")
     motion, forces = np.zeros((3, len(system.dofs))), np.zeros(len(inputs))
     supports = machine.rail.supports
     if supports is not None:
+        # Of springs and dampers under the end: k u + c u̇.
         k, c = (supports.k_left, supports.c_left) if end == "rail_left" else (supports.k_right, supports.c_right)
         motion[0], motion[1] = k * system.port(end), c * system.port(end)
         return OutputRow(name, "N", motion, forces)
+    # A rigid pin passes on what the equation of the end's motion, released, lacks: the forces that would push it, less
+    # M q̈ + C q̇ + K q in its row, at u = 0.
     released = replace(machine, rail=replace(machine.rail, supports=EndSupports(1.0, 1.0)))
     free = released.second_order(position, viscous_at)
     row = free.dofs.index(end)

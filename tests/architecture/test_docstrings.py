@@ -1,11 +1,17 @@
-"""Docstrings: of the public API by numpydoc's rules, parameters against signatures; of everything else that there is one."""
+"""
+Docstrings: of the public API by numpydoc's rules, parameters against signatures; of everything else that there is one.
 
+What only its own module uses, by its name, has one line: reasons stand as comments where the code needs them.
+"""
+
+import ast
 import enum
 import functools
 import importlib
 import inspect
 import pkgutil
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -123,6 +129,52 @@ def test_docstring_of_the_api_is_complete_and_matches_the_signature(found: Publi
 def test_everything_else_says_what_it_is() -> None:
     silent = [found.name for found, public in OBJECTS if not public and not (inspect.getdoc(found.value) or "").strip()]
     assert silent == []
+
+
+def _longer_than_a_line(node: ast.AST, private: bool = False) -> Iterator[ast.AST]:
+    """Functions, methods and classes below a node that are private, or inside such, whose docstring is longer than one line."""
+    for child in ast.iter_child_nodes(node):
+        here = private
+        if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            here = private or child.name.startswith("_")
+            if here and "\n" in (ast.get_docstring(child, clean=False) or ""):
+                yield child
+        yield from _longer_than_a_line(child, here)
+
+
+def test_docstrings_of_what_is_private_are_one_line() -> None:
+    folder = Path(cutvib_ss.__file__).parent
+    long = [
+        f"{file.relative_to(folder.parent)}:{found.lineno} {found.name}"  # type: ignore[attr-defined]
+        for file in sorted(folder.rglob("*.py"))
+        for found in _longer_than_a_line(ast.parse(file.read_text(encoding="utf-8")))
+    ]
+    assert not long, (
+        f"say the rest in a comment where the code needs it, or in the module's docstring: {', '.join(long)}"
+    )
+
+
+def test_a_long_private_docstring_is_found() -> None:
+    two = '"""One.\nTwo."""'
+    source = f"""
+def _f():
+    {two}
+class _C:
+    def method(self):
+        {two}
+class C:
+    def __init__(self):
+        {two}
+    def method(self):
+        {two}
+if True:
+    def _g():
+        {two}
+def _short():
+    'One.'
+"""
+    found = list(_longer_than_a_line(ast.parse(source)))
+    assert [node.name for node in found] == ["_f", "method", "__init__", "_g"]  # type: ignore[attr-defined]
 
 
 def test_the_walk_finds_the_api_and_what_is_not() -> None:

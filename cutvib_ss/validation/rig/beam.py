@@ -53,14 +53,11 @@ def rail_nodes(length: float, points: tuple[float, ...]) -> Array:
 
 
 def _bending(rail: Rail, nodes: Array, spans: int, fittings: Fittings) -> tuple[Array, Array]:
-    """
-    Mass and stiffness of the free rail in bending over (w, s) of all nodes.
-
-    A crack gives its node a second slope, the last coordinate, for the elements on its right.
-    """
+    """Mass and stiffness of the free rail in bending over (w, s) of all nodes."""
     mu = rail.mass / rail.length
     ei = mu * (2 * np.pi * rail.first_frequency) ** 2 * (rail.length / np.pi) ** 4
     crack = fittings.crack
+    # A crack gives its node a second slope, the last coordinate, for the elements on its right.
     n = 2 * nodes.size + (crack is not None)
     mass, stiffness = np.zeros((n, n)), np.zeros((n, n))
     hinge = -1 if crack is None else _node_at(nodes, crack.position)
@@ -112,11 +109,7 @@ def twisting(twist: Twist, nodes: Array) -> tuple[Array, Array, Array]:
 
 
 def _strain_damping(mass: Array, stiffness: Array, nodes: Array, rail: Rail) -> Array:
-    """
-    Damping of one ratio, or one that grows with frequency, of the rail's modes between pins, against motion off the ends' chord.
-
-    It comes from the rate of strain (Eq. 4), so that a rail that moves as a rigid body is not damped.
-    """
+    """Damping of the rail's modes between pins, against motion off the ends' chord; its ratio may grow with frequency."""
     n, last = mass.shape[0], 2 * nodes.size - 2
     ends = np.array([0, last])
     rest = np.setdiff1d(np.arange(n), ends)
@@ -127,6 +120,7 @@ def _strain_damping(mass: Array, stiffness: Array, nodes: Array, rail: Rail) -> 
     relative = (shapes * (2 * ratio * omega)) @ shapes.T
     chord = np.tile(np.array([-1.0, 1.0]) / nodes[-1], (n, 1))  # slopes
     chord[0 : last + 1 : 2] = np.column_stack([1 - nodes / nodes[-1], nodes / nodes[-1]])
+    # Damping comes from the rate of strain (Eq. 4), so that a rail that moves as a rigid body is not damped.
     away = np.zeros((rest.size, n))
     away[np.arange(rest.size), rest] = 1.0
     away[:, ends] -= chord[rest]

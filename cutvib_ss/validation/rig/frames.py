@@ -214,13 +214,10 @@ def _frame(rng: np.random.Generator) -> _Matrices:
 
 
 def _plate(rng: np.random.Generator) -> _Matrices:
-    """
-    A thin plate of 2 by 2 to 4 by 3 rectangular elements with one edge or all corners held.
-
-    The element is that of Adini, Clough and Melosh: twelve terms of a polynomial, deflection and two slopes at each corner.
-    """
+    """A thin plate of 2 by 2 to 4 by 3 rectangular elements with one edge or all corners held."""
     nx, ny = int(rng.integers(2, 5)), int(rng.integers(2, 4))
     a, b = float(rng.uniform(0.15, 0.35)), float(rng.uniform(0.15, 0.35))
+    # The element of Adini, Clough and Melosh: twelve terms of a polynomial, deflection and two slopes at each corner.
     m, k = plate_element(a, b, float(rng.uniform(8.0, 40.0)), 0.3)
     size = 3 * (nx + 1) * (ny + 1)
     mass, stiffness = np.zeros((size, size)), np.zeros((size, size))

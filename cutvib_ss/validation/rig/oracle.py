@@ -263,10 +263,7 @@ def judged(
 def _first_look(
     nominal: Rig, what: Seen, listed: Sequence[Hypothesis], severity: tuple[float, float]
 ) -> tuple[list[tuple[Hypothesis | None, Array]], list[tuple[Hypothesis, float]]]:
-    """
-    No cause and the hypotheses that look best among draws of their prior, with the coordinates of the best draw; and the others,
-    with the log odds that their draws have against no cause.
-    """
+    """No cause and the hypotheses that look best, each with its best draw; the others with log odds against no cause."""
     rng = np.random.default_rng(0)
     thin = thinned(what)
     model = Model(nominal, thin, severity)
@@ -283,6 +280,7 @@ def _first_look(
     looks = scores.max(axis=1) + np.log([h.probability for h in listed])
     order = np.argsort(-looks, kind="stable")
     starts = [(listed[k], drawn[k][int(np.argmax(scores[k]))]) for k in order[:KEPT]]
+    # Log odds of all draws of a hypothesis against no cause.
     averages = np.logaddexp.reduce(scores, axis=1) - np.log(DRAWS) - sound
     return [(None, np.zeros(0)), *starts], [(listed[k], float(averages[k])) for k in order[KEPT:]]
 

@@ -184,12 +184,9 @@ def _gentle(
 def _within(
     kind: int, value: Array, y: float, rate: float, state: Array, begin: float, time: float, step: float
 ) -> tuple[float, float, float]:
-    """
-    The force within a step, as the line that has its mean and its first moment, and the force at its end; memory is carried along.
-
-    The motion within the step is the cubic through deflections and rates at its ends; the force is looked at in parts of the step
-    and is a line in each. So a contact that closes within a step pushes as long as it is closed.
-    """
+    """The force within a step as the line of its mean and first moment, and the force at its end; memory is carried along."""
+    # The motion within the step is the cubic through deflections and rates at its ends; the force is looked at in parts of the
+    # step and is a line in each. So a contact that closes within a step pushes as long as it is closed.
     y0, r0 = state[STATES - 2], state[STATES - 1]
     parts = FEW_PARTS if kind == IWAN else PARTS
     mean, moment, last = 0.0, 0.0, begin
