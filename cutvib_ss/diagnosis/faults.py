@@ -65,7 +65,7 @@ def _interface(v: Lines, port: str, own: ComplexArray) -> _Interface:
 
 
 def _base(v: Lines) -> _Interface:
-    rail, field = v.condensed.rail, v.condensed.base_field
+    rail, field = v.receptance.rail, v.receptance.base_field
     own = rail.product(field, field)
     at = _interface(v, "at_head", own)
     if v.struck is None:
@@ -102,7 +102,7 @@ def _behind(v: Lines, loads_at: Callable[[FloatArray], ComplexArray], own: Compl
 
 def end_supports(v: Lines) -> Elements:
     """Ends that give: one compliance at y = 0, one at y = L."""
-    rail = v.condensed.rail.model
+    rail = v.receptance.rail.model
     p = rail.parameters
     k = SETTINGS.faults_end_stiffness * p.mass / 2 * (2 * np.pi * p.first_frequency) ** 2
     freed = RailReceptance(replace(rail, supports=EndSupports(k, k)), v.s)
@@ -121,7 +121,7 @@ def end_supports(v: Lines) -> Elements:
 
 def end_slopes(v: Lines) -> Elements:
     """Ends that resist turning: one rotational stiffness at y = 0, one at y = L."""
-    rail = v.condensed.rail.model
+    rail = v.receptance.rail.model
     probes = tuple(RailAttachment(SpringDamperMass(), y, slope=True) for y in (0.0, 1.0))
     probed = RailReceptance(replace(rail, attachments=(*rail.attachments, *probes)), v.s)
     ends = [probed.field(port) for port in probed.attached[-2:]]
@@ -136,7 +136,7 @@ def end_slopes(v: Lines) -> Elements:
 
 def kink(v: Lines, y: float) -> Elements:
     """A rail that bends more, or less, at one point: a stiffness against its curvature there."""
-    rail = v.condensed.rail
+    rail = v.receptance.rail
     turns = np.pi * np.arange(1, rail.w.size + 1)
     bent = rail.field(RailPort(-(turns**2 * np.sin(turns * y))[None], np.zeros((1, 2))))
     return _behind(v, lambda y: rail.product(bent, rail.field(rail.point(y)))[None], rail.product(bent, bent)[None], -1)
@@ -153,7 +153,7 @@ def next_mode(v: Lines, r: int) -> Elements:
 
 def rail_modes(v: Lines, kind: str) -> RailModes:
     """A value that all modes of the rail share."""
-    rail, at = v.condensed.rail, _base(v)
+    rail, at = v.receptance.rail, _base(v)
     inertia = rail.half * v.s**2 + 0 * rail.w[:, None]
     change = rail.half * rail.w[:, None] ** 2 + 0 * v.s if kind == "relative stiffness" else inertia
     through = v.through([p * at.driven for p in at.passed])
@@ -172,7 +172,7 @@ def twist(v: Lines, eccentricity: float) -> Elements:
     assert machine.rail is not None
     rigid = Torsion(eccentricity, 1.0, SETTINGS.faults_twist * machine.rail.parameters.first_frequency, 0.0)
     twisted = Lines(replace(machine, rail=replace(machine.rail, torsion=rigid)), v.group, v.tail, v.window)
-    at = _interface(twisted, "twist", twisted.condensed.twist.value)
+    at = _interface(twisted, "twist", twisted.receptance.twist.value)
     loads: ComplexArray = np.array([np.sin(k * np.pi * v.group.positions)[:, None] for k in (1, 2)])
     left = np.array([twisted.through([p * t for p in at.passed]) for t in loads])
     own = np.array([[at.opposing * t * u for u in loads] for t in loads])

@@ -27,7 +27,7 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.model.rail import rail_point
 from cutvib_ss.response.batched import inverse
-from cutvib_ss.response.receptance import CondensedModel
+from cutvib_ss.response.receptance import ModelReceptance
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.units import DERIVATIVE_ORDER
 
@@ -162,7 +162,7 @@ class Lines:
         orders = [DERIVATIVE_ORDER[q] for q in group.quantities]
         self._lines = model.chain.at(group.channels, orders, group.decay_rate[0] + 2j * np.pi * group.freq)
         self.s: ComplexArray = self._lines.s
-        self.condensed = CondensedModel(model, group.positions, self.s)
+        self.receptance = ModelReceptance(model, group.positions, self.s)
         # What the channels read, then what leaks into them.
         self.reads = self._lines.signals
         self._between: dict[tuple[str, str], ComplexArray] = {}
@@ -196,6 +196,6 @@ class Lines:
         # "force" is no port: of a structure on a shaker it is an inertia. All else is reciprocal.
         pair = (output, input) if input == FORCE else (min(output, input), max(output, input))
         if pair not in self._between:
-            value = self.condensed.receptance(*pair)
+            value = self.receptance.between(*pair)
             self._between[pair] = np.broadcast_to(value, (self.group.positions.size, self.s.size))
         return self._between[pair]

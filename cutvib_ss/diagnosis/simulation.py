@@ -26,7 +26,7 @@ from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
-from cutvib_ss.response.receptance import CondensedModel
+from cutvib_ss.response.receptance import ModelReceptance
 from cutvib_ss.response.stepping import ModalForm, modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.results.arrays import position_at
@@ -286,14 +286,14 @@ def _sites(group: Group) -> tuple[Group, np.ndarray]:
 def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray) -> ComplexArray:
     """What equivalent stiffnesses at the elements' ports take away from each record's response."""
     chain = model.chain.at(sites.channels, [DERIVATIVE_ORDER[q] for q in sites.quantities], 2j * np.pi * sites.freq)
-    condensed = CondensedModel(model, sites.positions, chain.s)
+    receptance = ModelReceptance(model, sites.positions, chain.s)
     ports = [e.port for e in model.nonlinear]
     if not ports:
         return np.zeros((row.size, len(sites.channels), chain.s.size), dtype=np.complex128)
-    out = np.array([[condensed.receptance(r, p) for p in ports] for r in chain.signals])
+    out = np.array([[receptance.between(r, p) for p in ports] for r in chain.signals])
     inputs = tuple(dict.fromkeys(sites.inputs))
-    drives = np.array([[condensed.receptance(p, i) for i in inputs] for p in ports])
-    own = np.array([[condensed.receptance(p, q) for q in ports] for p in ports])
+    drives = np.array([[receptance.between(p, i) for i in inputs] for p in ports])
+    own = np.array([[receptance.between(p, q) for q in ports] for p in ports])
     # (record, frequency, ...): one small system a record and line. A structure has one row for all sites.
     at = np.array([inputs.index(name) for name in sites.inputs])[row]
     row = row if len(own[0, 0]) > 1 else np.zeros_like(row)

@@ -1,5 +1,5 @@
 """
-Derivatives of condensed responses to the model's values.
+Derivatives of receptances to the model's values.
 
 With X = b + Φ u the whole motion of the head (held, and following its base) and R the force on the rail, reciprocity gives, for a
 change of rows, of the head's dynamic stiffness E, or of the rail's receptance A under the head and a at its own ports,
@@ -28,7 +28,7 @@ from cutvib_ss.model.paths import Path
 from cutvib_ss.response.batched import dot, mixed
 from cutvib_ss.response.rail_derivatives import RailPair
 from cutvib_ss.response.rail_receptance import RailField
-from cutvib_ss.response.receptance import CondensedModel, Row
+from cutvib_ss.response.receptance import ModelReceptance, Row
 from cutvib_ss.results import ComplexArray, FloatArray
 
 Rows: TypeAlias = Mapping[str, FloatArray]
@@ -41,33 +41,33 @@ class ResponseDerivatives:
 
     def __init__(
         self,
-        condensed: CondensedModel,
+        receptance: ModelReceptance,
         outputs: Sequence[str],
         input: str,
         factors: Sequence[ComplexArray] | ComplexArray | None = None,
     ) -> None:
-        self.condensed, self.outputs, self.input = condensed, tuple(outputs), input
-        self.model, self.s = condensed.model, condensed.s
+        self.receptance, self.outputs, self.input = receptance, tuple(outputs), input
+        self.model, self.s = receptance.model, receptance.s
         one = np.ones(self.s.size, dtype=np.complex128)
         self.factors: ComplexArray = np.array([one] * len(self.outputs) if factors is None else factors)
-        self._answers = [condensed.answer(name) for name in self.outputs]
-        self._driven = condensed.answer(input)
+        self._at_outputs = [receptance.of_port(name) for name in self.outputs]
+        self._driven = receptance.of_port(input)
         self._pairs: dict[tuple[int, int], RailPair] = {}
         self._products: dict[bytes, ComplexArray] = {}
         # Of the outputs, with their factors: axes (…, position, output, frequency).
-        self._held: ComplexArray = np.stack([a.blocked for a in self._answers], axis=1) * self.factors
-        self._motion: ComplexArray = np.stack([a.motion for a in self._answers], axis=2) * self.factors
+        self._held: ComplexArray = np.stack([a.blocked for a in self._at_outputs], axis=1) * self.factors
+        self._motion: ComplexArray = np.stack([a.motion for a in self._at_outputs], axis=2) * self.factors
 
     @cached_property
     def _force(self) -> ComplexArray:
-        return np.asarray(np.stack([a.force for a in self._answers], axis=2) * self.factors)
+        return np.asarray(np.stack([a.force for a in self._at_outputs], axis=2) * self.factors)
 
     @cached_property
     def _driven_motion(self) -> ComplexArray:
         """X of the input, shape (n, position, frequency)."""
         out = self._driven.blocked[:, None]
         for i, u in enumerate(self._driven.motion):
-            out = out + self.condensed.following[:, i, None] * u
+            out = out + self.receptance.following[:, i, None] * u
         return out
 
     def derivative(self, path: Path) -> ComplexArray:
@@ -86,12 +86,12 @@ class ResponseDerivatives:
             out = self._by_element(*parts[0])
         elif parts or moves or driven is not None:
             out = self._by_head(parts, moves, driven)
-        if self.condensed.interface:
+        if self.receptance.interface:
             out = self._with_rail(out, path)
-        shape = len(self.condensed.positions), len(self.outputs), self.s.size
+        shape = len(self.receptance.positions), len(self.outputs), self.s.size
         if out is None:
             out = np.zeros(shape, dtype=np.complex128)
-        if path == ("s",) and self.condensed.shaken(self.input):
+        if path == ("s",) and self.receptance.shaken(self.input):
             for c, name in enumerate(self.outputs):
                 out[:, c] -= self.factors[c] * 2 * self.model.base_share(name) / self.s**3
         return out
@@ -100,8 +100,8 @@ class ResponseDerivatives:
         """-z (rᵀX_q)(rᵀX_p); a new array."""
         key = row.tobytes()
         if key not in self._products:
-            following, driven = self.condensed.following, _read(row, self._driven_motion)
-            if self.condensed.interface:
+            following, driven = self.receptance.following, _read(row, self._driven_motion)
+            if self.receptance.interface:
                 out = self._motion[0] * _read(row, following[:, 0])
                 for i in range(1, len(self._motion)):
                     out += self._motion[i] * _read(row, following[:, i])
@@ -114,7 +114,7 @@ class ResponseDerivatives:
 
     def _by_head(self, parts: Sequence[Part], moves: Sequence[tuple[int, Row]], driven: Row | None) -> ComplexArray:
         """α + βᵀ u_p + u_qᵀ γ; a new array."""
-        following, motion, blocked = self.condensed.following, self._driven.motion, self._driven.blocked
+        following, motion, blocked = self.receptance.following, self._driven.motion, self._driven.blocked
         count = len(motion)
         alpha = np.zeros((len(self.outputs), self.s.size), dtype=np.complex128)
         beta = np.zeros((count, *alpha.shape), dtype=np.complex128)
@@ -147,27 +147,27 @@ class ResponseDerivatives:
     # -- the head -----------------------------------------------------------------------------------------------------------
 
     def _row_change(self, path: Path, name: str, d_rows: Rows) -> Row | None:
-        if self.condensed.shaken(name):
+        if self.receptance.shaken(name):
             return self._base_inertia_change(path)
-        return None if self.condensed.is_rail(name) else d_rows.get(self.model.port_of(name))
+        return None if self.receptance.is_rail(name) else d_rows.get(self.model.port_of(name))
 
     def _base_inertia_change(self, path: Path) -> Row | None:
         carried = self.model.influence
         assert carried is not None
-        changes, assembly = self.model.core_changes(path), self.condensed.assembly
+        changes, assembly = self.model.core_changes(path), self.receptance.assembly
         if changes is not None:
             masses = [part for power, part in changes.stiffness if power == 2]
             return -(masses[0] @ carried) if masses else None
         out = np.zeros((carried.size, self.s.size), dtype=np.complex128)
         for a, at in zip(assembly.elements, assembly.paths, strict=True):
             if path == ("s",) or path[: len(at)] == at:
-                p = self.condensed.row(a.port)
+                p = self.receptance.row(a.port)
                 out -= np.multiply.outer(p * (p @ carried), _apparent_mass_change(a.element, str(path[-1]), self.s))
         return out
 
     def _stiffness_parts(self, path: Path, changes: Changes | None) -> list[Part]:
         """dE, how the dynamic stiffness of the head, or of a structure, moves with a value."""
-        s, assembly = self.s, self.condensed.assembly
+        s, assembly = self.s, self.receptance.assembly
         parts: list[Part] = []
         if path == ("s",):
             parts += [(1.0, assembly.core.damping), (2 * s, assembly.core.mass)]
@@ -176,7 +176,7 @@ class ResponseDerivatives:
             d_rows = changes.rows
             parts += [((1.0, s, s * s)[power], part) for power, part in changes.stiffness]
         for a, at in zip(assembly.elements, assembly.paths, strict=True):
-            p, dp = self.condensed.row(a.port), d_rows.get(a.port)
+            p, dp = self.receptance.row(a.port), d_rows.get(a.port)
             if path == ("s",) or path[: len(at)] == at:
                 parts.append((a.element.derivative(str(path[-1]), s), p))
             if dp is not None:
@@ -188,11 +188,11 @@ class ResponseDerivatives:
     @cached_property
     def _fields(self) -> list[RailField | None]:
         """Fields of the outputs, then of the input, then of the base."""
-        return [*(a.field for a in self._answers), self._driven.field, self.condensed.base_field]
+        return [*(a.field for a in self._at_outputs), self._driven.field, self.receptance.base_field]
 
     @cached_property
     def _under_head(self) -> RailPair:
-        return RailPair(self.condensed.base_field, self.condensed.base_field)
+        return RailPair(self.receptance.base_field, self.receptance.base_field)
 
     def _pair(self, left: int, right: int) -> RailPair | None:
         """Two of those fields; None where either is not of the rail."""
@@ -205,7 +205,7 @@ class ResponseDerivatives:
 
     def _with_rail(self, out: ComplexArray | None, path: Path) -> ComplexArray | None:
         """The head's part and what the rail and its twist add."""
-        rail, every = self.condensed.rail.model, path == ("s",)
+        rail, every = self.receptance.rail.model, path == ("s",)
         d_bending: ComplexArray | None = None
         direct: list[tuple[int, ComplexArray]] = []
         if every or (path[0] == "rail" and path[1] != "torsion"):
@@ -225,7 +225,7 @@ class ResponseDerivatives:
         if d_bending is not None:
             out = _plus(out, self._force[0] * (d_bending * self._driven.force[0])[:, None])
         if rail.torsion and (every or (path[:2] == ("rail", "torsion") and path[2] != "eccentricity")):
-            d_twist = self.condensed.twist.derivative(str(path[-1])) * self._driven.force[1]
+            d_twist = self.receptance.twist.derivative(str(path[-1])) * self._driven.force[1]
             out = _plus(out, self._force[1] * d_twist[:, None])
         if path == ("rail", "parameters", "mass"):
             direct += self._normalisation(rail.parameters.mass)
@@ -244,7 +244,7 @@ class ResponseDerivatives:
         for c, output in enumerate(self.outputs):
             modal = sum(name.startswith("eta") for name in (output, self.input))
             if modal:
-                found.append((c, modal / (2 * mass) * self.condensed.receptance(output, self.input)))
+                found.append((c, modal / (2 * mass) * self.receptance.between(output, self.input)))
         return found
 
 
@@ -274,7 +274,7 @@ def _rail_name(path: Path) -> Path:
 
 
 def _apparent_mass_change(element: Element, name: str, s: ComplexArray) -> ComplexArray:
-    """Derivative of `condensed.apparent_mass`."""
+    """Derivative of `receptance.apparent_mass`."""
     if isinstance(element, SprungMass):
         change = element.derivative(name, s) / s**2
         return change - 2 * element.dynamic_stiffness(s) / s**3 if name == "s" else change

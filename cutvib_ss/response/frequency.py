@@ -12,7 +12,7 @@ from cutvib_ss.model.protocol import Model
 from cutvib_ss.parameters import check_choice, names_of
 from cutvib_ss.response.axes import as_laplace, as_positions
 from cutvib_ss.response.derivatives import ResponseDerivatives
-from cutvib_ss.response.receptance import CondensedModel
+from cutvib_ss.response.receptance import ModelReceptance
 from cutvib_ss.response.signals import displacement_unit, input_unit
 from cutvib_ss.results import QUANTITY_OF_FORM, ComplexArray, Form, FrequencyResponse, Quantity
 from cutvib_ss.units import DERIVATIVE_ORDER
@@ -118,13 +118,13 @@ class ChainedResponse:
             s = np.where(s == 0.0, _STILL, s)
         self._lines = machine.chain.at(outputs, [DERIVATIVE_ORDER[q] for q in quantities], s)
         self.s, self._places = self._lines.s, positions.size
-        self.model = CondensedModel(machine, positions, self.s)
+        self.receptance = ModelReceptance(machine, positions, self.s)
         self._bare: dict[tuple[str, str], ComplexArray] = {}
         self._changes: dict[str, ResponseDerivatives] = {}
 
     def _receptance(self, output: str, input: str) -> ComplexArray:
         if (output, input) not in self._bare:
-            self._bare[output, input] = self.model.receptance(output, input)
+            self._bare[output, input] = self.receptance.between(output, input)
         return self._bare[output, input]
 
     def data(self) -> ComplexArray:
@@ -147,7 +147,7 @@ class ChainedResponse:
     def _mechanical(self, path: Path, input: str) -> ComplexArray:
         """Derivative of one input's responses to a value of the mechanics, shape (position, output, frequency)."""
         if input not in self._changes:
-            self._changes[input] = ResponseDerivatives(self.model, self._lines.signals, input, self._lines.factors)
+            self._changes[input] = ResponseDerivatives(self.receptance, self._lines.signals, input, self._lines.factors)
         return self._lines.gathered(self._changes[input].derivative(path))
 
     def _by_chain(self, path: Path, input: str) -> ComplexArray:

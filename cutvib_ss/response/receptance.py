@@ -31,12 +31,12 @@ from cutvib_ss.results import ComplexArray, FloatArray
 Row: TypeAlias = FloatArray | ComplexArray
 
 
-class CondensedModel:
-    """A model at given positions and frequencies."""
+class ModelReceptance:
+    """The receptances of a model, head and rail together, at given positions and frequencies."""
 
     def __init__(self, model: Model, positions: FloatArray, s: ComplexArray) -> None:
         self.model, self.positions, self.s = model, np.atleast_1d(positions), s
-        self._answers: dict[str, Answer] = {}
+        self._ports: dict[str, PortReceptance] = {}
         self.assembly = model.assembly
         self.system = system = self.assembly.core
         self.interface = interface = [system.dofs.index(d) for d in self.assembly.base]
@@ -116,14 +116,14 @@ class CondensedModel:
         """Whether a signal is the acceleration of a shaker under the structure."""
         return name == "force" and self.model.influence is not None
 
-    def answer(self, name: str) -> Answer:
+    def of_port(self, name: str) -> PortReceptance:
         """What a unit force at a signal's port does; its parts are computed when they are asked for."""
         port = name if self.shaken(name) else self.model.port_of(name)
-        if port not in self._answers:
+        if port not in self._ports:
             on_rail = self.is_rail(port)
             row = np.zeros(len(self.system.dofs)) if on_rail else self._head_row(port)
-            self._answers[port] = Answer(self, row, self._rail_field(port) if on_rail else None)
-        return self._answers[port]
+            self._ports[port] = PortReceptance(self, row, self._rail_field(port) if on_rail else None)
+        return self._ports[port]
 
     def held(self, row: Row) -> ComplexArray:
         """Motion of the head for a unit force, its base held, shape (n, frequency)."""
@@ -172,9 +172,9 @@ class CondensedModel:
 
     # -- the response -------------------------------------------------------------------------------------------------------
 
-    def receptance(self, output: str, input: str) -> ComplexArray:
+    def between(self, output: str, input: str) -> ComplexArray:
         """Displacement of one signal per unit force at another, shape (position, frequency)."""
-        q, p = self.answer(output), self.answer(input)
+        q, p = self.of_port(output), self.of_port(input)
         total: ComplexArray = dot(_over_frequency(q.row), p.blocked)[None]
         if not self.interface:
             share = self.model.base_share(output) if self.shaken(input) else 0.0
@@ -187,32 +187,32 @@ class CondensedModel:
         return total
 
 
-class Answer:
+class PortReceptance:
     """What a unit force at a signal's port does; each part is computed once, when it is asked for."""
 
-    def __init__(self, condensed: CondensedModel, row: Row, field: RailField | None) -> None:
-        self.condensed, self.row, self.field = condensed, row, field
+    def __init__(self, receptance: ModelReceptance, row: Row, field: RailField | None) -> None:
+        self.receptance, self.row, self.field = receptance, row, field
 
     @cached_property
     def blocked(self) -> ComplexArray:
         """Motion of the head with its base held, shape (n, frequency)."""
-        return self.condensed.held(self.row)
+        return self.receptance.held(self.row)
 
     @cached_property
     def to_base(self) -> ComplexArray:
         """Force on the held base, shape (interface, 1, frequency)."""
-        return dot(_over_frequency(self.row)[:, None], self.condensed.following)[:, None]
+        return dot(_over_frequency(self.row)[:, None], self.receptance.following)[:, None]
 
     @cached_property
     def at_head(self) -> ComplexArray | None:
         """Motion of the rail where the head is, without the head, shape (position, frequency); None for a port of the head."""
-        return None if self.field is None else self.condensed.rail_motion(self.field)
+        return None if self.field is None else self.receptance.rail_motion(self.field)
 
     @cached_property
     def _joined(self) -> tuple[ComplexArray, ComplexArray]:
-        if not self.condensed.interface:
+        if not self.receptance.interface:
             return self.to_base, self.to_base
-        return self.condensed.joined(self.to_base, self.at_head)
+        return self.receptance.joined(self.to_base, self.at_head)
 
     @property
     def force(self) -> ComplexArray:

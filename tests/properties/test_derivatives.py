@@ -112,11 +112,11 @@ def test_the_laplace_variable_itself(machine: Machine, position: float) -> None:
     quantities = output_quantities(machine, OUTPUTS, "receptance")
     s, step = 2j * np.pi * FREQ, 1e-3
     exact = ResponseDerivatives(
-        ChainedResponse(machine, places, s, quantities, OUTPUTS, INPUTS).model, OUTPUTS, "force"
+        ChainedResponse(machine, places, s, quantities, OUTPUTS, INPUTS).receptance, OUTPUTS, "force"
     )
     all_by_formula = exact.derivative(("s",))
-    up, down = (ChainedResponse(machine, places, s + d, quantities, OUTPUTS, INPUTS).model for d in (step, -step))
+    up, down = (ChainedResponse(machine, places, s + d, quantities, OUTPUTS, INPUTS).receptance for d in (step, -step))
     for k, output in enumerate(OUTPUTS):
         by_formula = all_by_formula[:, k]
-        by_difference = (up.receptance(output, "force") - down.receptance(output, "force")) / (2 * step)
+        by_difference = (up.between(output, "force") - down.between(output, "force")) / (2 * step)
         assert np.abs(by_formula - by_difference).max() < TOLERANCE * np.abs(by_formula).max()
