@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
-from scipy.stats import chi2 as chi2_distribution
 
 from cutvib_ss.diagnosis.climb import Beside, Climb
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -60,10 +59,9 @@ class Fit:
         Whether it stands only because the model errs by more than is believed.
 
         The discrepancies of both the nominal model and a cause are the largest of their priors, or beside a restoring force, which
-        takes no other linear cause up, tuned values lie farther out than their priors let those of a right model lie.
+        takes no other linear cause up, a tuned value lies out of any tolerance.
         """
-        own = self.x[: self.n_tuning]
-        strained = self.n_tuning > 0 and float(own @ own) > chi2_distribution.isf(SETTINGS.fit_strained, self.n_tuning)
+        strained = bool(np.any(np.abs(self.x[: self.n_tuning]) > SETTINGS.fit_strained))
         return self.spread.at_largest or (strained and not self.hypothesis.linear)
 
 
