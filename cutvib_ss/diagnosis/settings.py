@@ -258,7 +258,7 @@ class Settings:
     search_hopeless: float = _of(3.0, "χ² a datum", "On few lines, from which a simulated cause is not fitted on all",
         "longer", _TIME)
     fit_strained: float = _of(5.0, "tolerances",
-        "Of a tuned value beside a restoring force, from which another cause stands behind it", "a second cause is looked for less often",
+        "Of a tuned value beside a restoring force, from which another cause stands behind it", "second causes are rarer",
         "one normal value in a million; tolerances are stated roughly, and right restoring forces were seen with 4")
     search_enough: float = _of(1.1, "χ² a datum", "Below which the re-tuned model needs no cause if the level shows nothing",
         "small gaps are not searched", "as verdict_stands_out")
