@@ -166,9 +166,8 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     counts = Counts(len(known), len(set(ports)))
     workers.say("judging causes on held-out records")
     best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
-    left = judged(best).reduced
-    odds = probabilities(ranked, counts, variants, left)
-    odds = judged_on_held_out(ranked, odds, judged, temperature(ranked, left))
+    heat = temperature(judged(best))
+    odds = judged_on_held_out(ranked, probabilities(ranked, counts, variants, heat), judged, heat)
     odds = of_known_form(ranked, odds, judged)
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = cross_validation.judge_as_given(nominal, observed, none.fit)

@@ -11,7 +11,7 @@ McCullagh and Nelder 1989, chapter 9), and by the number of residuals that tell 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,9 +47,9 @@ def kind_of(hypothesis: Hypothesis) -> str:
 
 
 def probabilities(
-    ranked: Sequence[Ranked], counts: Counts, variants: dict[tuple[str, str], int], left: float = 1.0
+    ranked: Sequence[Ranked], counts: Counts, variants: dict[tuple[str, str], int], heat: float
 ) -> dict[str, float]:
-    """Probability of every hypothesis by name; they sum to one. The best leaves `left` times the noise on held-out records."""
+    """Probability of every hypothesis by name; they sum to one. Log evidence counts divided by `heat` (`temperature`)."""
     share = {"none": 1.0, "known": 1.0 / max(counts.known, 1), "unknown": 1.0 / max(counts.unknown, 1)}
     share["sums"] = 1.0 / counts.sums
     score = []
@@ -61,15 +61,15 @@ def probabilities(
         score.append(np.log(prior))
     # What was not fitted on all lines has no evidence to count with: it lay far behind on few.
     evidence = np.array([r.fit.log_evidence if r.refined else -np.inf for r in ranked])
-    total = np.array(score) + (evidence - evidence.max()) / temperature(ranked, left)
+    total = np.array(score) + (evidence - evidence.max()) / heat
     weight = np.exp(total - total.max())
     return dict(zip([r.name for r in ranked], (weight / weight.sum()).tolist(), strict=True))
 
 
-def temperature(ranked: Sequence[Ranked], left: float) -> float:
-    """By what differences of log evidence are divided, where the best leaves `left` times the noise on held-out records."""
-    best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
-    return max(1.0, left, best.fit.chi2 / best.fit.count) * best.fit.correlation
+def temperature(best: HeldOut) -> float:
+    """By what differences of log evidence are divided, for what the best hypothesis leaves."""
+    fit = best.ranked.fit
+    return max(1.0, best.reduced, fit.chi2 / fit.count) * fit.correlation
 
 
 def judged_on_held_out(
@@ -80,110 +80,104 @@ def judged_on_held_out(
 
     Differences of log evidence and of log predictive density are divided by `heat` (`temperature`).
     """
-    out = dict(odds)
     bare = next((r for r in ranked if not r.fit.hypothesis.effects), None)
-    asked = [r for r in ranked if out[r.name] >= SETTINGS.verdict_hardly]
-    for r in asked:
-        causes = r.fit.hypothesis.causes
+    rules = _HeldOutRules(tuple(r for r in ranked if r.refined), bare, dict(odds), held, heat)
+    for r in [r for r in ranked if odds[r.name] >= SETTINGS.verdict_hardly]:
+        rules.ask(r)
+    if bare and rules.odds[bare.name] >= SETTINGS.verdict_hardly:
+        rules.no_cause_leaves_noise(bare)
+    return rules.odds
+
+
+@dataclass(frozen=True)
+class _HeldOutRules:
+    """What hypotheses keep of their probability once they are held against records that were left out."""
+
+    fitted: tuple[Ranked, ...]  # On all lines
+    bare: Ranked | None  # The re-tuned model without a cause
+    odds: dict[str, float]  # Passed on in place
+    held: Callable[[Ranked], HeldOut]
+    heat: float  # By what differences of log densities are divided
+
+    def ask(self, r: Ranked) -> None:
+        """Hold one hypothesis against the model without a cause, and a sum against its known part alone."""
+        causes, held = r.fit.hypothesis.causes, self.held
         known = bool(causes) and all(effect != UNKNOWN for effect, _ in causes)
         if not known and held(r).reduced > SETTINGS.fit_run_away:
             # It shows that something unknown is there, but not what.
-            out[r.name] = 0.0
-        if known and bare:
-            _by_both_leads(r, bare, out, held, heat)
-        first = _first_alone(r, ranked) if len(causes) > 1 else None
+            self.odds[r.name] = 0.0
+        if known and self.bare:
+            self.by_both_leads(r, self.bare)
+        parts = [(c,) for c in causes if c[0] != UNKNOWN]
+        first = _best(x for x in self.fitted if x.fit.hypothesis.causes in parts) if len(causes) > 1 else None
         if first is None:
-            continue
+            return
         if not known and causes[0][1] == causes[-1][1]:
-            _of_one_place(r, first, bare, ranked, out, held)
+            self.of_one_place(r, first)
         elif held(r).log_density >= held(first).log_density:
             if known and held(r).reduced > SETTINGS.verdict_noise:
-                _second_is_not_proven(r, first, bare, ranked, out, held)
+                self.second_is_not_proven(r, first)
         elif known:
-            _by_both_leads(r, first, out, held, heat)
+            self.by_both_leads(r, first)
         else:
             # What it predicts, the known part alone predicts better.
-            _give(out, r, first)
-    if bare and out[bare.name] >= SETTINGS.verdict_hardly:
-        _no_cause_leaves_noise(bare, ranked, out, held)
-    return out
+            _give(self.odds, r, first)
+
+    def closed(self, first: Ranked, both: Ranked) -> float:
+        """Part of the excess that the first of two parts closes alone."""
+        return share(self.held(self.bare) if self.bare else None, self.held(first), self.held(both))
+
+    def by_both_leads(self, r: Ranked, simpler: Ranked) -> None:
+        """Share the probability of a hypothesis with a simpler one that predicts held-out records better."""
+        predicted = self.held(r).log_density - self.held(simpler).log_density
+        if predicted >= 0.0:
+            return
+        # The lead was estimated twice, by evidence and by prediction, and the two disagree in its sign: the mean of both decides,
+        # and the hypothesis keeps half at most.
+        lead = r.fit.log_evidence - simpler.fit.log_evidence
+        own, other = self.odds[r.name], self.odds[simpler.name]
+        ratio = np.log(max(own, 1e-300) / max(other, 1e-300)) + (predicted - lead) / (2.0 * self.heat)
+        kept = (own + other) * min(0.5, float(special.expit(ratio)))
+        if kept < own:
+            _give(self.odds, r, simpler, 1.0 - kept / own)
+
+    def of_one_place(self, both: Ranked, first: Ranked) -> None:
+        """Pass on the probability of a known cause beside something unknown at its place: there is one part, of another form."""
+        place = both.fit.hypothesis.causes[-1:]
+        unknown = _best(x for x in self.fitted if x.fit.hypothesis.causes == place)
+        if unknown is None:
+            return
+        # The kind is known where the cause alone closes most of the excess, and then keeps what such an answer keeps
+        # (`of_known_form`).
+        if self.closed(first, both) > 0.5:
+            _give(self.odds, both, first, SETTINGS.verdict_form)
+        _give(self.odds, both, unknown)
+
+    def second_is_not_proven(self, both: Ranked, first: Ranked) -> None:
+        """Pass on the probability of two known causes that leave more than noise."""
+        # What the form of a first cause leaves is structured: of many second causes some takes a part of it away. The first cause
+        # alone is the answer where it closes all but a few percent, and else the first beside something unknown.
+        if self.closed(first, both) >= SETTINGS.verdict_closed:
+            _give(self.odds, both, first)
+            return
+        beside = [x for x in self.fitted if x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
+        target = _best(x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN) or first
+        # If the second predicts more than something unknown does, its kind is right and its form is not known: it keeps what such
+        # an answer keeps (`of_known_form`).
+        better = self.held(both).log_density > self.held(target).log_density
+        _give(self.odds, both, target, 1.0 - SETTINGS.verdict_form if better else 1.0)
+
+    def no_cause_leaves_noise(self, bare: Ranked) -> None:
+        """Where the re-tuned model leaves far more than noise, something unknown is there."""
+        unknown = _best(x for x in self.fitted if kind_of(x.fit.hypothesis) == UNKNOWN)
+        # Held against the noise as stated: the model's own factor on the noise takes up what is not the machine's.
+        if unknown and self.held(bare).against_stated > SETTINGS.verdict_misfit:
+            _give(self.odds, bare, unknown)
 
 
-def _first_alone(both: Ranked, ranked: Sequence[Ranked]) -> Ranked | None:
-    """The better of a sum's known parts by itself."""
-    parts = [(c,) for c in both.fit.hypothesis.causes if c[0] != UNKNOWN]
-    alone = [x for x in ranked if x.refined and x.fit.hypothesis.causes in parts]
-    return max(alone, key=lambda x: x.fit.log_evidence, default=None)
-
-
-def _by_both_leads(
-    r: Ranked, simpler: Ranked, odds: dict[str, float], held: Callable[[Ranked], HeldOut], heat: float
-) -> None:
-    """Share the probability of a hypothesis with a simpler one that predicts held-out records better."""
-    predicted = held(r).log_density - held(simpler).log_density
-    if predicted >= 0.0:
-        return
-    # The lead was estimated twice, by evidence and by prediction, and the two disagree in its sign: the mean of both decides, and
-    # the hypothesis keeps half at most.
-    lead = r.fit.log_evidence - simpler.fit.log_evidence
-    both = odds[r.name] + odds[simpler.name]
-    ratio = np.log(max(odds[r.name], 1e-300) / max(odds[simpler.name], 1e-300)) + (predicted - lead) / (2.0 * heat)
-    kept = both * min(0.5, float(special.expit(ratio)))
-    if kept < odds[r.name]:
-        _give(odds, r, simpler, 1.0 - kept / odds[r.name])
-
-
-def _of_one_place(
-    both: Ranked,
-    first: Ranked,
-    bare: Ranked | None,
-    ranked: Sequence[Ranked],
-    odds: dict[str, float],
-    held: Callable[[Ranked], HeldOut],
-) -> None:
-    """Pass on the probability of a known cause beside something unknown at its place: there is one part, of another form."""
-    place = both.fit.hypothesis.causes[-1:]
-    unknown = [x for x in ranked if x.refined and x.fit.hypothesis.causes == place]
-    if not unknown:
-        return
-    # The kind is known where the cause alone closes most of the excess, and then keeps what such an answer keeps
-    # (`of_known_form`).
-    if share(held(bare) if bare else None, held(first), held(both)) > 0.5:
-        _give(odds, both, first, SETTINGS.verdict_form)
-    _give(odds, both, max(unknown, key=lambda x: x.fit.log_evidence))
-
-
-def _no_cause_leaves_noise(
-    bare: Ranked, ranked: Sequence[Ranked], odds: dict[str, float], held: Callable[[Ranked], HeldOut]
-) -> None:
-    """Where the re-tuned model leaves far more than noise, something unknown is there."""
-    unknown = [x for x in ranked if x.refined and kind_of(x.fit.hypothesis) == UNKNOWN]
-    # Held against the noise as stated: the model's own factor on the noise takes up what is not the machine's.
-    if unknown and held(bare).against_stated > SETTINGS.verdict_misfit:
-        _give(odds, bare, max(unknown, key=lambda x: x.fit.log_evidence))
-
-
-def _second_is_not_proven(
-    both: Ranked,
-    first: Ranked,
-    bare: Ranked | None,
-    ranked: Sequence[Ranked],
-    odds: dict[str, float],
-    held: Callable[[Ranked], HeldOut],
-) -> None:
-    """Pass on the probability of two known causes that leave more than noise."""
-    # What the form of a first cause leaves is structured: of many second causes some takes a part of it away. The first cause
-    # alone is the answer where it closes all but a few percent, and else the first beside something unknown.
-    if share(held(bare) if bare else None, held(first), held(both)) >= SETTINGS.verdict_closed:
-        _give(odds, both, first)
-        return
-    beside = [x for x in ranked if x.refined and x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
-    partly = [x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN]
-    target = max(partly, key=lambda x: x.fit.log_evidence, default=first)
-    # If the second predicts more than something unknown does, its kind is right and its form is not known: it keeps what such an
-    # answer keeps (`of_known_form`).
-    better = held(both).log_density > held(target).log_density
-    _give(odds, both, target, 1.0 - SETTINGS.verdict_form if better else 1.0)
+def _best(ranked: Iterable[Ranked]) -> Ranked | None:
+    """That of most evidence."""
+    return max(ranked, key=lambda r: r.fit.log_evidence, default=None)
 
 
 def _give(odds: dict[str, float], one: Ranked, other: Ranked, part: float = 1.0) -> None:
@@ -212,8 +206,7 @@ def of_known_form(
         beyond = bool(r.fit.at_end) and not r.fit.hypothesis.linear
         if beyond or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit:
             out[r.name] *= SETTINGS.verdict_form
-    named = [r for r in known if r.fit.hypothesis.causes[-1][0] != UNKNOWN]
-    nearest = max(named, key=lambda r: r.fit.log_evidence, default=None)
+    nearest = _best(r for r in known if r.fit.hypothesis.causes[-1][0] != UNKNOWN)
     for r in ranked:
         if nearest is None or kind_of(r.fit.hypothesis) != UNKNOWN or out[r.name] < SETTINGS.verdict_hardly:
             continue

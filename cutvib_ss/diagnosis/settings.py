@@ -141,6 +141,9 @@ class Settings:
         "small gaps are passed over", "five standard deviations of χ² of 5000 data")
 
     # One fit
+    fit_strained: float = _of(5.0, "tolerances",
+        "Of a tuned value beside a restoring force, from which another cause stands behind it", "second causes are rarer",
+        "one normal value in a million; tolerances are stated roughly, and right restoring forces were seen with 4")
     fit_gain: float = _of(0.1, "objective", "Gain at which steps end", "coarser fits",
         "a twentieth of what tells two causes apart by a factor of e")
     fit_passes: int = _of(3, "climbs", "Times that a fit climbs at most", "longer", _TIME)
@@ -257,9 +260,6 @@ class Settings:
         "longer", _TIME)
     search_hopeless: float = _of(3.0, "χ² a datum", "On few lines, from which a simulated cause is not fitted on all",
         "longer", _TIME)
-    fit_strained: float = _of(5.0, "tolerances",
-        "Of a tuned value beside a restoring force, from which another cause stands behind it", "second causes are rarer",
-        "one normal value in a million; tolerances are stated roughly, and right restoring forces were seen with 4")
     search_enough: float = _of(1.1, "χ² a datum", "Below which the re-tuned model needs no cause if the level shows nothing",
         "small gaps are not searched", "as verdict_stands_out")
     search_caught: float = _of(5.0, "log evidence",

@@ -205,10 +205,6 @@ class SimulatedProblem(Problem):
         sites, row = _sites(p.group) if index is None else self._sites[index]
         effects = self.effects(x)
         stages = stages_of(self.tuned(x), effects)
-        linear = Prediction(p.model, sites, 0.0, None if index is None else self._site_circles[index])
-        if index is not None:
-            self._site_circles[index] = linear.circles
-        here = _taken(p.model, sites, row, p.stiffness)
         moves = [(i, scale, carried) for i, (scale, carried) in enumerate(self._tuning_moves(effects, stages))]
         by_simulation: list[int] = []
         for k, (which, _, _) in enumerate(self.parameters):
@@ -231,6 +227,11 @@ class SimulatedProblem(Problem):
         if self.n_blow:
             # The assumed blow has its instant.
             out[self._blow] = np.zeros(p.data.shape, dtype=np.complex128)
+        if moves:
+            linear = Prediction(p.model, sites, 0.0, None if index is None else self._site_circles[index])
+            if index is not None:
+                self._site_circles[index] = linear.circles
+            here = _taken(p.model, sites, row, p.stiffness)
         for i, scale, carried in moves:
             closed = tuple((path, w) for path, w in carried if path[0] != "nonlinear")
             moved = x.copy()
