@@ -95,9 +95,11 @@ def independent_sentences(d: Diagnosis) -> list[str]:
     figures = f"it leaves {figure(first.left)} times the noise there, {figure(second.left)} times at the next place"
     if first.place in d.where.place.split("+"):
         return [
-            f"A search without a hypothesis, with one unknown dynamic stiffness at each place, points to the same place ({figures})."
+            f"A search without a hypothesis (an unknown dynamic stiffness at each place) points to the same place: {figures}."
         ]
-    return [f"A search without a hypothesis points elsewhere, to {place_name(first.place)} ({figures}): look there too."]
+    return [
+        f"A search without a hypothesis points elsewhere, to {place_name(first.place)} ({figures}): look there too."
+    ]
 
 
 def to_do(d: Diagnosis) -> list[str]:
