@@ -147,11 +147,9 @@ class _HeldOutRules:
         unknown = _best(x for x in self.fitted if x.fit.hypothesis.causes == place)
         if unknown is None:
             return
-        # The kind is known where the cause alone closes most of the excess, and then keeps what such an answer keeps
-        # (`of_known_form`).
-        if self.closed(first, both) > 0.5:
-            _give(self.odds, both, first, SETTINGS.verdict_form)
-        _give(self.odds, both, unknown)
+        # The kind is known where the cause alone closes most of the excess. It keeps what such an answer keeps if it leaves far
+        # more than noise (`of_known_form`).
+        _give(self.odds, both, first if self.closed(first, both) > 0.5 else unknown)
 
     def second_is_not_proven(self, both: Ranked, first: Ranked) -> None:
         """Pass on the probability of two known causes that leave more than noise."""

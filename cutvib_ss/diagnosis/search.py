@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
-from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce, unknown_candidates
+from cutvib_ss.diagnosis.unknown_element import UnknownForce, of_other_amplitudes, unknown_candidates
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.results import FloatArray
@@ -210,48 +210,84 @@ def _unknown(
     ranked: Sequence[Ranked],
     workers: Workers,
 ) -> list[Ranked]:
-    """An unknown element at each port, alone and beside the best linear cause of those given."""
-    alone = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band)]
+    """An unknown element at each site, alone and beside the best linear cause; at the best site beside the best cause there."""
+    alone = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band, observed.channels)]
     linear = [r for r in ranked if r.refined and r.fit.hypothesis.linear and len(r.fit.hypothesis.effects) == 1]
-    beside: list[tuple[Hypothesis, FloatArray | None]] = [(h, None) for h in alone]
-    if linear:
-        best = max(linear, key=lambda r: r.fit.log_evidence)
-        own = best.fit.hypothesis
-        if own.effect != UnknownElement.effect:
-            beside += [(replace(own, effects=(*own.effects, *h.effects)), best.fit.x) for h in alone]
-    hypotheses, warm = [h for h, _ in beside], [x for _, x in beside]
-    warm = [None if x is None else x[: linear[0].fit.first_effect] for x in warm]
-    tried = workers.map(partial(first_steps, nominal, few, steps=SETTINGS.search_later_steps), hypotheses, warm)
-    return [
-        r
-        for count in (1, 2)
-        for r in _best_unknown(nominal, records, [f for f in tried if f and len(f.hypothesis.effects) == count])
+    found = _best_unknown(nominal, records, few, alone, None, workers)
+    if not linear or not found:
+        return found
+    by_evidence = sorted(linear, key=lambda r: -r.fit.log_evidence)
+    site = _unknown_of(max(found, key=lambda r: r.fit.log_evidence).fit)
+    # A known cause of another form than the catalogue's is that cause and something unknown at its own place.
+    there = [r for r in by_evidence[1:] if r.fit.hypothesis.place == site.place]
+    for r in (by_evidence[0], *there[:1]):
+        own, x = r.fit.hypothesis, r.fit.x[: r.fit.first_effect]
+        elements = alone if r is by_evidence[0] else [h for h in alone if _site(h) == site.site]
+        beside = [replace(own, effects=(*own.effects, *h.effects)) for h in elements]
+        found += _best_unknown(nominal, records, few, beside, x, workers)
+    return found
+
+
+def _best_unknown(
+    nominal: Model,
+    records: Records,
+    few: Records,
+    hypotheses: Sequence[Hypothesis],
+    warm: FloatArray | None,
+    workers: Workers,
+) -> list[Ranked]:
+    """The best unknown elements, or restoring forces, on all lines: the best site with each amplitude, the next with its best."""
+    steps = partial(first_steps, nominal, few, steps=SETTINGS.search_later_steps)
+    tried = workers.map(steps, hypotheses, [warm] * len(hypotheses))
+    at: dict[str, Fit] = {}
+    for f in sorted((f for f in tried if f is not None), key=cost):
+        at.setdefault(_unknown_of(f).site, f)
+    sites = list(at.values())[: SETTINGS.search_unknown_refined]
+    # Sites are told apart at one amplitude; each of the best then has its own.
+    others = [
+        (replace(f.hypothesis, effects=(*f.hypothesis.effects[:-1], e)), f.x[: f.first_effect])
+        for f in sites
+        for e in of_other_amplitudes(_unknown_of(f))
     ]
-
-
-def _best_unknown(nominal: Model, records: Records, tried: Sequence[Fit | None]) -> list[Ranked]:
-    """The best of some fits with an unknown element or restoring force, on all lines."""
-    out = []
-    for f in sorted((f for f in tried if f is not None), key=cost)[: SETTINGS.search_unknown_refined]:
-        names = []
-        for e in f.hypothesis.effects:
-            kind = "unknown force" if isinstance(e, UnknownForce) else e.effect
-            names.append(f"{kind} {getattr(e, 'port', e.place)} {getattr(e, 'scale', 0.0):.3g}")
-        again = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
-        if again is not None:
-            out.append(Ranked(" + ".join(names), again, True))
+    resized = workers.map(steps, [h for h, _ in others], [x for _, x in others])
+    fits = sorted([*sites, *(f for f in resized if f is not None)], key=cost)
+    own = {_unknown_of(f).site: f for f in reversed(fits)}
+    first = [f for f in fits if f is own[_unknown_of(f).site]]
+    out = [r for r in workers.map(partial(_on_all_lines, nominal, records), first) if r is not None]
+    if out:
+        site = _unknown_of(max(out, key=lambda r: r.fit.log_evidence).fit).site
+        rest = [f for f in fits if _unknown_of(f).site == site and f is not own[site]]
+        out += [r for r in workers.map(partial(_on_all_lines, nominal, records), rest) if r is not None]
     return out
+
+
+def _unknown_of(f: Fit) -> Any:
+    """The unknown element of a fit with one."""
+    return f.hypothesis.effects[-1]
+
+
+def _site(h: Hypothesis) -> str:
+    """Where the unknown element of a hypothesis with one sits."""
+    element: Any = h.effects[-1]
+    return str(element.site)
+
+
+def _on_all_lines(nominal: Model, records: Records, f: Fit) -> Ranked | None:
+    """A fit with an unknown element on all lines."""
+    names = []
+    for e in f.hypothesis.effects:
+        kind = "unknown force" if isinstance(e, UnknownForce) else e.effect
+        names.append(f"{kind} {getattr(e, 'site', e.place)} {getattr(e, 'scale', 0.0):.3g}")
+    again = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
+    return None if again is None else Ranked(" + ".join(names), again, True)
 
 
 def _unknown_forces(
     nominal: Model, records: Records, few: Records, observed: Observations, none: Ranked, workers: Workers
 ) -> list[Ranked]:
     """An unknown restoring force at each port."""
-    hypotheses = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band, UnknownForce)]
-    tried = workers.map(
-        partial(first_steps, nominal, few, warm=none.fit.x, steps=SETTINGS.search_later_steps), hypotheses
-    )
-    return _best_unknown(nominal, records, tried)
+    hypotheses = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band, kind=UnknownForce)]
+    return _best_unknown(nominal, records, few, hypotheses, none.fit.x, workers)
 
 
 def _gained(ranked: Sequence[Ranked], none: Ranked) -> float:

@@ -1,19 +1,25 @@
-"""An unknown element at a port: a hypothesis like any cause, with a dynamic stiffness that is only known to be smooth."""
+"""
+What is not known but smooth: a dynamic stiffness at a port or along the rail, an error of a channel. Hypotheses like any cause.
+
+Each is a complex Gaussian process over log frequency (`model.elements.SmoothElement`), with coefficients N(0, 1). The dynamic
+stiffness acts in parallel at the port, the error multiplies the channel's responses by 1 + e(ω).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import field, make_dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field, make_dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to
+from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to, channel_choices, channels_of
 from cutvib_ss.effects.prior import Range, Severity
-from cutvib_ss.effects.scales import port_scale
-from cutvib_ss.model.elements import SmoothElement
+from cutvib_ss.effects.scales import port_scale, rail_stiffness
+from cutvib_ss.model.elements import Guide, SmoothElement
+from cutvib_ss.model.rail import EndSupports, RailAttachment
 
 PORTS: Mapping[str, str] = {
     "joint1": "joint1",
@@ -25,6 +31,12 @@ PORTS: Mapping[str, str] = {
 """Ports of the cutting machine at which an unknown element may sit, and the places that they belong to."""
 
 _NAMES = tuple(f"c{k}" for k in range(2 * SETTINGS.unknown_knots))
+_NORMAL = Range("1", 0.0, 1.0, "normal", None)
+_ALONG = Range("1", 0.02, 0.98, "linear")
+_RIGID = 1e8
+"""Stiffness of a guide or support that does not give, over that of the rail's first mode."""
+_WEAK = 10.0
+"""Stiffness of one that would be weak by an engineer's measure, over the same."""
 
 
 class _Unknown(Effect):
@@ -39,12 +51,21 @@ class _Unknown(Effect):
 
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
-        return {name: Range("1", 0.0, 1.0, "normal", None) for name in _NAMES}
+        return dict.fromkeys(_NAMES, _NORMAL)
+
+    @property
+    def site(self) -> str:
+        """Where it sits, more closely than the place."""
+        return str(self.port)  # type: ignore[attr-defined]
+
+    @property
+    def element(self) -> SmoothElement:
+        """The smooth function with its coefficients."""
+        own: Any = self
+        return SmoothElement(own.scale, (own.low, own.high), tuple(getattr(self, name) for name in _NAMES))
 
     def apply(self, model: Any) -> Any:
-        own: Any = self
-        element = SmoothElement(own.scale, (own.low, own.high), tuple(getattr(self, name) for name in _NAMES))
-        return applied(model, attached_to(model, own.port, element), self)
+        return applied(model, attached_to(model, self.port, self.element), self)  # type: ignore[attr-defined]
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         at = ("attachments", len(applied.attachments) - 1, "element", "coefficients")
@@ -55,26 +76,95 @@ class _Unknown(Effect):
         return {}
 
 
-def _coefficient() -> Any:
-    return field(default=0.0, metadata={"range": Range("1", 0.0, 1.0, "normal", None)})
-
-
-UnknownElement: Any = make_dataclass(
-    "UnknownElement",
-    [("port", str, ""), ("scale", float, 1.0), ("low", float, 1.0), ("high", float, 100.0)]
-    + [(name, float, _coefficient()) for name in _NAMES],
-    bases=(_Unknown,),
-    frozen=True,
-    namespace={"__module__": __name__, "__doc__": "A smooth dynamic stiffness of unknown form at a port."},
-)
-
-
 class _Force(_Unknown):
     """What `UnknownForce` does: the same with a value of each coefficient for every level."""
 
     linear: ClassVar[bool] = False
 
 
+class _AlongRail(_Unknown):
+    """What `UnknownAlongRail` does: the same at a point of the rail that is not known either."""
+
+    @property
+    def site(self) -> str:
+        return "rail"
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        return ("rail",) if model.rail is not None else ()
+
+    @classmethod
+    def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
+        return {**super().ranges(model, place, motion), "position": _ALONG}
+
+    def apply(self, model: Any) -> Any:
+        point = RailAttachment(self.element, self.position)  # type: ignore[attr-defined]
+        rail = replace(model.rail, attachments=(*model.rail.attachments, point))
+        return applied(model, replace(model, rail=rail), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        at = ("rail", "attachments", len(applied.rail.attachments) - 1)
+        coefficients = {name: (((*at, "element", "coefficients", k), 1.0),) for k, name in enumerate(_NAMES)}
+        return {**coefficients, "position": (((*at, "position"), 1.0),)}
+
+
+class _Give(_Unknown):
+    """What `UnknownGive` does: a smooth compliance in series, in the guide or under both ends of the rail alike."""
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        return ("head_base", "rail_ends") if model.rail is not None else ()
+
+    def apply(self, model: Any) -> Any:
+        own: Any = self
+        if self.place == "head_base":
+            guide = model.guide or Guide(own.stiff)
+            return applied(model, replace(model, guide=replace(guide, give=self.element)), self)
+        ends = model.rail.supports or EndSupports(own.stiff, own.stiff)
+        return applied(model, replace(model, rail=replace(model.rail, supports=replace(ends, give=self.element))), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        at = ("guide",) if self.place == "head_base" else ("rail", "supports")
+        return {name: (((*at, "give", "coefficients", k), 1.0),) for k, name in enumerate(_NAMES)}
+
+
+class _OfChannel(_Unknown):
+    """What `UnknownChannelError` does: a smooth error of a channel, or of all (the force)."""
+
+    measurement: ClassVar[bool] = True
+
+    @property
+    def site(self) -> str:
+        return f"channel {self.port}"  # type: ignore[attr-defined]
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        return ("measurement",)
+
+    def apply(self, model: Any) -> Any:
+        chain = model.chain
+        for name in channels_of(self.effect, self.port, model):  # type: ignore[attr-defined]
+            chain = chain.with_channel(name, replace(chain.channel(name), error=self.element))
+        return applied(model, replace(model, chain=chain), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        names = channels_of(self.effect, self.port, applied)  # type: ignore[attr-defined]
+        at = [("chain", "channels", name, "error", "coefficients") for name in names]
+        return {name: tuple(((*a, k), 1.0) for a in at) for k, name in enumerate(_NAMES)}
+
+
+def _coefficient() -> Any:
+    return field(default=0.0, metadata={"range": _NORMAL})
+
+
+def _made(name: str, base: type, doc: str, *more: Any) -> Any:
+    fixed = [("port", str, ""), ("scale", float, 1.0), ("low", float, 1.0), ("high", float, 100.0)]
+    fitted: list[Any] = [(each, float, _coefficient()) for each in _NAMES]
+    about = {"__module__": __name__, "__doc__": doc}
+    return make_dataclass(name, [*fixed, *fitted, *more], bases=(base,), frozen=True, namespace=about)
+
+
+UnknownElement: Any = _made("UnknownElement", _Unknown, "A smooth dynamic stiffness of unknown form at a port.")
 UnknownForce: Any = make_dataclass(
     "UnknownForce",
     [],
@@ -82,6 +172,19 @@ UnknownForce: Any = make_dataclass(
     frozen=True,
     namespace={"__module__": __name__, "__doc__": "A restoring force of unknown form at a port."},
 )
+UnknownAlongRail: Any = _made(
+    "UnknownAlongRail",
+    _AlongRail,
+    "A smooth dynamic stiffness of unknown form at a point of the rail.",
+    ("position", float, field(default=0.5, metadata={"range": _ALONG})),
+)
+UnknownGive: Any = _made(
+    "UnknownGive",
+    _Give,
+    "A smooth compliance of unknown form in series with the guide, or with the supports of the rail.",
+    ("stiff", float, 1e12),
+)
+UnknownChannelError: Any = _made("UnknownChannelError", _OfChannel, "A smooth error of unknown form of a channel.")
 
 
 def ports_of(model: Model) -> Mapping[str, str]:
@@ -91,16 +194,72 @@ def ports_of(model: Model) -> Mapping[str, str]:
     return {place: place for place in model.places}
 
 
-def unknown_candidates(model: Model, band: tuple[float, float], kind: Any = UnknownElement) -> tuple[Candidate, ...]:
-    """An unknown element, or restoring force, at each port, with each amplitude."""
-    out = []
-    middle = 2 * np.pi * np.sqrt(band[0] * band[1])
-    for port, place in ports_of(model).items():
-        scale = port_scale(model, place)
-        own = max(scale.stiffness, scale.mass * middle**2)
-        if port == "tool_z":
-            own = port_scale(model, "tool").stiffness
-        for amplitude in SETTINGS.unknown_amplitudes:
-            element = kind(place, port, amplitude * own, *band)
-            out.append(Candidate(f"unknown {port} {amplitude:g}", (element,)))
-    return tuple(out)
+def unknown_places(model: Model, channels: Sequence[str]) -> tuple[str, ...]:
+    """The place of each unknown element, restoring forces apart, that is tried: a place as often as it has sites."""
+    along = ("rail",) * len(SETTINGS.unknown_stations) if model.has_position else ()
+    gives = ("head_base", "rail_ends") if model.has_position else ()
+    return (*ports_of(model).values(), *along, *gives, *("measurement",) * len(channel_choices(tuple(channels))))
+
+
+def unknown_candidates(
+    model: Model, band: tuple[float, float], channels: Sequence[str] = (), kind: Any = UnknownElement
+) -> tuple[Candidate, ...]:
+    """An unknown element, or restoring force, at each site, of the middle amplitude; an error of each of some channels."""
+    sites = _at_ports(model, band, kind)
+    if kind is UnknownElement:
+        sites = (*sites, *_along_rail(model, band), *_giving(model, band), *_of_channels(band, channels))
+    middle = SETTINGS.unknown_amplitudes[len(SETTINGS.unknown_amplitudes) // 2]
+    return tuple(Candidate(f"unknown {e.port}", (replace(e, scale=middle * e.scale),)) for e in sites)
+
+
+def of_other_amplitudes(element: Any) -> tuple[Any, ...]:
+    """The same function under each other amplitude of the prior; of an element of the middle one."""
+    amplitudes = SETTINGS.unknown_amplitudes
+    ratios = [a / amplitudes[len(amplitudes) // 2] for a in amplitudes]
+    return tuple(
+        replace(element, scale=element.scale * r, **{name: getattr(element, name) / r for name in _NAMES})
+        for r in ratios
+        if r != 1.0
+    )
+
+
+def _at_ports(model: Model, band: tuple[float, float], kind: Any) -> tuple[Any, ...]:
+    """An unknown element, or restoring force, at each port, of the size of what the port carries."""
+    return tuple(
+        kind(place, port, _carried(model, place, port, band), *band) for port, place in ports_of(model).items()
+    )
+
+
+def _carried(model: Model, place: str, port: str, band: tuple[float, float]) -> float:
+    """Dynamic stiffness of what a port carries, at mid band."""
+    scale = port_scale(model, place)
+    return scale.stiffness if port == "tool_z" else max(scale.stiffness, scale.mass * _middle(band) ** 2)
+
+
+def _middle(band: tuple[float, float]) -> float:
+    return float(2 * np.pi * np.sqrt(band[0] * band[1]))
+
+
+def _along_rail(model: Model, band: tuple[float, float]) -> Iterator[Any]:
+    """An unknown element at points of the rail, from which it moves, of the size of what the first mode carries."""
+    if model.rail is None or not model.has_position:
+        return
+    p = model.rail.parameters
+    size = max(rail_stiffness(model), p.mass / 2 * _middle(band) ** 2)
+    for station in SETTINGS.unknown_stations:
+        yield UnknownAlongRail("rail", f"rail({station:g})", size, *band, position=station)
+
+
+def _giving(model: Model, band: tuple[float, float]) -> Iterator[Any]:
+    """An unknown compliance of the guide and of the supports, of the size of what the rail's first mode gives."""
+    if model.rail is None or not model.has_position:
+        return
+    stiffness = rail_stiffness(model)
+    for place in ("head_base", "rail_ends"):
+        yield UnknownGive(place, place, 1.0 / (_WEAK * stiffness), *band, stiff=_RIGID * stiffness)
+
+
+def _of_channels(band: tuple[float, float], channels: Sequence[str]) -> Iterator[Any]:
+    """An unknown error of each channel and of all."""
+    for channel in channel_choices(tuple(channels)):
+        yield UnknownChannelError("measurement", channel, SETTINGS.unknown_channel, *band)

@@ -66,7 +66,8 @@ class StructuralDamping(Effect):
         for place in cls.places(model):
             joint = place[-1]
             loss = value_at(model, ("head", f"c{joint}")) / value_at(model, ("head", f"k{joint}"))
-            yield place, (cls(place, max(2 * np.pi * 220 * loss, 0.005), "causal", middle),)
+            at = max(2 * np.pi * 220 * loss, 0.005)
+            yield place, (cls(place, at, "causal", middle), cls(place, at, "constant"))
 
     @classmethod
     def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self
 
 from cutvib_ss.model.coupling import Changes, Matrices
-from cutvib_ss.model.elements import Attachment
+from cutvib_ss.model.elements import Attachment, Element, of_known_poles
 from cutvib_ss.model.measurement_chain import MeasurementChain
-from cutvib_ss.model.paths import Path
+from cutvib_ss.model.paths import Path, with_slots
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.parameters import check_choice, names_of
@@ -40,6 +41,35 @@ class BaseModel(Displayed, ABC):
     def force_ports(self) -> tuple[str, ...]:
         """Ports at which a force may act."""
         raise NotImplementedError
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """
+        All linear elements that are attached anywhere.
+
+        Returns
+        -------
+        tuple of Element
+            Those at ports, along the rail, in the guide and under the rail's ends.
+        """
+        return tuple(a.element for a in self.attachments)
+
+    def equivalent(self, s: complex) -> Self:
+        """
+        The model with a spring and damper for each element that leaves it no finite set of poles; a constant loss stays.
+
+        Parameters
+        ----------
+        s : complex
+            Where they equal what they stand for [rad/s].
+
+        Returns
+        -------
+        Machine or Structure
+            The model.
+        """
+        equal = tuple(replace(a, element=of_known_poles(a.element, s)) for a in self.attachments)
+        return with_slots(self, attachments=equal)
 
     @property
     def as_written(self) -> Self:

@@ -38,7 +38,7 @@ from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.elements import Attachment, Guide, viscous_attachments
 from cutvib_ss.model.head import HEAD_DOFS, head_changes, head_matrices, head_rows
 from cutvib_ss.model.paths import Path
-from cutvib_ss.model.rail import Rail, rail, rail_rows, rail_rows_bound
+from cutvib_ss.model.rail import Rail, rail, rail_rows, rail_rows_bound, viscous_rail
 from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.parameters import MATRICES, HeadParameters, check_position, control_name
 from cutvib_ss.results import FloatArray, Quantity
@@ -312,4 +312,5 @@ def coupling(
 ) -> Coupling:
     """The constraint of a machine, hysteresis made viscous at a frequency [Hz] if one is given, with more ports along the rail."""
     assert assembly.rail is not None
-    return Coupling(assembly.system(viscous_at), rail(assembly.rail, points or {}), assembly.base, assembly.rail)
+    beam = viscous_rail(assembly.rail, viscous_at)
+    return Coupling(assembly.system(viscous_at), rail(beam, points or {}), assembly.base, beam)

@@ -236,6 +236,35 @@ class SmoothElement:
         )
 
 
+@dataclass(frozen=True)
+class YieldingElement:
+    """
+    A spring and damper with a compliance of unknown form in series: z(s) = 1 / (1/(k + sc) + c(s)).
+
+    What gives adds its compliance, as what stands beside adds its stiffness.
+    """
+
+    spring: SpringDamperMass  # k and c
+    give: SmoothElement  # c(s), whose "dynamic stiffness" is a compliance [m/N]
+
+    def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
+        """Force over displacement at the port."""
+        return np.asarray(1.0 / (1.0 / self.spring.dynamic_stiffness(s) + self.give.dynamic_stiffness(s)))
+
+    def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
+        """Derivative of z(s) to ``"stiffness"`` or ``"damping"``, to a coefficient of the compliance, or to ``"s"``."""
+        z, spring = self.dynamic_stiffness(s), self.spring.dynamic_stiffness(s)
+        by_spring = z**2 / spring**2
+        if name in ("stiffness", "damping"):
+            return np.asarray(by_spring * self.spring.derivative(name, s))
+        out = -(z**2) * self.give.derivative(name, s)
+        return np.asarray(out + by_spring * self.spring.derivative(name, s) if name == "s" else out)
+
+    def second_order(self) -> SecondOrder:
+        """CouplingError: there is none."""
+        return self.give.second_order()
+
+
 @lru_cache(maxsize=64)
 def _shapes_over(s: bytes, band: tuple[float, float], count: int) -> ComplexArray:
     """Shapes over a band at some s, which every coefficient asks for."""
@@ -283,6 +312,7 @@ class Guide:
     stiffness: float  # k [N/m]
     damping: float = 0.0  # c [N s/m]
     sensor_side: Literal["head", "rail"] = "head"  # On which side of the guide ``base_x`` sits
+    give: SmoothElement | None = None  # A compliance of unknown form in series with the spring [m/N]
 
     def __post_init__(self) -> None:
         check_number("guide stiffness", self.stiffness, 0.0, strict=True)
@@ -291,9 +321,31 @@ class Guide:
             raise ParameterError(f'guide sensor_side = {self.sensor_side!r} must be "head" or "rail"')
 
     @property
-    def element(self) -> SpringDamperMass:
-        """The spring and damper between the head's base and the rail."""
-        return SpringDamperMass(self.stiffness, self.damping)
+    def element(self) -> Element:
+        """The spring and damper between the head's base and the rail, with what else gives there."""
+        spring = SpringDamperMass(self.stiffness, self.damping)
+        return spring if self.give is None else YieldingElement(spring, self.give)
+
+
+def of_known_poles(element: Element, s: complex) -> Element:
+    """The element, or where a model with it has no finite set of poles what equals it at one s: a constant loss stays."""
+    return element if isinstance(element, SpringDamperMass) else viscous_equivalent(element, s)
+
+
+class EquivalentGuide(Guide):
+    """A spring and damper that equal a guide at one frequency, and may be of either sign."""
+
+    def __post_init__(self) -> None:
+        pass
+
+
+def equivalent_guide(guide: Guide, s: complex) -> Guide:
+    """The guide, or where it gives in a form that is not known what equals it at one s [rad/s]."""
+    if guide.give is None:
+        return guide
+    spring = viscous_equivalent(guide.element, s)
+    assert isinstance(spring, SpringDamperMass)
+    return EquivalentGuide(spring.stiffness, spring.damping, guide.sensor_side)
 
 
 def viscous_attachments(attachments: Iterable[Attachment], viscous_at: float | None) -> tuple[Attachment, ...]:

@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from cutvib_ss.model.base import BaseModel, Spring
 from cutvib_ss.model.coupling import Assembly, Changes, Coupling, Matrices, coupling, head_assembly, head_core_changes
-from cutvib_ss.model.elements import Attachment, Guide
+from cutvib_ss.model.elements import Attachment, Element, Guide, equivalent_guide
 from cutvib_ss.model.head import HEAD_PARAMETERS, HEAD_UNITS
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path, replaced, value_at
 from cutvib_ss.model.protocol import NonlinearElement
-from cutvib_ss.model.rail import Rail, rail, rail_points
+from cutvib_ss.model.rail import Rail, equivalent_rail, rail, rail_points
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.parameters import (
     HeadParameters,
@@ -154,6 +154,18 @@ class Machine(BaseModel):
     def force_ports(self) -> tuple[str, ...]:
         """The tool and the head in X and Z, and the base; a point of the rail beside them."""
         return ("tool_x", "tool_z", "head_x", "head_z", "base")
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        along = (
+            *(a.element for a in self.rail.attachments),
+            *(self.rail.supports.elements if self.rail.supports else ()),
+        )
+        return (*super().elements, *along, *((self.guide.element,) if self.guide else ()))
+
+    def equivalent(self, s: complex) -> Self:
+        guide = None if self.guide is None else equivalent_guide(self.guide, s)
+        return replace(super().equivalent(s), rail=equivalent_rail(self.rail, s), guide=guide)
 
     def port_at(self, place: str) -> str:
         return PLACE_PORTS.get(place, place)

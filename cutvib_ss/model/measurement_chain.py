@@ -3,13 +3,13 @@ The measurement chain: gain, phase, delay, cross axis and window, applied and di
 
 With x the motion of the ports that the channels read, a channel shows
 
-    y_k = g_k e^(iφ_k) e^(-sτ_k) s^n_k (x_k + ε_k x_X),
+    y_k = g_k e^(iφ_k) e^(-sτ_k) (1 + e_k(s)) s^n_k (x_k + ε_k x_X),
 
-n_k being the order of its quantity and ε_k the cross axis of ``tool_z``, zero of the others. An accelerometer's charge is
-S (a_z + ε a_x), ε its transverse sensitivity: what leaks is the physical motion of the tool in X, whether or not channel
-``tool_x`` is measured, and whatever that channel's own gain and delay are; it passes gain, phase and delay of ``tool_z``. An
-exponential window e^(-σt) on force and response that was never taken out shows all of this at s + σ. A constant phase belongs to
-positive frequencies; at negative ones it has the other sign.
+e_k being an error of unknown form of its instrument, n_k the order of its quantity and ε_k the cross axis of ``tool_z``, zero of
+the others. An accelerometer's charge is S (a_z + ε a_x), ε its transverse sensitivity: what leaks is the physical motion of the
+tool in X, whether or not channel ``tool_x`` is measured, and whatever that channel's own gain and delay are; it passes gain, phase
+and delay of ``tool_z``. An exponential window e^(-σt) on force and response that was never taken out shows all of this at s + σ. A
+constant phase belongs to positive frequencies; at negative ones it has the other sign.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.model.elements import SmoothElement
 from cutvib_ss.parameters import check_number, control_name
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -36,7 +37,7 @@ CROSS_AXIS = ("tool_z", "tool_x")
 @dataclass(frozen=True)
 class ChannelChain:
     """
-    What a measurement chain does to one response channel: gain · e^(i phase) · e^(-s delay).
+    What a measurement chain does to one response channel: gain · e^(i phase) · e^(-s delay) · (1 + error).
 
     Parameters
     ----------
@@ -46,11 +47,14 @@ class ChannelChain:
         How late the channel is against the force [s].
     phase : float
         Constant phase of its instrument [rad].
+    error : SmoothElement, optional
+        An error of unknown form, whose dynamic stiffness stands for a dimensionless function of frequency.
     """
 
     gain: float = 1.0
     delay: float = 0.0
     phase: float = 0.0
+    error: SmoothElement | None = None
 
     def __post_init__(self) -> None:
         for name in ("gain", "delay", "phase"):
@@ -122,6 +126,8 @@ class MeasurementChain:
         chains = [self.channel(name) for name in names]
         if self.decay_rate:
             raise CouplingError("an exponential window in the chain shifts every pole; it is no property of a plant")
+        if any(c.error is not None for c in chains):
+            raise CouplingError("an error of unknown form in the chain has no finite plant; leave it out")
         if any(c.phase for c in chains):
             raise CouplingError("a constant phase has no finite plant; leave it out, or give the channel a delay")
         signals = self.signals(names)
@@ -184,6 +190,8 @@ class ChainAtLines:
         channel = self.chain.channel(self.outputs[k])
         turned = channel.gain * np.exp(1j * channel.phase) if channel.phase else channel.gain
         factor: ComplexArray = turned * self.s ** self.orders[k]
+        if channel.error is not None:
+            factor = factor * (1.0 + channel.error.dynamic_stiffness(self.s))
         return factor * np.exp(-self.s * channel.delay) if channel.delay else factor
 
     def gathered(self, shown: ComplexArray, axis: int = -2) -> ComplexArray:
@@ -217,10 +225,19 @@ class ChainAtLines:
             slopes = [
                 n / self.s - c.delay if n else 0 * self.s - c.delay for n, c in zip(self.orders, channels, strict=True)
             ]
+            for k, c in enumerate(channels):
+                if c.error is not None:
+                    slopes[k] = slopes[k] + c.error.derivative("s", self.s) / (1.0 + c.error.dynamic_stiffness(self.s))
             return by_s() + np.array(slopes) * shown
-        if path[:2] != ("chain", "channels") or path[3] not in ("gain", "delay", "phase"):
+        if path[:2] != ("chain", "channels") or path[3] not in ("gain", "delay", "phase", "error"):
             raise ParameterError(f"the response has no derivative to {'.'.join(map(str, path))}")
         own = np.array([output == path[2] for output in self.outputs])[:, None]
         if path[3] == "gain":
             return np.asarray(own * shown / np.array([c.gain for c in channels])[:, None])
+        if path[3] == "error":
+            error = self.chain.channel(str(path[2])).error
+            assert error is not None
+            return np.asarray(
+                own * shown * (error.derivative(str(path[-1]), self.s) / (1.0 + error.dynamic_stiffness(self.s)))
+            )
         return np.asarray(own * shown * (-self.s if path[3] == "delay" else 1j))

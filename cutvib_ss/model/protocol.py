@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from types import MappingProxyType
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, Self, runtime_checkable
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.coupling import Assembly, Changes, Matrices
-from cutvib_ss.model.elements import Attachment
+from cutvib_ss.model.elements import Attachment, Element
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.rail import Rail
@@ -93,6 +93,15 @@ class Model(Protocol):
     @property
     def attachments(self) -> tuple[Attachment, ...]:
         """Elements in parallel at ports."""
+        ...
+
+    @property
+    def elements(self) -> tuple[Element, ...]:
+        """All linear elements that are attached anywhere."""
+        ...
+
+    def equivalent(self, s: complex) -> Self:
+        """The model with a spring and damper for each element that leaves no finite set of poles, equal to it at one s [rad/s]."""
         ...
 
     @property

@@ -17,13 +17,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.model.elements import SpringDamperMass
+from cutvib_ss.model.elements import Element, SmoothElement, SpringDamperMass, YieldingElement, viscous_equivalent
 from cutvib_ss.model.pinned_modes import PinnedModes, euler_bernoulli, timoshenko
 from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.model.twist import TWIST_MODES, twist_shapes, twist_stiffness
@@ -39,12 +39,28 @@ class EndSupports:
     k_right: float
     c_left: float = 0.0  # Damping [N s/m]
     c_right: float = 0.0
+    give: SmoothElement | None = None  # A compliance of unknown form in series with each of them [m/N]
 
     def __post_init__(self) -> None:
         for name in ("k_left", "k_right"):
             check_number(name, getattr(self, name), 0.0, strict=True)
         for name in ("c_left", "c_right"):
             check_number(name, getattr(self, name), 0.0)
+
+    @property
+    def elements(self) -> tuple[Element, Element]:
+        """What stands under the left and the right end."""
+        left, right = SpringDamperMass(self.k_left, self.c_left), SpringDamperMass(self.k_right, self.c_right)
+        if self.give is None:
+            return left, right
+        return YieldingElement(left, self.give), YieldingElement(right, self.give)
+
+
+class _EquivalentSupports(EndSupports):
+    """Springs and dampers that equal what gives at one frequency, and may be of either sign."""
+
+    def __post_init__(self) -> None:
+        pass
 
 
 @dataclass(frozen=True)
@@ -81,7 +97,7 @@ class Torsion:
 class RailAttachment:
     """An element at a point of the rail."""
 
-    element: SpringDamperMass  # What is attached
+    element: Element  # What is attached
     position: float  # y / L of the point; 0 or 1 for the slope at an end
     # Whether it acts on the slope there (of the cross-section, where the rail shears) instead of on the displacement
     slope: bool = False
@@ -119,6 +135,25 @@ class Rail:
         """Derivatives of their values to the shear ratio; only where the rail shears."""
         assert self.shear is not None
         return timoshenko(self.parameters.n_modes, self.shear.ratio)[1]
+
+
+def viscous_rail(model: Rail, viscous_at: float | None) -> Rail:
+    """The rail with its elements as springs and dampers that equal them at one frequency [Hz], where they have no finite form."""
+    if viscous_at is None:
+        return model
+    return equivalent_rail(model, 2j * np.pi * check_number("viscous_at", viscous_at, 0.0, strict=True))
+
+
+def equivalent_rail(model: Rail, s: complex) -> Rail:
+    """The same at one s [rad/s]."""
+    attachments = tuple(replace(a, element=viscous_equivalent(a.element, s)) for a in model.attachments)
+    supports = model.supports
+    if supports is not None and supports.give is not None:
+        left, right = (viscous_equivalent(e, s) for e in supports.elements)
+        assert isinstance(left, SpringDamperMass)
+        assert isinstance(right, SpringDamperMass)
+        supports = _EquivalentSupports(left.stiffness, right.stiffness, left.damping, right.damping)
+    return replace(model, attachments=attachments, supports=supports)
 
 
 def mode_shapes(p: RailParameters, position: ArrayLike) -> FloatArray:
@@ -218,6 +253,10 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     damping[elastic, elastic] = modal + p.strain_damping * w**2
     stiffness[elastic, elastic] = w**2
     if model.supports:
+        if model.supports.give is not None:
+            raise CouplingError(
+                "supports of unknown form have no finite second-order form; ask for their viscous equivalent"
+            )
         u = slice(m, m + 2)
         mass[u, u] = p.mass * modes.rigid_inertia
         mass[:m, u] = scale * p.mass * modes.coupling
@@ -240,6 +279,10 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
         ports[end] = unit[m + i] if model.supports else np.zeros(n)
     for attachment in model.attachments:
         e, at = attachment.element, rail_rows(model, attachment.position)[0]
+        if not isinstance(e, SpringDamperMass):
+            raise CouplingError(
+                "an element on the rail has no finite second-order form; ask for its viscous equivalent"
+            )
         if attachment.slope:
             slope = np.concatenate([scale * modes.rotations(attachment.position), [-1.0, 1.0][: len(ends)]]) / p.length
             at = np.pad(slope, (0, n - slope.size))

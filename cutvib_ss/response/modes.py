@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg, optimize
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.model.elements import Element, SpringDamperMass, viscous_equivalent
+from cutvib_ss.model.elements import SpringDamperMass, of_known_poles
 from cutvib_ss.model.machine import Machine
-from cutvib_ss.model.paths import ModelT, with_slots
+from cutvib_ss.model.paths import ModelT
 from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.response.axes import as_positions
@@ -62,7 +62,7 @@ def modes(machine: Model, position: float | None = None) -> Modes:
     array([ 24.5, 126.8, 210.6, 220.6, 409.1, 507.2])
     """
     place = float(as_positions(machine, position)[0])
-    if any(_without_form(a.element) for a in machine.attachments):
+    if any(of_known_poles(e, 1j) is not e for e in machine.elements):
         return _each_at_its_own(machine, None if np.isnan(place) else place)
     system, loss = _matrices(machine, None if np.isnan(place) else place)
     freq, shapes = _undamped(system)
@@ -70,20 +70,11 @@ def modes(machine: Model, position: float | None = None) -> Modes:
     return Modes(freq, _ratio(poles), poles, shapes, system.dofs, place)
 
 
-def _without_form(element: Element) -> bool:
-    """Whether an element has no finite second-order form, and is no constant loss, for which poles are known."""
-    return not isinstance(element, SpringDamperMass) and viscous_equivalent(element, 1j) is not element
-
-
 def _each_at_its_own(machine: Model, position: float | None) -> Modes:
     """Each mode of the model whose elements without a finite form are replaced by what equals them at that mode's pole."""
 
     def at(s: complex) -> Modes:
-        replaced = tuple(
-            replace(a, element=viscous_equivalent(a.element, s)) if _without_form(a.element) else a
-            for a in machine.attachments
-        )
-        return modes(with_slots(machine, attachments=replaced), position)
+        return modes(machine.equivalent(s), position)
 
     start = at(_START)
     each = range(start.poles.size)

@@ -118,14 +118,17 @@ class RailPair:
         supports, s = self.rail.model.supports, self.rail.s
         assert supports is not None
         ends = self.left.rigid * self.right.rigid
-        if name[0] == "s":
-            both: ComplexArray = supports.c_left * ends[0] + supports.c_right * ends[1]
+        left, right = supports.elements
+        if name[0] == "s" or name[:2] == ("supports", "give"):
+            both: ComplexArray = (
+                left.derivative(str(name[-1]), s) * ends[0] + right.derivative(str(name[-1]), s) * ends[1]
+            )
             return both
         if name[0] != "supports":
             return 0.0
         what, side = str(name[1]).split("_")
-        end: ComplexArray = ends[("left", "right").index(side)]
-        return s * end if what == "c" else end
+        i = ("left", "right").index(side)
+        return np.asarray((left, right)[i].derivative({"k": "stiffness", "c": "damping"}[what], s) * ends[i])
 
     def _attachment(self, k: int, name: Path) -> ComplexArray | float:
         a, s, rail = self.rail.model.attachments[k], self.rail.s, self.rail

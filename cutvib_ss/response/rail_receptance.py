@@ -105,8 +105,8 @@ class RailReceptance:
         z = np.ones((size, s.size), dtype=np.complex128)
         if supports is not None:
             schur[:2, :2] = p.mass * self.modes.rigid_inertia[:, :, None] * (s * s)
-            schur[0, 0] += supports.k_left + s * supports.c_left
-            schur[1, 1] += supports.k_right + s * supports.c_right
+            for i, end in enumerate(supports.elements):
+                schur[i, i] += end.dynamic_stiffness(s)
         for k, (at, attachment) in enumerate(zip(self.attached, self.model.attachments, strict=True)):
             i = self.released + k
             z[i] = attachment.element.dynamic_stiffness(s)

@@ -1,0 +1,116 @@
+"""Unknown elements along the rail, in guide and supports, and in the channels: each is the best where the fault is its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.ranking import first_steps, refit
+from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.unknown_element import unknown_candidates, unknown_places
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.model.elements import Guide, SpringDamperMass
+from cutvib_ss.model.machine import Machine, published_machine
+from cutvib_ss.model.rail import EndSupports, RailAttachment
+from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.response.modes import modes
+from tests.unit.diagnosis_example import example_structure
+from tests.unit.record_example import entry_of
+
+FREQ = np.linspace(60.0, 260.0, 40)
+BAND = (60.0, 260.0)
+CHANNELS = ("tool_x", "tool_z")
+
+
+def carrier() -> Machine:
+    """A mass on a spring to ground at a point of the rail: no cause of the catalogue has that form."""
+    machine = published_machine()
+    lump = RailAttachment(SpringDamperMass(stiffness=4e5, damping=60.0, mass=3.0), 0.37)
+    return replace(machine, rail=replace(machine.rail, attachments=(lump,)))
+
+
+def on_ends() -> Machine:
+    """The machine on ends that give."""
+    machine = published_machine()
+    return replace(machine, rail=replace(machine.rail, supports=EndSupports(4e7, 4e7, 300.0, 300.0)))
+
+
+def filtered(machine: Machine, channel: str, data: np.ndarray) -> np.ndarray:
+    """A channel behind a first-order low pass of 300 Hz."""
+    out = data.copy()
+    out[..., CHANNELS.index(channel), :] /= 1.0 + 1j * FREQ / 300.0
+    return out
+
+
+def records(true: Machine, late: str = "") -> Records:
+    """Three positions with noise of half a percent."""
+    rng, entries = np.random.default_rng(3), []
+    for i, position in enumerate((0.22, 0.5, 0.81)):
+        data = frequency_response(true, [position], FREQ, outputs=list(CHANNELS)).data[0, :, 0]
+        data = filtered(true, late, data) if late else data
+        size = 0.005 * np.abs(data)
+        noise = size / np.sqrt(2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
+        entries.append(
+            entry_of(i, position, 50.0, data + noise, size**2, FREQ, CHANNELS, ("acceleration",) * 2, blow_at=0.0)
+        )
+    return Records(tuple(entries))
+
+
+def found_at(measured: Records, sites: set[str]) -> dict[str, Fit]:
+    """The best fit at each site on the way that the search takes: few lines with a widened noise first."""
+    nominal = published_machine()
+    few = measured.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
+    out: dict[str, Fit] = {}
+    for c in unknown_candidates(nominal, BAND, CHANNELS):
+        [element] = c.starts
+        if element.site not in sites:  # type: ignore[attr-defined]
+            continue
+        rough = first_steps(nominal, few, Hypothesis(c.starts), None, SETTINGS.search_later_steps)
+        fine = rough and refit(nominal, measured, rough.hypothesis, rough.x, SETTINGS.search_most_steps)
+        own = out.get(element.site)  # type: ignore[attr-defined]
+        if fine and (own is None or fine.log_evidence > own.log_evidence):
+            out[element.site] = fine  # type: ignore[attr-defined]
+    return out
+
+
+@pytest.mark.parametrize(
+    ("true", "late", "site", "other"),
+    [
+        (carrier(), "", "rail", "head_base"),
+        (replace(published_machine(), guide=Guide(4e7, 900.0)), "", "head_base", "joint1"),
+        (on_ends(), "", "rail_ends", "joint1"),
+        (published_machine(), "tool_z", "channel tool_z", "channel tool_x"),
+    ],
+)
+def test_the_site_of_the_fault_has_most_evidence(true: Machine, late: str, site: str, other: str) -> None:
+    fits = found_at(records(true, late), {site, other})
+    found = fits[site]
+    assert (
+        found.log_evidence > max((f.log_evidence for name, f in fits.items() if name != site), default=-np.inf) + 10.0
+    )
+    assert found.reduced < 1.2
+    [element] = found.hypothesis.effects
+    if site == "rail":
+        assert element.position == pytest.approx(0.37, abs=0.03)  # type: ignore[attr-defined]
+    if not late:
+        # The modes of a model with it are those of what equals it at each pole.
+        assert modes(found.model, 0.5).natural_freq[1] == pytest.approx(modes(true, 0.5).natural_freq[1], rel=0.02)
+
+
+def test_every_site_is_counted_among_the_places() -> None:
+    for model in (published_machine(), example_structure()):
+        assert [c.starts[0].place for c in unknown_candidates(model, BAND, CHANNELS)] == list(
+            unknown_places(model, CHANNELS)
+        )
+    assert not {"rail", "head_base", "rail_ends"} & set(unknown_places(example_structure(), CHANNELS))
+
+
+def test_an_error_of_no_channel_is_refused() -> None:
+    error = unknown_candidates(published_machine(), BAND, ("shaker",))[-1].starts[0]
+    with pytest.raises(ParameterError, match="no channel 'shaker'"):
+        error.apply(published_machine())
