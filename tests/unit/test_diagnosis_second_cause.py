@@ -113,12 +113,20 @@ def test_a_cause_that_trails_on_held_out_records_is_not_sure() -> None:
 
 def test_a_known_cause_beside_something_unknown_at_its_place_is_one_part_of_another_form() -> None:
     here = replace(UNKNOWN, place="tool", port="tool_x")
-    alone, both = ranked("unknown", 20.0, here), ranked("beside", 200.0, MASS, here)
+    named = {"none": (), "main": (MASS,), "unknown": (here,), "beside": (MASS, here)}
+    every = [sized(name, 3e-5, 1e-3, *effects) for name, effects in named.items()]
     odds = {"none": 0.0, "main": 0.0, "unknown": 0.0, "beside": 1.0}
-    for closed, kept in ((0.9, SETTINGS.verdict_form), (0.2, 0.0)):
-        seen = held(none=TUNED, main=Leaves(squares=1.0 - closed), unknown=Leaves(), beside=Leaves())
-        found = judged_on_held_out([NONE, MAIN, alone, both], odds, seen, 1.0)
+    for closed, left, kept, after in (
+        (0.9, 3.0, 1.0, SETTINGS.verdict_form),
+        (0.9, 1.2, 1.0, 1.0),
+        (0.2, 3.0, 0.0, 0.0),
+    ):
+        main = Leaves(squares=1.0 - closed, against_stated=left)
+        seen = held(none=TUNED, main=main, unknown=Leaves(), beside=Leaves())
+        found = judged_on_held_out(every, odds, seen, 1.0)
         assert found == pytest.approx({"none": 0.0, "main": kept, "unknown": 1.0 - kept, "beside": 0.0})
+        # It is not sure where it leaves far more than noise.
+        assert of_known_form(every, found, seen)["main"] == pytest.approx(after)
 
 
 @pytest.mark.parametrize("second", ["both", "beside"])
