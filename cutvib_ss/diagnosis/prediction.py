@@ -242,7 +242,8 @@ def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:
     """Poles of the upper half plane, to first order in the damping: enough to draw a circle around them."""
     # Hysteretic damping is made viscous at a low frequency, where slow modes are.
     found = []
-    for mass, damping, stiffness in model.matrices([float(y) for y in positions], viscous_at=30.0):
+    stack = model.matrices(positions, viscous_at=30.0)
+    for mass, damping, stiffness in zip(stack.mass, stack.damping, stack.stiffness, strict=True):
         squares, shapes = linalg.eigh(stiffness, mass, check_finite=False)
         decay = np.sum(shapes * (damping @ shapes), axis=0) / 2
         alive = (squares > decay**2) & (decay > 0)

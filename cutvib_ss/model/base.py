@@ -7,12 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self
 
-from cutvib_ss.model.coupling import Changes, Matrices
+from numpy.typing import ArrayLike
+
+from cutvib_ss.model.coupling import Changes
 from cutvib_ss.model.elements import Attachment, Element, of_known_poles
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path, with_slots
 from cutvib_ss.model.protocol import NonlinearElement
-from cutvib_ss.model.second_order import SecondOrder
+from cutvib_ss.model.second_order import MatrixStack, SecondOrder
 from cutvib_ss.parameters import check_choice, names_of
 from cutvib_ss.results import FloatArray, Quantity
 from cutvib_ss.results.display import Displayed
@@ -247,21 +249,27 @@ class BaseModel(Displayed, ABC):
         """
         raise NotImplementedError
 
-    def matrices(self, positions: Sequence[float], viscous_at: float | None = None) -> list[Matrices]:
+    def matrices(self, positions: ArrayLike, viscous_at: float | None = None) -> MatrixStack:
         """
         Mass, damping and stiffness at several positions.
 
         Parameters
         ----------
-        positions : sequence of float
+        positions : array_like, shape (position,)
             y_b / L of the head, each strictly inside (0, 1); of a structure, which has none, only their number counts.
         viscous_at : float, optional
             Frequency [Hz] at which hysteretic damping is replaced by the equivalent viscous one.
 
         Returns
         -------
-        list of (ndarray, ndarray, ndarray)
-            One a position, each of shape (n, n).
+        MatrixStack
+            ``mass``, ``damping`` and ``stiffness``, each of shape (position, n, n), and ``dofs``, the names of the n degrees of
+            freedom.
+
+        Raises
+        ------
+        CouplingError
+            If damping is hysteretic and no ``viscous_at`` is given.
         """
         raise NotImplementedError
 

@@ -39,7 +39,7 @@ from cutvib_ss.model.elements import Attachment, Guide, viscous_attachments
 from cutvib_ss.model.head import HEAD_DOFS, head_changes, head_matrices, head_rows
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.rail import Rail, rail, rail_rows, rail_rows_bound, viscous_rail
-from cutvib_ss.model.second_order import SecondOrder
+from cutvib_ss.model.second_order import MatrixStack, SecondOrder
 from cutvib_ss.parameters import MATRICES, HeadParameters, check_position, control_name
 from cutvib_ss.results import FloatArray, Quantity
 
@@ -69,6 +69,12 @@ class Assembly:
         for k, a in enumerate(viscous_attachments(self.elements, viscous_at)):
             system = system.attach([a.port], a.element.second_order(), ["end"], prefix=f"attached{k + 1}_")
         return system
+
+    @cached_property
+    def coupling(self) -> Coupling:
+        """The constraint without more ports, kept: most of what is asked of a position begins with it."""
+        assert self.rail is not None
+        return Coupling(self.system(), rail(self.rail, {}), self.base, self.rail)
 
 
 @lru_cache(maxsize=32)
@@ -173,19 +179,25 @@ class Coupling:
     def rows(self, positions: ArrayLike, order: int = 0, twist: bool = False) -> FloatArray:
         """φ(y), or of the twist, over q, or a derivative of it; shape (position, q)."""
         rows = rail_rows(self.rail, positions, order, twist)
-        return np.pad(rows, ((0, 0), (0, len(self.dofs) - rows.shape[1])))
+        return np.hstack([rows, np.zeros((len(rows), len(self.own)))])
 
     def rows_bound(self, order: int) -> FloatArray:
         """Largest moduli over the whole rail of the entries of `rows`, for the deflection."""
         row = rail_rows_bound(self.rail, order)
         return np.pad(row, (0, len(self.dofs) - row.size))
 
+    def transforms(self, positions: ArrayLike, order: int = 0) -> FloatArray:
+        """T(y), or a derivative of it, at several positions; shape (position, p and x, q)."""
+        at = np.atleast_1d(np.asarray(positions, dtype=float))
+        out: FloatArray = np.zeros((at.size, *self.constant.shape)) + (0.0 if order else self.constant)
+        for dof, twist in self._riding:
+            out[:, dof] += self.rows(at, order, twist)
+        return out
+
     def transform(self, position: float, order: int = 0) -> FloatArray:
         """T(y), or a derivative of it."""
-        out: FloatArray = np.zeros_like(self.constant) if order else self.constant.copy()
-        for dof, twist in self._riding:
-            out[dof] += self.rows([position], order, twist)[0]
-        return out
+        one: FloatArray = self.transforms(position, order)[0]
+        return one
 
     def transform_bound(self, order: int) -> FloatArray:
         """Largest moduli over the whole rail of the entries of T, or of a derivative of it."""
@@ -198,17 +210,22 @@ class Coupling:
             out[dof] += self.rows_bound(order)
         return out
 
-    def matrices(self, position: float, order: int = 0) -> Matrices:
-        """M, C and K at a position, or derivatives of them: (TᵀXT)⁽ᵈ⁾ = Σ_k (d over k) T⁽ᵏ⁾ᵀ X T⁽ᵈ⁻ᵏ⁾ (Leibniz)."""
-        t, n = [self.transform(position, k) for k in range(order + 1)], len(self.beam.dofs)
+    def stack(self, positions: ArrayLike, order: int = 0) -> MatrixStack:
+        """M, C and K at several positions, or derivatives of them: (TᵀXT)⁽ᵈ⁾ = Σ_k (d over k) T⁽ᵏ⁾ᵀ X T⁽ᵈ⁻ᵏ⁾ (Leibniz)."""
+        t, n = [self.transforms(positions, k) for k in range(order + 1)], len(self.beam.dofs)
         out = []
         for name in MATRICES:
             x = getattr(self.head, name)
-            total = sum(comb(order, k) * (t[k].T @ x @ t[order - k]) for k in range(order + 1))
+            total = sum(comb(order, k) * (t[k].swapaxes(1, 2) @ x @ t[order - k]) for k in range(order + 1))
             if not order:
-                total[:n, :n] += getattr(self.beam, name)
+                total[:, :n, :n] += getattr(self.beam, name)
             out.append(total)
-        return out[0], out[1], out[2]
+        return MatrixStack(out[0], out[1], out[2], self.dofs)
+
+    def matrices(self, position: float, order: int = 0) -> Matrices:
+        """M, C and K at a position, or derivatives of them."""
+        mass, damping, stiffness, _ = self.stack(position, order)
+        return mass[0], damping[0], stiffness[0]
 
     def matrices_bound(self, order: int) -> Matrices:
         """Bounds over the whole rail on the moduli of a derivative's entries, order 1 or more; not the smallest there are."""
@@ -311,6 +328,8 @@ def coupling(
     assembly: Assembly, viscous_at: float | None = None, points: Mapping[str, float] | None = None
 ) -> Coupling:
     """The constraint of a machine, hysteresis made viscous at a frequency [Hz] if one is given, with more ports along the rail."""
+    if viscous_at is None and not points:
+        return assembly.coupling
     assert assembly.rail is not None
     beam = viscous_rail(assembly.rail, viscous_at)
     return Coupling(assembly.system(viscous_at), rail(beam, points or {}), assembly.base, beam)

@@ -11,15 +11,18 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from cutvib_ss.model.base import BaseModel, Spring
-from cutvib_ss.model.coupling import Assembly, Changes, Coupling, Matrices, coupling, head_assembly, head_core_changes
+from cutvib_ss.model.coupling import Assembly, Changes, Coupling, coupling, head_assembly, head_core_changes
 from cutvib_ss.model.elements import Attachment, Element, Guide, equivalent_guide
 from cutvib_ss.model.head import HEAD_PARAMETERS, HEAD_UNITS
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path, replaced, value_at
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.model.rail import Rail, equivalent_rail, rail, rail_points
-from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.second_order import Channel, MatrixStack, SecondOrder
 from cutvib_ss.parameters import (
     HeadParameters,
     RailParameters,
@@ -256,9 +259,9 @@ class Machine(BaseModel):
     ) -> SecondOrder:
         return self.coupling(viscous_at, points).second_order(check_position(position))
 
-    def matrices(self, positions: Sequence[float], viscous_at: float | None = None) -> list[Matrices]:
-        joined = self.coupling(viscous_at)
-        return [joined.matrices(check_position(y)) for y in positions]
+    def matrices(self, positions: ArrayLike, viscous_at: float | None = None) -> MatrixStack:
+        places = [check_position(y) for y in np.asarray(positions, dtype=object).ravel()]
+        return self.coupling(viscous_at).stack(places)
 
     def _plant_outputs(self) -> tuple[str, ...]:
         return PLANT_OUTPUTS

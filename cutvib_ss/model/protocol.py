@@ -7,19 +7,21 @@ with a slot filled. A value in a slot is named by its path, so that fits can mov
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from types import MappingProxyType
 from typing import Literal, Protocol, Self, runtime_checkable
 
+from numpy.typing import ArrayLike
+
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.coupling import Assembly, Changes, Matrices
+from cutvib_ss.model.coupling import Assembly, Changes
 from cutvib_ss.model.elements import Attachment, Element
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.rail import Rail
 from cutvib_ss.model.restoring_forces import RestoringForce, law
-from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.second_order import Channel, MatrixStack, SecondOrder
 from cutvib_ss.parameters import HeadParameters
 from cutvib_ss.results import FloatArray, Quantity
 
@@ -171,6 +173,6 @@ class Model(Protocol):
         """The exact second-order form at a position."""
         ...
 
-    def matrices(self, positions: Sequence[float], viscous_at: float | None = None) -> list[Matrices]:
+    def matrices(self, positions: ArrayLike, viscous_at: float | None = None) -> MatrixStack:
         """Mass, damping and stiffness at several positions."""
         ...

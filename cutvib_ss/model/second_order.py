@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +47,15 @@ class Channel:
     def __post_init__(self) -> None:
         if self.absolute is None:
             object.__setattr__(self, "absolute", self.quantity == "acceleration")
+
+
+class MatrixStack(NamedTuple):
+    """Mass, damping and stiffness at several positions."""
+
+    mass: FloatArray  # Each of shape (position, n, n), symmetric [SI]
+    damping: FloatArray
+    stiffness: FloatArray
+    dofs: tuple[str, ...]  # Names of the degrees of freedom, n
 
 
 @dataclass(frozen=True)

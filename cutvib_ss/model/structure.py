@@ -8,15 +8,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.base import BaseModel, Spring
-from cutvib_ss.model.coupling import Assembly, Changes, Matrices
+from cutvib_ss.model.coupling import Assembly, Changes
 from cutvib_ss.model.elements import Attachment
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path, replaced
 from cutvib_ss.model.protocol import NonlinearElement
-from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.second_order import Channel, MatrixStack, SecondOrder
 from cutvib_ss.parameters import StructureTolerances
 from cutvib_ss.results import FloatArray, Quantity
 from cutvib_ss.results.display import Table
@@ -169,9 +170,10 @@ class Structure(BaseModel):
             raise ParameterError(f"{', '.join(points)}: a second_order model has no rail")
         return self.assembly.system(viscous_at)
 
-    def matrices(self, positions: Sequence[float], viscous_at: float | None = None) -> list[Matrices]:
-        system = self.second_order(viscous_at=viscous_at)
-        return [(system.mass, system.damping, system.stiffness)] * len(positions)
+    def matrices(self, positions: ArrayLike, viscous_at: float | None = None) -> MatrixStack:
+        system, count = self.second_order(viscous_at=viscous_at), np.size(positions)
+        m, c, k = (np.repeat(x[None], count, axis=0) for x in (system.mass, system.damping, system.stiffness))
+        return MatrixStack(m, c, k, system.dofs)
 
     def spring_at(self, place: str) -> Spring | None:
         # A port between two degrees of freedom, e_i - e_j, spans -K_ij; one that is a degree of freedom, its spring to ground,

@@ -124,6 +124,17 @@ def test_constant_matrices_times_functions_of_position_are_the_matrices(machine:
         assert _close(np.einsum("k,kij->ij", weights, getattr(terms, name)), exact.matrices(position)[k])
 
 
+@QUICK
+@given(machines(), st.lists(st.floats(0.01, 0.99), min_size=1, max_size=4))
+def test_matrices_of_many_positions_are_those_of_each(machine: Machine, positions: list[float]) -> None:
+    stack = machine.matrices(positions)
+    for k, position in enumerate(positions):
+        system = machine.second_order(position)
+        assert stack.dofs == system.dofs
+        for name in MATRICES:
+            assert _close(getattr(stack, name)[k], getattr(system, name))
+
+
 def test_a_rail_that_twists_has_its_functions_too() -> None:
     machine = RailTorsion("rail", 0.05, 1.0, 120.0, 0.02).apply(published_machine())
     exact = machine.coupling()
