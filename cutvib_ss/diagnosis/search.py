@@ -252,13 +252,38 @@ def _best_unknown(
     resized = workers.map(steps, [h for h, _ in others], [x for _, x in others])
     fits = sorted([*sites, *(f for f in resized if f is not None)], key=cost)
     own = {_unknown_of(f).site: f for f in reversed(fits)}
-    first = [f for f in fits if f is own[_unknown_of(f).site]]
-    out = [r for r in workers.map(partial(_on_all_lines, nominal, records), first) if r is not None]
-    if out:
-        site = _unknown_of(max(out, key=lambda r: r.fit.log_evidence).fit).site
-        rest = [f for f in fits if _unknown_of(f).site == site and f is not own[site]]
-        out += [r for r in workers.map(partial(_on_all_lines, nominal, records), rest) if r is not None]
-    return out
+    fewer = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
+    sharp = _refitted(nominal, fewer, [f for f in fits if f is own[_unknown_of(f).site]], workers)
+    if not sharp:
+        return []
+    site = _unknown_of(min(sharp, key=cost)).site
+    sharp += _refitted(nominal, fewer, [f for f in fits if _unknown_of(f).site == site and f is not own[site]], workers)
+    sharp.sort(key=cost)
+    close = [f for f in sharp if cost(f) - cost(sharp[0]) < SETTINGS.search_close]
+    return [Ranked(_name(f), f, True) for f in _refitted(nominal, records, close, workers, close)]
+
+
+def _refitted(
+    nominal: Model, records: Records, fits: Sequence[Fit], workers: Workers, near: Sequence[Fit] | None = None
+) -> list[Fit]:
+    """Fits on other lines, from beside their optimum where they were as sharp; those that run away are left out."""
+    again = workers.map(
+        partial(refit, nominal, records),
+        [f.hypothesis for f in fits],
+        [f.x for f in fits],
+        [SETTINGS.search_most_steps] * len(fits),
+        near or [None] * len(fits),
+    )
+    return [f for f in again if f is not None]
+
+
+def _name(f: Fit) -> str:
+    """What tells a fit with an unknown element from others."""
+    names = []
+    for e in f.hypothesis.effects:
+        kind = "unknown force" if isinstance(e, UnknownForce) else e.effect
+        names.append(f"{kind} {getattr(e, 'site', e.place)} {getattr(e, 'scale', 0.0):.3g}")
+    return " + ".join(names)
 
 
 def _unknown_of(f: Fit) -> Any:
@@ -270,16 +295,6 @@ def _site(h: Hypothesis) -> str:
     """Where the unknown element of a hypothesis with one sits."""
     element: Any = h.effects[-1]
     return str(element.site)
-
-
-def _on_all_lines(nominal: Model, records: Records, f: Fit) -> Ranked | None:
-    """A fit with an unknown element on all lines."""
-    names = []
-    for e in f.hypothesis.effects:
-        kind = "unknown force" if isinstance(e, UnknownForce) else e.effect
-        names.append(f"{kind} {getattr(e, 'site', e.place)} {getattr(e, 'scale', 0.0):.3g}")
-    again = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_steps)
-    return None if again is None else Ranked(" + ".join(names), again, True)
 
 
 def _unknown_forces(
