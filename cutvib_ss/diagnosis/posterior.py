@@ -108,6 +108,8 @@ class _HeldOutRules:
             self.odds[r.name] = 0.0
         if known and self.bare:
             self.by_both_leads(r, self.bare)
+        if kind_of(r.fit.hypothesis) == UNKNOWN:
+            self.with_what_predicts_more(r)
         parts = [(c,) for c in causes if c[0] != UNKNOWN]
         first = _best(x for x in self.fitted if x.fit.hypothesis.causes in parts) if len(causes) > 1 else None
         if first is None:
@@ -140,6 +142,16 @@ class _HeldOutRules:
         kept = (own + other) * min(0.5, float(special.expit(ratio)))
         if kept < own:
             _give(self.odds, r, simpler, 1.0 - kept / own)
+
+    def with_what_predicts_more(self, unknown: Ranked) -> None:
+        """Share the probability of an unknown element with a known cause of its place that predicts held-out records better."""
+        place = unknown.fit.hypothesis.place
+        known = _best(
+            x for x in self.fitted if kind_of(x.fit.hypothesis) == "known" and x.fit.hypothesis.place == place
+        )
+        if known and self.held(known).log_density > self.held(unknown).log_density:
+            # Evidence says that its form is not the known one, prediction that it is: neither is sure.
+            _give(self.odds, unknown, known, 0.5)
 
     def of_one_place(self, both: Ranked, first: Ranked) -> None:
         """Pass on the probability of a known cause beside something unknown at its place: there is one part, of another form."""

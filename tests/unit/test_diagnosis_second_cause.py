@@ -111,6 +111,19 @@ def test_a_cause_that_trails_on_held_out_records_is_not_sure() -> None:
         assert sum(found.values()) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(
+    ("place", "density", "kept"), [("tool", -40.0, 0.5), ("tool", -20.0, 1.0), ("joint1", -40.0, 1.0)]
+)
+def test_an_unknown_element_shares_with_a_known_cause_of_its_place_that_predicts_more(
+    place: str, density: float, kept: float
+) -> None:
+    here = ranked("unknown", 200.0, replace(UNKNOWN, place=place))
+    odds = {"none": 0.0, "main": 0.0, "unknown": 1.0}
+    seen = held(none=TUNED, main=Leaves(log_density=-30.0), unknown=Leaves(log_density=density))
+    found = judged_on_held_out([NONE, MAIN, here], odds, seen, 1.0)
+    assert found == pytest.approx({"none": 0.0, "main": 1.0 - kept, "unknown": kept})
+
+
 def test_a_known_cause_beside_something_unknown_at_its_place_is_one_part_of_another_form() -> None:
     here = replace(UNKNOWN, place="tool", port="tool_x")
     named = {"none": (), "main": (MASS,), "unknown": (here,), "beside": (MASS, here)}
