@@ -114,7 +114,7 @@ class _HeldOutRules:
         first = _best(x for x in self.fitted if x.fit.hypothesis.causes in parts) if len(causes) > 1 else None
         if first is None:
             return
-        if not known and causes[0][1] == causes[-1][1]:
+        if not known and _of_one_part(r.fit.hypothesis):
             self.of_one_place(r, first)
         elif held(r).log_density >= held(first).log_density:
             if known and held(r).reduced > SETTINGS.verdict_noise:
@@ -183,6 +183,13 @@ class _HeldOutRules:
         # Held against the noise as stated: the model's own factor on the noise takes up what is not the machine's.
         if unknown and self.held(bare).against_stated > SETTINGS.verdict_misfit:
             _give(self.odds, bare, unknown)
+
+
+def _of_one_part(h: Hypothesis) -> bool:
+    """Whether a known cause and an unknown element sit at one place, or are both of one channel of the measurement."""
+    known, unknown = h.effects[0], h.effects[-1]
+    channels = {getattr(known, "channel", ""), getattr(unknown, "port", "")}
+    return known.place == unknown.place and (not unknown.measurement or len(channels) == 1)
 
 
 def _best(ranked: Iterable[Ranked]) -> Ranked | None:

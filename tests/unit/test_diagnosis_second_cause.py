@@ -18,9 +18,10 @@ from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.search import _enough
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.unknown_element import UnknownElement
+from cutvib_ss.diagnosis.unknown_element import UnknownChannelError, UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect
+from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.results import FloatArray
@@ -140,6 +141,18 @@ def test_a_known_cause_beside_something_unknown_at_its_place_is_one_part_of_anot
         assert found == pytest.approx({"none": 0.0, "main": kept, "unknown": 1.0 - kept, "beside": 0.0})
         # It is not sure where it leaves far more than noise.
         assert of_known_form(every, found, seen)["main"] == pytest.approx(after)
+
+
+@pytest.mark.parametrize(("channel", "kept"), [("tool_x", 0.0), ("tool_z", 1.0)])
+def test_of_the_measurement_one_channel_is_one_part(channel: str, kept: float) -> None:
+    gain = CalibrationError("measurement", "tool_x", 1.2)
+    error = UnknownChannelError("measurement", channel, 0.3, 10.0, 400.0)
+    every = [NONE, ranked("main", 100.0, gain), ranked("unknown", 20.0, error), ranked("beside", 200.0, gain, error)]
+    odds = {"none": 0.0, "main": 0.0, "unknown": 0.0, "beside": 1.0}
+    seen = held(
+        none=TUNED, main=Leaves(squares=0.1, log_density=-9.0), unknown=Leaves(), beside=Leaves(log_density=1.0)
+    )
+    assert judged_on_held_out(every, odds, seen, 1.0)["beside"] == pytest.approx(kept)
 
 
 @pytest.mark.parametrize("second", ["both", "beside"])
