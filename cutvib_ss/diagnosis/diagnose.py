@@ -148,10 +148,10 @@ def _without(campaign: Campaign, observed: Observations, odd: Mapping[int, float
 
 def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
     searched = _searched(campaign, nominal, observe(campaign, nominal), hold_out, seed, workers)
-    sums = [r for r in searched.ranked if r.fit.hypothesis.linear and len(r.fit.hypothesis.causes) > 1]
-    odd = odd_records(nominal, searched.records, searched.ranked[0], sums)
+    linear = [r for r in searched.ranked[1:] if r.fit.hypothesis.linear]
+    odd = odd_records(nominal, searched.records, searched.ranked[0], linear)
     if odd:
-        # No single cause left noise of the others, but two together do.
+        # No single known cause left noise of the others, but two together do, or something unknown.
         searched = _searched(campaign, nominal, _without(campaign, searched.observed, odd), hold_out, seed, workers)
     observed, records, judged, ranked = searched
     fitted = list(records.entries)

@@ -2,8 +2,8 @@
 Records that fit with no others: a loose cable, a clipped channel, the wrong range.
 
 One such record makes every cause fail, and asks for one that acts in that record alone. A record is odd where the tuned model, a
-linear cause, or two of them, leave no more than noise of all others and many times that of this one. What shows in several
-records is the machine's.
+linear cause, two of them, or an element of unknown form leave no more than noise of all others and many times that of this one.
+What shows in several records is the machine's.
 """
 
 from __future__ import annotations

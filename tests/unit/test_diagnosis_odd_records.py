@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.diagnose import diagnose
+from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.odd_records import odd_records
+from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.search import search_linear
+from cutvib_ss.diagnosis.unknown_element import unknown_candidates
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.measurement.records import Campaign
@@ -67,3 +70,25 @@ def test_a_cause_that_all_records_show_leaves_none_out(tmp_path: Path) -> None:
 def test_a_record_whose_position_no_other_has_stays(tmp_path: Path) -> None:
     alone = campaign(tmp_path, {"Monday": PLACES, "Tuesday": (0.2, 0.45, 0.7, 0.95)}, 3)
     assert found_odd(with_gain(alone, (5,), 0.7)) == {}
+
+
+def test_a_record_is_odd_beside_a_fault_of_unknown_form_too(tmp_path: Path) -> None:
+    filtered = []
+    for record in campaign(tmp_path, {"Monday": PLACES, "Tuesday": PLACES}, 3).records:
+        assert record.frf is not None
+        data = np.array(record.frf.data)
+        data[:, -1] *= 1.0 + 0.3 * np.sin(4.0 * np.log(record.frf.freq))
+        filtered.append(replace(record, frf=replace(record.frf, data=data)))
+    measured = campaign(tmp_path, {"Monday": PLACES, "Tuesday": PLACES}, 3)
+    wrong = with_gain(replace(measured, records=tuple(filtered)), (5,), 0.7)
+    observed = observe(wrong, MACHINE)
+    records = Records(observed.entries).coarse(60, 0.0)
+    none = Ranked("none", fit(MACHINE, records, Hypothesis()), True)
+    assert odd_records(MACHINE, records, none, []) == {}
+    [error] = [
+        c.starts[0]
+        for c in unknown_candidates(MACHINE, observed.band, observed.channels)
+        if getattr(c.starts[0], "site", "") == f"channel {observed.channels[-1]}"
+    ]
+    unknown = Ranked("unknown", fit(MACHINE, records, Hypothesis((error,))), True)
+    assert list(odd_records(MACHINE, records, none, [unknown])) == [5]
