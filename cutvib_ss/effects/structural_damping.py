@@ -62,12 +62,17 @@ class StructuralDamping(Effect):
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        middle = sum(measured.band) / 2
+        low, high = measured.band
+        # Nobody knows at which frequency the nominal stiffness was found: the middle of the band in either scale.
+        middles = ((low + high) / 2, np.sqrt(low * high))
         for place in cls.places(model):
             joint = place[-1]
             loss = value_at(model, ("head", f"c{joint}")) / value_at(model, ("head", f"k{joint}"))
-            at = max(2 * np.pi * 220 * loss, 0.005)
-            yield place, (cls(place, at, "causal", middle), cls(place, at, "constant"))
+            # It takes the viscous damper's place, which is no small step: a small loss says little of a large one.
+            losses = (max(2 * np.pi * 220 * loss, 0.005), 0.03, 0.1, 0.3)
+            for f in middles:
+                yield f"{place} causal {f:.3g} Hz", tuple(cls(place, x, "causal", float(f)) for x in losses)
+            yield f"{place} constant", tuple(cls(place, x, "constant") for x in losses)
 
     @classmethod
     def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
