@@ -88,7 +88,10 @@ def search(
         none, ranked = _moving(nominal, records, none, ranked, workers)
     dependent: Sequence[Candidate] = ()
     motion: dict[str, float] = {}
-    outlook = records.for_laws(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error) if laws else None
+    # Where the re-tuned model leaves less than the noise itself, a widened noise would hide all that is left.
+    small = none.reduced < SETTINGS.search_small
+    error = 0.0 if small else SETTINGS.search_coarse_error
+    outlook = records.for_laws(SETTINGS.search_coarse_lines, error) if laws else None
     compared = levels_compared(records, none.fit.model)
     if outlook is not None and (by_level or not compared or not _enough(ranked, none, leaves)) and _gap(ranked, none):
         moved = motions(none.fit.model, outlook)
@@ -98,7 +101,7 @@ def search(
             # Levels that agree leave only what depends on the sign of the motion, not on its size.
             dependent = [c for c in dependent if c.starts[0].scale_free]
         workers.say(f"fitting {len(dependent)} causes that depend on the level")
-        rough = _rough_laws(nominal, outlook, dependent, motion, workers)
+        rough = _rough_laws(nominal, outlook, dependent, motion, none.fit.x if small else None, workers)
         ranked += on_all_lines(
             nominal,
             records,
@@ -362,17 +365,22 @@ def _scouted(nominal: Model, few: Records, starts: Sequence[Effect]) -> Fit | No
 
 
 def _rough_laws(
-    nominal: Model, outlook: Records, found: Sequence[Candidate], motion: Mapping[str, float], workers: Workers
+    nominal: Model,
+    outlook: Records,
+    found: Sequence[Candidate],
+    motion: Mapping[str, float],
+    warm: FloatArray | None,
+    workers: Workers,
 ) -> list[tuple[Candidate, Fit]]:
     """The same for laws, whose steps are expensive: each is scanned, and those that promise most take some."""
-    scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True)
+    scan = Scan(nominal, some(outlook), Hypothesis(), warm, motion, apart=True)
     promising = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))[
         : SETTINGS.search_laws_looked_at
     ]
     refined = workers.map(scan.refined, [s for _, s in promising])
     promising = ranked_by_gain([c for c, _ in promising], refined)[: SETTINGS.search_laws_started]
     tries = workers.map(
-        partial(first_steps, nominal, outlook, warm=None, steps=SETTINGS.search_law_steps),
+        partial(first_steps, nominal, outlook, warm=warm, steps=SETTINGS.search_law_steps),
         [s.hypothesis for _, s in promising],
     )
     out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]
