@@ -106,7 +106,7 @@ class _HeldOutRules:
         if not known and held(r).reduced > SETTINGS.fit_run_away:
             # It shows that something unknown is there, but not what.
             self.odds[r.name] = 0.0
-        if known and self.bare:
+        if self.bare and (known or kind_of(r.fit.hypothesis) == UNKNOWN):
             self.by_both_leads(r, self.bare)
         if kind_of(r.fit.hypothesis) == UNKNOWN:
             self.with_what_predicts_more(r)

@@ -102,9 +102,10 @@ def test_a_model_alone_that_leaves_far_more_than_noise_gives_way_to_something_un
     assert judged_on_held_out([none], {"none": 1.0}, held(none=Leaves(against_stated=3.0)), 1.0) == {"none": 1.0}
 
 
-def test_a_cause_that_trails_on_held_out_records_is_not_sure() -> None:
+@pytest.mark.parametrize("cause", [MASS, UNKNOWN], ids=["known", "unknown"])
+def test_a_cause_that_trails_on_held_out_records_is_not_sure(cause: Effect) -> None:
     # Evidence of 40 for the cause, at a temperature of 10: odds of e^4.
-    main, odds = ranked("main", 40.0, MASS), {"none": 1.0 / (1.0 + np.exp(4.0)), "main": 1.0 / (1.0 + np.exp(-4.0))}
+    main, odds = ranked("main", 40.0, cause), {"none": 1.0 / (1.0 + np.exp(4.0)), "main": 1.0 / (1.0 + np.exp(-4.0))}
     # Prediction speaks for it; against it, by less than evidence does; by more: the mean of the leads is -1.
     for density, probability in ((-990.0, odds["main"]), (-1020.0, 0.5), (-1060.0, 1.0 / (1.0 + np.exp(1.0)))):
         found = judged_on_held_out([NONE, main], odds, held(none=TUNED, main=Leaves(log_density=density)), 10.0)
