@@ -113,8 +113,9 @@ class Settings:
         "two to three an octave and a half, as its correlation length asks")
     unknown_amplitudes: tuple[float, ...] = _of((0.03, 0.3, 3.0), "stiffness of the port at mid band",
         "Standard deviations of an unknown element; each has an equal share of the prior", "larger elements", _JUDGEMENT)
-    unknown_channel: float = _of(0.3, "1", "The same of the error of a channel, in place of the stiffness of a port",
-        "larger errors", "a channel that errs by a third is broken, by three percent off its tolerance")
+    unknown_channel: float = _of(3.0, "calibration tolerance",
+        "Smallest standard deviation of the error of a channel; the others stand to it as those of an element", "larger errors",
+        "an error within the stated tolerance is no cause; of a thousand channels three err by more than three of it")
     unknown_stations: tuple[float, ...] = _of((0.2, 0.35, 0.5, 0.65, 0.8), "y/L",
         "Points from which an unknown element moves along the rail",
         "more starts", "a start at midspan ends at the mirror image of a point between; half a wave of the third mode apart")

@@ -20,6 +20,7 @@ from cutvib_ss.effects.prior import Range, Severity
 from cutvib_ss.effects.scales import port_scale, rail_stiffness
 from cutvib_ss.model.elements import Guide, SmoothElement
 from cutvib_ss.model.rail import EndSupports, RailAttachment
+from cutvib_ss.parameters import Tolerances
 
 PORTS: Mapping[str, str] = {
     "joint1": "joint1",
@@ -207,7 +208,7 @@ def unknown_candidates(
     """An unknown element, or restoring force, at each site, of the middle amplitude; an error of each of some channels."""
     sites = _at_ports(model, band, kind)
     if kind is UnknownElement:
-        sites = (*sites, *_along_rail(model, band), *_giving(model, band), *_of_channels(band, channels))
+        sites = (*sites, *_along_rail(model, band), *_giving(model, band), *_of_channels(model, band, channels))
     middle = SETTINGS.unknown_amplitudes[len(SETTINGS.unknown_amplitudes) // 2]
     return tuple(Candidate(f"unknown {e.port}", (replace(e, scale=middle * e.scale),)) for e in sites)
 
@@ -259,7 +260,9 @@ def _giving(model: Model, band: tuple[float, float]) -> Iterator[Any]:
         yield UnknownGive(place, place, 1.0 / (_WEAK * stiffness), *band, stiff=_RIGID * stiffness)
 
 
-def _of_channels(band: tuple[float, float], channels: Sequence[str]) -> Iterator[Any]:
-    """An unknown error of each channel and of all."""
+def _of_channels(model: Model, band: tuple[float, float], channels: Sequence[str]) -> Iterator[Any]:
+    """An unknown error of each channel and of all, beyond the stated tolerance."""
+    tolerance = model.tolerance.calibration or Tolerances().calibration
+    size = SETTINGS.unknown_channel * tolerance / min(SETTINGS.unknown_amplitudes)
     for channel in channel_choices(tuple(channels)):
-        yield UnknownChannelError("measurement", channel, SETTINGS.unknown_channel, *band)
+        yield UnknownChannelError("measurement", channel, size, *band)
