@@ -123,9 +123,12 @@ def to_do(d: Diagnosis) -> list[str]:
             steps.append(f"Inspect: {words}.")
     if d.verdict in ("unknown", "partly_explained"):
         place = d.where.place if d.verdict == "unknown" else d.causes[0].place.rpartition("+")[2]
-        steps.append(
-            f"Look at {place_name(place)} for what the model lacks; the dynamic stiffness below says what it has to do."
-        )
+        if place == "measurement":
+            steps.append("Look at the measuring chain: sensors and how they are mounted, cables, ranges, filters.")
+        else:
+            steps.append(
+                f"Look at {place_name(place)} for what the model lacks; the dynamic stiffness below says what it has to do."
+            )
     if d.next_test is not None:
         steps.append(f"Next test: {next_test_sentence(d.next_test)}")
     elif (check := confirming_test(d)) != "":

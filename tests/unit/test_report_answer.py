@@ -121,6 +121,14 @@ def test_what_to_do_names_the_inspection_and_a_test() -> None:
     assert "give blows of about 60 N" in ambiguous[-1]
 
 
+@pytest.mark.parametrize(
+    ("place", "said"), [("measurement", "sensors and how they are mounted"), ("rail", "the rail for what")]
+)
+def test_what_is_unknown_is_looked_for_where_it_is(place: str, said: str) -> None:
+    d = example_diagnosis("unknown", lines=20, records=1)
+    assert any(said in step for step in answer.to_do(replace(d, where=replace(d.where, place=place))))
+
+
 def test_sizes_are_told_in_words() -> None:
     rows = {
         name: (size, words)
