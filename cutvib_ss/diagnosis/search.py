@@ -214,7 +214,8 @@ def _unknown(
     workers: Workers,
 ) -> list[Ranked]:
     """An unknown element at each site, alone and beside the best linear cause; at the best site beside the best cause there."""
-    alone = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band, observed.channels)]
+    candidates = unknown_candidates(nominal, observed.band, observed.channels)
+    alone = [Hypothesis((e,)) for c in candidates for e in c.starts]
     linear = [r for r in ranked if r.refined and r.fit.hypothesis.linear and len(r.fit.hypothesis.effects) == 1]
     found = _best_unknown(nominal, records, few, alone, None, workers)
     if not linear or not found:
@@ -269,7 +270,7 @@ def _best_unknown(
 def _refitted(
     nominal: Model, records: Records, fits: Sequence[Fit], workers: Workers, near: Sequence[Fit] | None = None
 ) -> list[Fit]:
-    """Fits on other lines, from beside their optimum where they were as sharp; those that run away are left out."""
+    """Fits on other lines, from beside other fits if some are given; those that run away are left out."""
     again = workers.map(
         partial(refit, nominal, records),
         [f.hypothesis for f in fits],

@@ -262,8 +262,8 @@ class Settings:
     search_laws_looked_at: int = _of(6, "causes", "Simulated causes whose scan is refined: the most promising", "longer",
         _TIME)
     search_laws_started: int = _of(3, "causes", "Of these, fitted on few lines", "longer", _TIME)
-    search_unknown_refined: int = _of(3, "elements", "Unknown elements, alone and beside a cause, fitted on all lines",
-        "longer", _TIME)
+    search_unknown_refined: int = _of(3, "elements",
+        "Sites of unknown elements, alone and beside a cause, that are given their own amplitude", "longer", _TIME)
     search_hopeless: float = _of(3.0, "χ² a datum", "On few lines, from which a simulated cause is not fitted on all",
         "longer", _TIME)
     search_enough: float = _of(1.1, "χ² a datum", "Below which the re-tuned model needs no cause if the level shows nothing",

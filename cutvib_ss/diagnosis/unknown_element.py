@@ -197,20 +197,24 @@ def ports_of(model: Model) -> Mapping[str, str]:
 
 def unknown_places(model: Model, channels: Sequence[str]) -> tuple[str, ...]:
     """The place of each unknown element, restoring forces apart, that is tried: a place as often as it has sites."""
-    along = ("rail",) * len(SETTINGS.unknown_stations) if model.has_position else ()
-    gives = ("head_base", "rail_ends") if model.has_position else ()
-    return (*ports_of(model).values(), *along, *gives, *("measurement",) * len(channel_choices(tuple(channels))))
+    of_rail = ("rail", "head_base", "rail_ends") if model.has_position else ()
+    return (*ports_of(model).values(), *of_rail, *("measurement",) * len(channel_choices(tuple(channels))))
 
 
 def unknown_candidates(
     model: Model, band: tuple[float, float], channels: Sequence[str] = (), kind: Any = UnknownElement
 ) -> tuple[Candidate, ...]:
-    """An unknown element, or restoring force, at each site, of the middle amplitude; an error of each of some channels."""
-    sites = _at_ports(model, band, kind)
+    """An unknown element, or restoring force, at each site, of the middle amplitude; along the rail from several starts."""
+    sites = [(e,) for e in _at_ports(model, band, kind)]
+    if kind is UnknownElement and model.has_position:
+        sites += [_along_rail(model, band), *((e,) for e in _giving(model, band))]
     if kind is UnknownElement:
-        sites = (*sites, *_along_rail(model, band), *_giving(model, band), *_of_channels(model, band, channels))
+        sites += [(e,) for e in _of_channels(model, band, channels)]
     middle = SETTINGS.unknown_amplitudes[len(SETTINGS.unknown_amplitudes) // 2]
-    return tuple(Candidate(f"unknown {e.port}", (replace(e, scale=middle * e.scale),)) for e in sites)
+    return tuple(
+        Candidate(f"unknown {starts[0].site}", tuple(replace(e, scale=middle * e.scale) for e in starts))
+        for starts in sites
+    )
 
 
 def of_other_amplitudes(element: Any) -> tuple[Any, ...]:
@@ -241,20 +245,20 @@ def _middle(band: tuple[float, float]) -> float:
     return float(2 * np.pi * np.sqrt(band[0] * band[1]))
 
 
-def _along_rail(model: Model, band: tuple[float, float]) -> Iterator[Any]:
+def _along_rail(model: Model, band: tuple[float, float]) -> tuple[Any, ...]:
     """An unknown element at points of the rail, from which it moves, of the size of what the first mode carries."""
-    if model.rail is None or not model.has_position:
-        return
+    assert model.rail is not None
     p = model.rail.parameters
     size = max(rail_stiffness(model), p.mass / 2 * _middle(band) ** 2)
-    for station in SETTINGS.unknown_stations:
-        yield UnknownAlongRail("rail", f"rail({station:g})", size, *band, position=station)
+    return tuple(
+        UnknownAlongRail("rail", f"rail({station:g})", size, *band, position=station)
+        for station in SETTINGS.unknown_stations
+    )
 
 
 def _giving(model: Model, band: tuple[float, float]) -> Iterator[Any]:
     """An unknown compliance of the guide and of the supports, of the size of what the rail's first mode gives."""
-    if model.rail is None or not model.has_position:
-        return
+    assert model.rail is not None
     stiffness = rail_stiffness(model)
     for place in ("head_base", "rail_ends"):
         yield UnknownGive(place, place, 1.0 / (_WEAK * stiffness), *band, stiff=_RIGID * stiffness)

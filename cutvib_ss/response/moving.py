@@ -150,7 +150,7 @@ def _end_force(
 ) -> FloatArray:  # fmt: skip
     """Force of the rail on what holds an end: of spring and damper, or what the equation of the released end lacks at rest."""
     end, dofs = name.removesuffix("_force"), machine.coupling(viscous_at).dofs
-    supports = machine.rail.supports
+    supports = machine.coupling(viscous_at).rail.supports
     if supports is not None:
         k, c = (supports.k_left, supports.c_left) if end == "rail_left" else (supports.k_right, supports.c_right)
         q, v, _ = (part[:, dofs.index(end)] for part in state.motion)

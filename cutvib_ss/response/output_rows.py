@@ -81,7 +81,7 @@ def _end_force(
     """Force of the rail on what holds an end."""
     end = name.removesuffix("_force")
     motion, forces = np.zeros((3, len(system.dofs))), np.zeros(len(inputs))
-    supports = machine.rail.supports
+    supports = machine.coupling(viscous_at).rail.supports
     if supports is not None:
         # Of springs and dampers under the end: k u + c u̇.
         k, c = (supports.k_left, supports.c_left) if end == "rail_left" else (supports.k_right, supports.c_right)

@@ -66,11 +66,10 @@ def found_at(measured: Records, sites: set[str]) -> dict[str, Fit]:
     nominal = published_machine()
     few = measured.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
     out: dict[str, Fit] = {}
-    for c in unknown_candidates(nominal, BAND, CHANNELS):
-        [element] = c.starts
+    for element in (e for c in unknown_candidates(nominal, BAND, CHANNELS) for e in c.starts):
         if element.site not in sites:  # type: ignore[attr-defined]
             continue
-        rough = first_steps(nominal, few, Hypothesis(c.starts), None, SETTINGS.search_later_steps)
+        rough = first_steps(nominal, few, Hypothesis((element,)), None, SETTINGS.search_later_steps)
         fine = rough and refit(nominal, measured, rough.hypothesis, rough.x, SETTINGS.search_most_steps)
         own = out.get(element.site)  # type: ignore[attr-defined]
         if fine and (own is None or fine.log_evidence > own.log_evidence):
