@@ -119,7 +119,11 @@ def _judged_by(problem: Problem, fitted: Fit, e: Entry) -> Judged:
     """A held-out record against a fit."""
     try:
         shown = predicted(e, _model_for(e, problem, fitted.x), problem.blow_at(fitted.x), problem, fitted.x)
-        return judged(e, shown, problem, fitted)
+        record = judged(e, shown, problem, fitted)
+        if fitted.closest is None:
+            return record
+        x = fitted.corrected.x
+        return replace(record, predicted=predicted(e, _model_for(e, problem, x), problem.blow_at(x), problem, x).data)
     except CutvibError:
         return _not_predicted(e)
 

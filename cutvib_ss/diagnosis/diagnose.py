@@ -244,15 +244,15 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             *at_their_ends(chosen),
         ),
         nominal=nominal,
-        corrected_machine=chosen.model,
-        comparisons=compared_responses(nominal, none.fit, chosen, fitted),
+        corrected_machine=chosen.corrected.model,
+        comparisons=compared_responses(nominal, none.fit.corrected, chosen.corrected, fitted),
         evidence=tuple(evidence_of(r, held[r.name].records if r.name in held else ()) for r in ranked),
         reduced_chi2=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
         data_count=problem.count,
         sizes=_sizes(chosen),
         limits=limits(nominal, chosen, records, observed, counts),
         repeatability=repeatability(fitted),
-        findings=found(nominal, chosen, records, result, observed, bands_hz, located, sides, seed),
+        findings=found(nominal, chosen.corrected, records, result, observed, bands_hz, located, sides, seed),
     )
 
 
@@ -291,7 +291,7 @@ def _causes(
             effect=key[0],
             place=key[1],
             probability=odds[r.name],
-            parameters=_parameters(r.fit),
+            parameters=_parameters(r.fit.corrected),
             after=after / observed.per_unit,
             shrinkage=1.0 - after / start,
             reduced_chi2=held[r.name].reduced if r.name in held else float("nan"),

@@ -22,7 +22,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.effects.base import Model
-from cutvib_ss.errors import DiagnosisError
+from cutvib_ss.errors import CutvibError, DiagnosisError
 from cutvib_ss.results import FloatArray
 
 
@@ -47,6 +47,13 @@ class Fit:
     at_end: tuple[str, ...]
     correlation: float  # Number of residuals that tell the same thing; 1 where they are white
     spread: Spread  # Drift and discrepancy: their sizes, and what the records say of them
+    # The same at unknowns of the model that is closest to the records without the discrepancy inferred beside it
+    closest: Fit | None = None
+
+    @property
+    def corrected(self) -> Fit:
+        """At the values with which its model is used, for nobody adds the discrepancy then."""
+        return self if self.closest is None else self.closest
 
     @property
     def reduced(self) -> float:
@@ -185,7 +192,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         for (k, name, r), value in zip(problem.parameters, x[index], strict=True)
         if not r.limits and r.scale != "normal" and (value >= 1.0 or (value <= 0.0 and r.low != r.minimum))
     )
-    return Fit(
+    made = Fit(
         hypothesis=replace(problem.hypothesis, effects=problem.effects(x)),
         model=problem.applied(x),
         tuned=problem.tuned(x),
@@ -203,3 +210,41 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         correlation=correlation,
         spread=Spread(quadratic.layout, search.sizes, offsets, own),
     )
+    closest = _closest(search, quadratic, own, offsets)
+    if np.array_equal(closest, x):
+        return made
+    try:
+        alone = replace(
+            made,
+            hypothesis=replace(problem.hypothesis, effects=problem.effects(closest)),
+            model=problem.applied(closest),
+            tuned=problem.tuned(closest),
+            x=closest,
+        )
+    except CutvibError:
+        return made
+    return replace(made, closest=alone)
+
+
+def _closest(search: Climb, quadratic: Quadratic, precision: FloatArray, offsets: FloatArray) -> FloatArray:
+    """
+    Unknowns of the model that is closest to the records without a discrepancy: to first order, within priors and bounds.
+
+    The posterior shares what is measured between the unknowns and the discrepancy; here the discrepancy that it infers is residual
+    again, and the mean square of the whole residual stands for the noise, drift held where it is. That is the calibration in mean
+    square of Tuo and Wu (2015), Annals of Statistics 43, 2331-2352.
+    """
+    lay, x = quadratic.layout, search.at.x
+    own, inferred = slice(0, lay.unknowns), slice(lay.first_nominal, lay.size)
+    scale = lay.scale(search.sizes)
+    drift = offsets - quadratic.offsets / scale
+    drift[inferred] = 0.0
+    of_data = quadratic.matrix * (scale * scale[:, None] / search.sizes.noise)
+    gradient = quadratic.gradient * (scale / search.sizes.noise)
+    squares = quadratic.squares / search.sizes.noise - 2.0 * float(gradient @ drift) + float(drift @ of_data @ drift)
+    heat = max(squares / search.count, 1.0)
+    prior = np.diag(quadratic.precision + SETTINGS.likelihood_precision_floor)
+    step, free = np.zeros(x.size), quadratic.free
+    pulled = of_data[own, inferred] @ offsets[inferred]
+    step[free] = solved((of_data[own, own] / heat + prior)[np.ix_(free, free)], pulled[free] / heat)
+    return np.clip(x + step, search.low, search.high)

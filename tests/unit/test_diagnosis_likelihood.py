@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
 from cutvib_ss.diagnosis import cross_validation
 from cutvib_ss.diagnosis.discrepancy import smooth_shapes
@@ -114,6 +114,34 @@ def test_a_record_of_another_session_is_judged_with_the_drift_it_may_have() -> N
     plain = cross_validation.judged(last, cross_validation.predicted(last, fitted.model, 0.0, problem, fitted.x))
     assert np.all(plain.chi2 > 3.0)
     assert np.all(judged.chi2 < 2.0)
+
+
+@pytest.mark.parametrize(("error", "gains"), [(0.01, True), (0.0, False)])
+def test_the_corrected_model_is_the_closest_without_its_discrepancy(error: float, gains: bool) -> None:
+    """A stiffness that rises with log frequency: where nobody adds the discrepancy, a mean stiffness serves best."""
+    structure = example_structure()
+    rng = np.random.default_rng(2)
+    rising = np.stack(
+        [response(structure, 1.0 + error * np.log(f / FREQ[0]))[:, i] for i, f in enumerate(FREQ)], axis=-1
+    )
+    found = []
+    for i in range(3):
+        variance = np.full(rising.shape, 1.0) * (1e-3 * np.abs(rising).max(axis=1, keepdims=True)) ** 2
+        noise = np.sqrt(variance / 2) * (rng.standard_normal(rising.shape) + 1j * rng.standard_normal(rising.shape))
+        found.append(
+            entry_of(i, None, 1.0, rising + noise, variance, FREQ, ("y", "a"), ("displacement", "acceleration"))
+        )
+    records = Records(tuple(found))
+    fitted = fit(structure, records, Hypothesis())
+    problem = Problem(structure, records.merged, Hypothesis())
+    posterior, closest = (problem.residuals(x)[2] for x in (fitted.x, fitted.corrected.x))
+    # Where there is no discrepancy both are the same within what noise leaves open.
+    assert (closest < 0.5 * posterior) if gains else 0.98 * posterior < closest <= posterior
+    start = problem.prior_precision()
+    heat = max(posterior / fitted.count, 1.0)
+    best = optimize.minimize(lambda x: problem.residuals(x)[2] / heat + start @ x**2, fitted.x, method="Nelder-Mead")
+    least = problem.residuals(best.x)[2]
+    assert closest < (1.1 if gains else 1.001) * least
 
 
 class Dense:
