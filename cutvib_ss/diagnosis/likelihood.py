@@ -3,8 +3,8 @@ Repeatability and discrepancy: the residual of a right model beyond sensor noise
 
     measured = H(x)·(1 + ε) + D_s z_s + Q v + noise,    z_s, v ~ N(0, 1) times their sizes
 
-`D_s` moves the stiffnesses, dampings and gains of session s (repeatability); where records of one session differ, those of each
-record beside them. `Q` multiplies the dynamic stiffness of an element by
+`D_s` moves the stiffnesses, dampings and gains of session s, and the size of the cause (repeatability); where records of one session
+differ, those of each record beside them. `Q` multiplies the dynamic stiffness of an element by
 1 + δ(ω), with δ a smooth complex Gaussian process over log frequency that all sessions share (discrepancy): of the nominal
 model's elements, and of the cause itself. Both are linear, so they are integrated out: with U = [D, Q] in whitened data the
 covariance is 1 + U Uᵀ. Sizes are hyperparameters with priors; the evidence decides, and they are summed over in every hypothesis.
@@ -58,11 +58,12 @@ class Layout:
     pivots: tuple[tuple[float, float], ...]
     shapes: int
     records: tuple[int, ...] = ()  # Those that drift within their session, by their index in the campaign
+    cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
 
     @property
     def per_session(self) -> int:
-        """Directions of one session, or record: tuned values, then real and imaginary gain of each channel."""
-        return len(self.drifting) + 2 * len(self.channels)
+        """Directions of one session, or record: tuned values, real and imaginary gain of each channel, the cause's size."""
+        return len(self.drifting) + 2 * len(self.channels) + self.cause_drifts
 
     @property
     def first_within(self) -> int:
@@ -126,6 +127,7 @@ class Directions:
             pivots_of(problem) if spread and np.any(self.cause) else (),
             self.smooth[0].shape[0],
             problem.drifting_within if spread else (),
+            cause_drifts=bool(spread and np.any(self.cause)),
         )
         self._shapes: dict[tuple[int, int], FloatArray] = {}
         self.rows = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
@@ -163,6 +165,9 @@ class Directions:
                             gain = first + moved.size + 2 * lay.channels.index(channel)
                             index.append(np.array([gain, gain + 1]))
                             parts.append(np.array([1.0, 1j])[:, None, None] * self.plain[i][rows, c])
+                        if lay.cause_drifts and cause is not None:
+                            index.append(np.array([first + lay.per_session - 1]))
+                            parts.append(cause[None, rows, c])
                     if lay.nominal:
                         moved = np.array(lay.nominal)
                         index.append(own_nominal)

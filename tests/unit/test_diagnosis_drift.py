@@ -1,5 +1,6 @@
 """Campaigns of the published machine that moves between sessions and lacks nothing: made by closed forms, not by directions."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.model.paths import value_at, with_values
@@ -39,17 +41,25 @@ def moved(rng: np.random.Generator) -> tuple[Machine, np.ndarray]:
     return with_values(MACHINE, values), 1.0 + DRIFT * rng.standard_normal(len(CHANNELS))
 
 
-def campaign(folder: Path, sessions: dict[str | None, tuple[float, ...]], seed: int) -> Campaign:
-    """Responses with noise of a known variance; without a name every position is a session of its own."""
+def campaign(
+    folder: Path,
+    sessions: dict[str | None, tuple[float, ...]],
+    seed: int,
+    fault: Callable[[Machine], Machine] = lambda model: model,
+    noise_level: float = NOISE,
+) -> Campaign:
+    """Responses with noise of a known variance; without a name every position is a session of its own, with its own fault."""
     rng = np.random.default_rng(seed)
     records = []
     for name, positions in sessions.items():
         model, gain = moved(rng)
+        model = fault(model)
         for y in positions:
             if name is None:
                 model, gain = moved(rng)
+                model = fault(model)
             data = frequency_response(model, [y], FREQ, outputs=CHANNELS).data * gain[:, None, None]
-            std = NOISE * np.abs(data).max(axis=-1, keepdims=True) * np.ones(FREQ.size)
+            std = noise_level * np.abs(data).max(axis=-1, keepdims=True) * np.ones(FREQ.size)
             noise = std * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape)) / np.sqrt(2)
             frf = MeasuredFrequencyResponse(
                 data + noise, FREQ, np.array([y]), CHANNELS, ("force",), ("acceleration",) * 2, variance=std**2, averages=4
@@ -91,3 +101,20 @@ def test_a_machine_that_moves_between_sessions_has_no_gap(
     assert diagnosis.causes[0].effect == diagnosis.where.place == "none"
     assert 0.9 < diagnosis.causes[0].reduced_chi2 < 1.1
     assert not diagnosis.where.level_dependent
+
+
+def test_the_fault_drifts_like_the_machine(tmp_path: Path) -> None:
+    """A spring at the tool that is another one in each session, by as much as the machine's own: a cause of the catalogue."""
+    rng = np.random.default_rng(4)
+    spring = ToolContact("tool", 5e5, 20.0)
+
+    def fault(model: Machine) -> Machine:
+        return replace(spring, stiffness=spring.stiffness * (1.0 + 4 * DRIFT * rng.standard_normal())).apply(model)
+
+    measured = campaign(tmp_path, {None: (0.1, 0.3, 0.6, 0.9)}, 6, fault, 2e-4)
+    found = fit(MACHINE, Records(observe(measured, MACHINE).entries), Hypothesis((spring,)))
+    (effect,) = found.hypothesis.effects
+    assert isinstance(effect, ToolContact)
+    assert effect.stiffness == pytest.approx(spring.stiffness, rel=6 * DRIFT)
+    assert found.reduced < 1.1
+    assert found.spread.sizes.cause < 0.1
