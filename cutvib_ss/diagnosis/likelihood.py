@@ -3,8 +3,8 @@ Repeatability and discrepancy: the residual of a right model beyond sensor noise
 
     measured = H(x)·(1 + ε) + D_s z_s + Q v + noise,    z_s, v ~ N(0, 1) times their sizes
 
-`D_s` moves the stiffnesses, dampings and gains of session s, and the size of the cause (repeatability); where records of one session
-differ, those of each record beside them. `Q` multiplies the dynamic stiffness of an element by
+`D_s` moves the stiffnesses, dampings and gains of session s, and the size of the cause (repeatability); where records of one
+session differ, those of each record beside them. `Q` multiplies the dynamic stiffness of an element by
 1 + δ(ω), with δ a smooth complex Gaussian process over log frequency that all sessions share (discrepancy): of the nominal
 model's elements, and of the cause itself. Both are linear, so they are integrated out: with U = [D, Q] in whitened data the
 covariance is 1 + U Uᵀ. Sizes are hyperparameters with priors; the evidence decides, and they are summed over in every hypothesis.
