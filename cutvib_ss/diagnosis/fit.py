@@ -21,7 +21,7 @@ from cutvib_ss.diagnosis.records import By, Records
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknowns import from_unknown
-from cutvib_ss.effects.base import Model
+from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import CutvibError, DiagnosisError
 from cutvib_ss.results import FloatArray
 
@@ -59,6 +59,16 @@ class Fit:
     def reduced(self) -> float:
         """χ² a datum against the noise as stated, drift and discrepancy integrated out."""
         return self.chi2 * self.spread.sizes.noise / self.count
+
+    @property
+    def of_no_size(self) -> tuple[Effect, ...]:
+        """Effects of which the size's interval holds nothing: only an error of theirs, the discrepancy, may be what is seen."""
+        out = []
+        for k, e in enumerate(self.hypothesis.effects):
+            sizes = [(abs(size), self.stds.get(f"{k}.{name}", np.inf)) for name, size in e.by_size().items()]
+            if sizes and all(size < SETTINGS.verdict_size * std for size, std in sizes):
+                out.append(e)
+        return tuple(out)
 
     @property
     def beyond_belief(self) -> bool:

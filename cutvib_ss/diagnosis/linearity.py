@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import stats
 
 from cutvib_ss.diagnosis.comparison import across_grids
+from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.records import Entry, Records, merged, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model, Motion
@@ -62,6 +64,37 @@ def blows_order(records: Records) -> bool:
     """Whether single blows order with their force, in some record and channel, beyond what chance does anywhere."""
     chances = [p for e in records.entries for p in e.estimator.ordering if p is not None]
     return bool(chances) and min(chances) * len(chances) < SETTINGS.level_ordered
+
+
+def drift_orders(spread: Spread, records: Records) -> bool:
+    """
+    Whether the drift that a fit gives to the records of a session orders with their level, beyond what chance does anywhere.
+
+    A machine that moves while it is measured does not ask how hard it is struck; a restoring force moves what all records of a
+    level show to the same side. By Student's t of each value's slope over the logarithm of the level, sessions apart.
+    """
+    lay = spread.layout
+    by_record = {e.record: e for e in records.entries}
+    of = [by_record[r] for r in lay.records]
+    if not of or any(e.level is None for e in of):
+        return False
+    names = [session_of(e) for e in of]
+    free = len(of) - len(set(names)) - 1
+    start = lay.first_within + lay.per_session * np.arange(len(of))
+    drift = np.array([spread.offsets[k : k + lay.per_session] for k in start])
+    level = np.log([[float(e.level or 1.0)] for e in of])
+    for name in set(names):
+        same = np.array([n == name for n in names])
+        drift[same] -= drift[same].mean(axis=0)
+        level[same] -= level[same].mean()
+    power = float(np.sum(level**2))
+    if free < 1 or power < np.log(SETTINGS.level_apart) ** 2 / 2:
+        return False
+    slope = level.T @ drift / power
+    scatter = np.sum((drift - level * slope) ** 2, axis=0) / (free * power)
+    seen = scatter > 0.0
+    chances = 2.0 * stats.t.sf(np.abs(slope[0, seen]) / np.sqrt(scatter[seen]), free)
+    return bool(chances.size) and float(chances.min()) * chances.size < SETTINGS.level_drift
 
 
 def _rises(power: FloatArray, count: int) -> bool:

@@ -106,6 +106,8 @@ class _HeldOutRules:
         if not known and held(r).reduced > SETTINGS.fit_run_away:
             # It shows that something unknown is there, but not what.
             self.odds[r.name] = 0.0
+        if known and r.fit.of_no_size:
+            self.without_what_may_be_nothing(r)
         if self.bare and (known or kind_of(r.fit.hypothesis) == UNKNOWN):
             self.by_both_leads(r, self.bare)
         if kind_of(r.fit.hypothesis) == UNKNOWN:
@@ -128,6 +130,14 @@ class _HeldOutRules:
     def closed(self, first: Ranked, both: Ranked) -> float:
         """Part of the excess that the first of two parts closes alone."""
         return share(self.held(self.bare) if self.bare else None, self.held(first), self.held(both))
+
+    def without_what_may_be_nothing(self, r: Ranked) -> None:
+        """Pass on the probability of causes of which one may as well be nothing: its evidence is that of its discrepancy."""
+        certain = [e for e in r.fit.hypothesis.effects if e not in r.fit.of_no_size]
+        causes = Hypothesis(tuple(certain)).causes
+        less = _best(x for x in self.fitted if x.fit.hypothesis.causes == causes)
+        if less:
+            _give(self.odds, r, less)
 
     def by_both_leads(self, r: Ranked, simpler: Ranked) -> None:
         """Share the probability of a hypothesis with a simpler one that predicts held-out records better."""

@@ -19,7 +19,7 @@ import numpy as np
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.linearity import level_stands_out, levels_compared, motions
+from cutvib_ss.diagnosis.linearity import drift_orders, level_stands_out, levels_compared, motions
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
 from cutvib_ss.diagnosis.prediction import slow_frequencies
@@ -86,6 +86,8 @@ def search(
     if by_level:
         records = replace(records, moving=True)
         none, ranked = _moving(nominal, records, none, ranked, workers)
+    # Drift from record to record may take all up that a restoring force does.
+    ordered = by_level and drift_orders(none.fit.spread, records)
     dependent: Sequence[Candidate] = ()
     motion: dict[str, float] = {}
     # Where the re-tuned model leaves less than the noise itself, a widened noise would hide all that is left.
@@ -93,7 +95,8 @@ def search(
     error = 0.0 if small else SETTINGS.search_coarse_error
     outlook = records.for_laws(SETTINGS.search_coarse_lines, error) if laws else None
     compared = levels_compared(records, none.fit.model)
-    if outlook is not None and (by_level or not compared or not _enough(ranked, none, leaves)) and _gap(ranked, none):
+    likely = _gap(ranked, none) and (by_level or not compared or not _enough(ranked, none, leaves))
+    if outlook is not None and (likely or ordered):
         moved = motions(none.fit.model, outlook)
         motion = {place: m.high for place, m in moved.items()}
         dependent = nonlinear_candidates(nominal, moved)

@@ -136,6 +136,8 @@ class Settings:
         "more gaps are called none, fewer pairs", "noise estimated from a few blows is right to a factor below two")
     verdict_closed: float = _of(0.97, "excess", "That a cause alone has to close to be the answer where no second one is known",
         "more answers say that something is left", "restoring forces and supports hold to ten or twenty percent: squared, a few")
+    verdict_size: float = _of(1.96, "standard deviations", "That a cause's size has to lie from nothing", "fewer causes are named",
+        "a normal posterior's 95 % interval holds nothing below")
     verdict_form: float = _of(0.6, "probability",
         "That an answer keeps whose model errs by more than is believed, by a parameter, its discrepancies or on held-out records",
         "more such answers are sure",
@@ -207,6 +209,9 @@ class Settings:
         "the first modes of machines of this size")
     level_blows: int = _of(3, "blows", "Of a record that are compared one by one", "fewer such comparisons",
         "a mean, what orders with the force, and one to judge it by")
+    level_drift: float = _of(0.05, "probability",
+        "Of drift that orders with the level by chance as much as it does, from which restoring forces are looked for all the same",
+        "more searches in vain", _TIME)
     level_ordered: float = _of(1e-4, "probability",
         "Of blows that order with their force by chance as much as they do, from which it is nonlinearity",
         "more records are called nonlinear", _STATISTICS)

@@ -1,4 +1,4 @@
-"""What goes wrong in a measurement: double hits, overloads, dead channels; signs and units are in modules of their own."""
+"""What goes wrong in a measurement: double hits, overloads, dead and loose channels; signs and units have modules of their own."""
 
 from __future__ import annotations
 
@@ -19,6 +19,11 @@ from cutvib_ss.results import FloatArray
 DOUBLE_HIT = 0.1
 """A second peak of the force above this fraction of the first is a second hit."""
 
+LOOSE = 0.05
+"""Standard deviation of a channel's gain from blow to blow from which its cable is looked at; no sensor is so far off."""
+LOOSE_OTHERS = 0.2
+"""Part of that which the other channels may show, and of what differs that may be no gain: a structure changes its form, too."""
+
 _COMMENTED = re.compile(r"#\s*\w+ =")
 _OVERLOAD_RUN = 3  # consecutive samples at the extreme value
 _FEWEST_STEPS = 100  # of the digitiser, within the extreme: fewer, and equal samples are no sign of clipping
@@ -38,6 +43,7 @@ def check_record(record: Record, machine: MachineLike, where: str) -> tuple[Reco
         record = _drop_dead_responses(record, where, warnings)
     if record.kind == "impact":
         record = _drop_overloads(record, where, warnings)
+        record = _drop_loose_channels(record, where, warnings)
         for history in record.histories:
             second = second_hit(history.force)
             if second is not None:
@@ -133,10 +139,14 @@ def _drop_dead_responses(record: Record, where: str, warnings: list[str]) -> Rec
 def _without(record: Record, dead: list[str], where: str, warnings: list[str], why: str) -> Record:
     if not dead:
         return record
-    keep = [k for k, name in enumerate(record.channels) if name not in dead]
-    if not keep:
+    if len(dead) == len(record.channels):
         raise DataFormatError(f"{where}: every response channel is {why}; check sensors, cables and channels")
     warnings += [f"{where}: {name} is {why} (dead channel): left out" for name in dead]
+    return _left(record, dead)
+
+
+def _left(record: Record, out: list[str]) -> Record:
+    keep = [k for k, name in enumerate(record.channels) if name not in out]
     channels = tuple(record.channels[k] for k in keep)
     return replace(
         record,
@@ -145,6 +155,48 @@ def _without(record: Record, dead: list[str], where: str, warnings: list[str], w
         histories=tuple(replace(h, responses=h.responses[keep], channels=channels) for h in record.histories),
         frf=None if record.frf is None else record.frf.sel(output=channels),
     )
+
+
+def _drop_loose_channels(record: Record, where: str, warnings: list[str]) -> Record:
+    """
+    The record without channels whose gain differs from blow to blow while the others' does not.
+
+    A cable or connector changes a channel's gain; a structure that is not linear, a hand that hits elsewhere, or noise change the
+    form of its response. At least two blows and two channels are needed to tell.
+    """
+    if len(record.histories) < 2 or len(record.channels) < 2:
+        return record
+    spread, form = gains_of_blows(record)
+    loose = [
+        k
+        for k, s in enumerate(spread)
+        if s > LOOSE and form[k] < LOOSE_OTHERS and np.delete(spread, k).max() < LOOSE_OTHERS * s
+    ]
+    for k in loose:
+        warnings.append(
+            f"{where}: {record.channels[k]}: its gain differs by {100 * spread[k]:.0f} % from blow to blow, that of the others "
+            "does not: left out; look for a loose cable or connector, and measure again"
+        )
+    return _left(record, [record.channels[k] for k in loose]) if loose else record
+
+
+def gains_of_blows(record: Record) -> tuple[FloatArray, FloatArray]:
+    """Standard deviation of each channel's gain over the blows, and what else differs over what the gain does (powers)."""
+    samples = min(h.force.size for h in record.histories)
+    force = np.fft.rfft([h.force[:samples] - np.median(h.force[:samples]) for h in record.histories])
+    levelled = [
+        h.responses[:, :samples] - np.median(h.responses[:, :samples], axis=1)[:, None] for h in record.histories
+    ]
+    response = np.fft.rfft(levelled)
+    power = np.sum(np.abs(force) ** 2, axis=0)
+    heard = power > LOOSE**2 * power.max()
+    force, response = force[:, None, heard], response[..., heard]
+    expected = np.sum(response * force.conj(), axis=0) / power[heard] * force
+    own = np.sum(np.abs(expected) ** 2, axis=-1)
+    gain = np.sum((response * expected.conj()).real, axis=-1) / np.maximum(own, 1e-300)
+    off = np.sum((gain - gain.mean(axis=0)) ** 2 * own, axis=0)
+    rest = np.sum(np.abs(response - gain[..., None] * expected) ** 2, axis=(0, -1))
+    return np.asarray(gain.std(axis=0, ddof=1)), np.asarray(rest / np.maximum(off, 1e-300))
 
 
 def _drop_overloads(record: Record, where: str, warnings: list[str]) -> Record:

@@ -9,9 +9,10 @@ import pytest
 from cutvib_ss.diagnosis import where
 from cutvib_ss.diagnosis.correlation import frac, mac, mode_pairs
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Sizes
-from cutvib_ss.diagnosis.linearity import blows_order, level_stands_out
+from cutvib_ss.diagnosis.likelihood import Layout, Sizes
+from cutvib_ss.diagnosis.linearity import blows_order, drift_orders, level_stands_out
 from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.effects.local_resonator import LocalResonator
@@ -159,6 +160,29 @@ def test_blows_that_order_with_their_force_are_nonlinearity_at_one_level():
     # Levels that were compared and agree know better.
     agree = (curved[0], replace(curved[0], record=1, level=150.0))
     assert not level_stands_out(Records(tuple(replace(e, session="day") for e in agree)))
+
+
+@pytest.mark.parametrize(
+    ("ordered", "random", "found"), [(1.0, 0.2, True), (0.0, 1.0, False), (1.0, 1.0, False), (1.0, 0.0, True)]
+)
+def test_drift_that_orders_with_the_level_is_told_from_drift_that_does_not(ordered, random, found):
+    """Four positions at two levels in sessions of their own; the drift of two stiffnesses and of a channel's gain."""
+    rng, levels = np.random.default_rng(1), np.tile([20.0, 100.0], 4)
+    ones = np.ones((1, FREQ.size))
+    entries = tuple(
+        entry_of(k, 0.1 + 0.2 * (k // 2), level, ones, ones, FREQ, ("a",), ("acceleration",), session=f"day {k // 2}")
+        for k, level in enumerate(levels)
+    )
+    layout = Layout(2, ((0.0,),), ("a",), (0, 1), (), (), 1, tuple(range(8)))
+    drift = random * rng.standard_normal((8, layout.per_session))
+    drift[:, 0] += ordered * np.log(levels) + np.repeat(rng.standard_normal(4), 2)
+    offsets = np.zeros(layout.size)
+    offsets[layout.first_within : layout.first_nominal] = drift.ravel()
+    spread = Spread(layout, Sizes(), offsets, np.eye(layout.size))
+    assert drift_orders(spread, Records(entries)) is found
+    # One level a session tells nothing.
+    apart = tuple(replace(e, session=str(e.record)) for e in entries)
+    assert not drift_orders(spread, Records(apart))
 
 
 # --- figures by position and channel ----------------------------------------------------------------------------------

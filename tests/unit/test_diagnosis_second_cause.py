@@ -34,6 +34,7 @@ UNKNOWN = UnknownElement("joint1", "joint1", 1e5, 10.0, 400.0)
 class OnlyEvidence:
     hypothesis: Hypothesis
     log_evidence: float
+    of_no_size: tuple[Effect, ...] = ()
 
 
 def ranked(name: str, evidence: float, *effects: Effect) -> Ranked:
@@ -73,6 +74,15 @@ def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: floa
     assert sum(found.values()) == pytest.approx(1.0)
     # Nothing is taken from what was not in question.
     assert found["other"] == 0.0
+
+
+def test_a_cause_that_may_as_well_be_nothing_is_none() -> None:
+    vague = Ranked("main", cast(Fit, OnlyEvidence(Hypothesis((MASS,)), 100.0, (MASS,))), True)
+    beside = Ranked("both", cast(Fit, OnlyEvidence(Hypothesis((CUBIC, MASS)), 200.0, (MASS,))), True)
+    seen = held(none=TUNED, main=Leaves(), other=Leaves(squares=0.01), both=Leaves())
+    assert judged_on_held_out([NONE, vague, OTHER], {"none": 0.0, "main": 1.0, "other": 0.0}, seen, 1.0)["none"] == 1.0
+    odds = {"none": 0.0, "main": 0.0, "other": 0.0, "both": 1.0}
+    assert judged_on_held_out([NONE, vague, OTHER, beside], odds, seen, 1.0)["other"] == 1.0
 
 
 def test_a_second_cause_that_predicts_more_than_something_unknown_is_named_and_not_sure() -> None:

@@ -69,6 +69,53 @@ def test_double_hit_is_kept_with_a_warning():
     assert "40 % of the first 30.0 ms after it" in warning
 
 
+# --- loose cables ----------------------------------------------------------------------------------------------------
+
+
+class TwoChannels(OneMass):
+    """The same with a second sensor."""
+
+    channels = {**OneMass.channels, "b": OneMass.channels["a"]}
+
+
+def two_channels(gains_a, gains_b, noise_b=0.02, soften=0.0):
+    """Three blows on two channels, with a gain of each in each blow; softening bends the louder motion of `b`."""
+    rng = np.random.default_rng(3)
+    record = impact(3, 0.005, 0.0)
+    histories = []
+    for h, a, b in zip(record.histories, gains_a, gains_b, strict=True):
+        motion = h.responses[0]
+        own = np.stack([a * motion, b * (motion - soften * motion**3 / np.max(np.abs(motion)) ** 2)])
+        own += np.array([[0.02], [noise_b]]) * rng.standard_normal(own.shape)
+        histories.append(replace(h, responses=own, channels=("a", "b")))
+    return replace(record, channels=("a", "b"), quantities=("acceleration",) * 2, histories=tuple(histories))
+
+
+def test_a_channel_whose_gain_alone_changes_is_left_out():
+    checked, warnings = check_record(two_channels((1, 1, 1), (1.0, 0.7, 0.85)), TwoChannels(), "r.csv")
+    assert checked.channels == ("a",)
+    assert all(h.responses.shape[0] == 1 for h in checked.histories)
+    (told,) = (w for w in warnings if "loose cable" in w)
+    assert told.startswith("r.csv: b: its gain differs by 18 % from blow to blow")  # 0.15 of a mean of 0.85
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        two_channels((1.0, 0.7, 0.85), (1.0, 0.7, 0.85)),  # the hammer's gain, if any
+        two_channels((1, 1, 1), (1.0, 0.97, 1.02)),  # what a hand does
+        two_channels((1, 1, 1), (1, 1, 1), noise_b=5.0),
+        two_channels((1, 1, 1), (1.0, 0.9, 1.0), noise_b=5.0),  # it may be one, but noise hides it
+        two_channels((1, 1, 1), (1, 1, 1), soften=0.9),
+    ],
+    ids=["all", "hand", "noise", "hidden", "softening"],
+)
+def test_what_is_no_loose_cable_stays(record):
+    checked, warnings = check_record(record, TwoChannels(), "r.csv")
+    assert checked.channels == ("a", "b")
+    assert not any("loose" in w for w in warnings)
+
+
 # --- overloads -------------------------------------------------------------------------------------------------------
 
 
@@ -122,10 +169,6 @@ def _two_channels(record):
         for h in record.histories
     )
     return replace(record, histories=histories, channels=("a", "b"), quantities=("acceleration",) * 2)
-
-
-class TwoChannels(OneMass):
-    channels = OneMass.channels | {"b": OneMass.channels["a"]}
 
 
 def test_dead_channel_is_left_out_with_a_word():
