@@ -134,10 +134,15 @@ def search(
         ranked += _unknown(nominal, records, few, observed, ranked if left else (), workers)
         if dependent and left:
             ranked += _unknown_forces(nominal, records, few, observed, none, workers)
-    best: dict[str, Ranked] = {}
-    for r in sorted(ranked, key=lambda r: -r.fit.log_evidence):
-        best.setdefault(r.name, r)
-    return (none, *best.values())
+    return (none, *_once(ranked))
+
+
+def _once(ranked: Sequence[Ranked]) -> tuple[Ranked, ...]:
+    """Every hypothesis by its best fit, best first: two causes are one pair, whichever of them was found first."""
+    best: dict[frozenset[str], Ranked] = {}
+    for r in sorted(ranked, key=lambda r: (not r.refined, -r.fit.log_evidence)):
+        best.setdefault(frozenset(r.name.split(" + ")), r)
+    return tuple(sorted(best.values(), key=lambda r: -r.fit.log_evidence))
 
 
 def _moving(

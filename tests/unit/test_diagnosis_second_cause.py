@@ -16,7 +16,7 @@ from cutvib_ss.diagnosis.likelihood import Layout, Sizes
 from cutvib_ss.diagnosis.posterior import judged_on_held_out, kind_of, of_known_form
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked
-from cutvib_ss.diagnosis.search import _enough
+from cutvib_ss.diagnosis.search import _enough, _once
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownChannelError, UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
@@ -74,6 +74,13 @@ def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: floa
     assert sum(found.values()) == pytest.approx(1.0)
     # Nothing is taken from what was not in question.
     assert found["other"] == 0.0
+
+
+def test_a_pair_is_one_hypothesis_whichever_cause_came_first() -> None:
+    one, other = ranked("mass + cubic", 5.0, MASS, CUBIC), ranked("cubic + mass", 6.0, CUBIC, MASS)
+    bound = replace(ranked("mass", 9.0, MASS), refined=False)
+    fitted = ranked("mass", 1.0, MASS)
+    assert _once([one, bound, other, fitted]) == (other, fitted)
 
 
 def test_a_cause_that_may_as_well_be_nothing_is_none() -> None:
