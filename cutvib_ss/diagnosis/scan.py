@@ -10,7 +10,6 @@ while the residual's squares fall evenly to where the truth is.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +22,7 @@ from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
+from cutvib_ss.diagnosis.unknowns import to_unknown
 from cutvib_ss.effects.base import Effect, Model, parameter_fields
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -76,8 +76,8 @@ class Scan:
             gain, best = max(((g, h) for h, _, g in map(self._of_start, starts)), key=lambda row: row[0])
             return Scanned(gain, best)
         tried = [self.as_it_stands(e) for e in starts]
-        if starts[0].proportional:
-            tried.append(self._in_proportion(starts))
+        if len(starts[0].strength) == 1:
+            tried += map(self._in_proportion, _shapes(starts))
         return max(tried, key=lambda s: s.gain)
 
     def each(self, starts: Sequence[Effect]) -> list[tuple[float, float]]:
@@ -141,21 +141,40 @@ class Scan:
         both, problem, x = self.with_cause(effect)
         return Scanned(self._gain_at(problem, x), both)
 
-    def _in_proportion(self, starts: Sequence[Effect]) -> Scanned:
-        """A law between and below its starts: what the weakest changes, scaled as it is best and turned round if need be."""
-        [parameter] = parameter_fields(type(starts[0]))
-        sizes = [abs(getattr(e, parameter.name)) for e in starts]
-        weakest = starts[int(np.argmin(sizes))]
-        both, problem, x = self.with_cause(weakest)
-        along, size, _ = self.change(problem, x)
+    def faint(self, starts: Sequence[Effect]) -> list[Hypothesis]:
+        """A law in each of its shapes, so weak that what it changes is in proportion to its strength; none where it never is."""
+        weak = [(e, self._weak(e)) for e in _shapes(starts)]
+        return [
+            Hypothesis((*self.effects, _times(e, factor)), self.motion) for e, (factor, _, size) in weak if size > 0.0
+        ]
+
+    def _weak(self, effect: Effect) -> tuple[float, float, float]:
+        """A factor below which a law changes in proportion to its strength, the change times the residual, and its squares."""
+        _, problem, x = self.with_cause(effect)
+        values = {name: float(getattr(effect, name)) for name in effect.strength}
+        factor = 1.0
+        for _ in range(SETTINGS.scan_weaker):
+            for i, (k, name, r) in enumerate(problem.parameters):
+                if k == len(self.effects) and name in values:
+                    x[problem.first_effect + i] = to_unknown(factor * values[name], r)
+            along, size, moved_by = self.change(problem, x)
+            if moved_by <= SETTINGS.scan_in_proportion * self.left.size:
+                break
+            factor *= np.sqrt(0.5 * SETTINGS.scan_in_proportion * self.left.size / moved_by)
+        return factor, along, size
+
+    def _in_proportion(self, weakest: Effect) -> Scanned:
+        """A law between and below its starts: what little of it changes, scaled as it is best and turned round if need be."""
+        factor, along, size = self._weak(weakest)
         scale = along / size if size > 0.0 else 0.0
-        if not 0.0 < abs(scale) < SETTINGS.scan_extrapolated:
-            return Scanned(-np.inf, both)
+        nothing = Scanned(-np.inf, Hypothesis((*self.effects, weakest), self.motion))
+        if not 0.0 < factor * abs(scale) < SETTINGS.scan_extrapolated:
+            return nothing
         try:
-            return self.as_it_stands(replace(weakest, **{parameter.name: scale * getattr(weakest, parameter.name)}))
+            return self.as_it_stands(_times(weakest, factor * scale))
         except CutvibError:
             # Its parameter cannot be negative.
-            return Scanned(-np.inf, both)
+            return nothing
 
     def _of_start(self, effect: Effect) -> tuple[Hypothesis, float, float]:
         """χ² that a linear cause would take away at a start: as it stands, and with its change scaled as it is best."""
@@ -188,6 +207,25 @@ class Scan:
         own = change - self.rows.T @ pulled
         along, size = float(own @ self.left + pulled @ self.strain), float(own @ change)
         return (along, size, float(change @ change)) if size > 0.0 else (0.0, 0.0, float(change @ change))
+
+
+def _times(effect: Effect, factor: float) -> Effect:
+    """A law with its restoring force times a factor."""
+    return effect.changed({name: factor * float(getattr(effect, name)) for name in effect.strength})
+
+
+def _shapes(starts: Sequence[Effect]) -> list[Effect]:
+    """The weakest start of each shape that a law's strength does not change; some of many."""
+    found: dict[tuple[object, ...], Effect] = {}
+    names = starts[0].strength
+    if not names:
+        return []
+    for e in sorted(starts, key=lambda e: abs(float(getattr(e, names[0])))):
+        sizes = np.array([float(getattr(e, name)) for name in names])
+        rest = tuple(getattr(e, f.name) for f in parameter_fields(type(e)) if f.name not in names)
+        found.setdefault((*np.round(np.log(np.abs(sizes / sizes[0])), 3).tolist(), *rest), e)
+    each = list(found.values())
+    return [each[i] for i in np.unique(np.linspace(0, len(each) - 1, SETTINGS.scan_shapes).round().astype(int))]
 
 
 def _flat(residuals: Sequence[ComplexArray]) -> FloatArray:

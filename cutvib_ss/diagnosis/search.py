@@ -43,6 +43,7 @@ class Linear(NamedTuple):
     ranked: list[Ranked]  # Causes
     candidates: Sequence[Candidate]  # All that there are
     alone: Mapping[str, Effect]  # Values of those that were fitted on few lines
+    leads: float  # Part of the tuned model's excess that the best of them takes away there
 
 
 def search_linear(nominal: Model, records: Records, observed: Observations, workers: Workers) -> Linear:
@@ -67,7 +68,8 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     best = _best(ranked, none)
     ranked = [_other_instants(nominal, records, r) if r is best else r for r in ranked]
     none = _not_caught(nominal, records, none, ranked)
-    return Linear(records, few, none, ranked, linear, alone)
+    leads = _taken(scout, rough[0][1]) if rough else 0.0
+    return Linear(records, few, none, ranked, linear, alone, leads)
 
 
 def search(
@@ -81,7 +83,7 @@ def search(
     laws: bool = True,
 ) -> tuple[Ranked, ...]:
     """Go on from the linear causes to laws, pairs and unknown elements: the tuned nominal model first, then causes by evidence."""
-    records, few, none, ranked, linear, alone = first
+    records, few, none, ranked, linear, alone, leads = first
     by_level = level_stands_out(records, none.fit.model)
     if by_level:
         records = replace(records, moving=True)
@@ -118,7 +120,8 @@ def search(
         pairs
         and _gap(ranked, none)
         and not _enough(ranked, none, leaves)
-        and _gained(ranked, none) > SETTINGS.search_leads
+        # Far from all causes the fits on all lines may stop anywhere, those with a widened noise do not.
+        and max(leads, _taken(none.fit, _best(ranked, none).fit)) > SETTINGS.search_leads
     ):
         workers.say("fitting causes that act together")
         seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
@@ -317,9 +320,9 @@ def _unknown_forces(
     return _best_unknown(nominal, records, few, hypotheses, none.fit.x, workers)
 
 
-def _gained(ranked: Sequence[Ranked], none: Ranked) -> float:
-    """Part of the re-tuned model's excess that the best single cause takes away."""
-    return (none.reduced - _best(ranked, none).reduced) / (none.reduced - 1.0)
+def _taken(none: Fit, cause: Fit) -> float:
+    """Part of the re-tuned model's excess over noise that a cause takes away."""
+    return (none.reduced - cause.reduced) / max(none.reduced - 1.0, 1e-9) if none.reduced > 1.0 else 0.0
 
 
 def _rival(nominal: Model, outlook: Records, best: Ranked) -> tuple[float, float]:
@@ -388,9 +391,13 @@ def _rough_laws(
     ]
     refined = workers.map(scan.refined, [s for _, s in promising])
     promising = ranked_by_gain([c for c, _ in promising], refined)[: SETTINGS.search_laws_started]
-    tries = workers.map(
-        partial(first_steps, nominal, outlook, warm=warm, steps=SETTINGS.search_law_steps),
-        [s.hypothesis for _, s in promising],
-    )
+    first = partial(first_steps, nominal, outlook, warm=warm, steps=SETTINGS.search_law_steps)
+    tries = workers.map(first, [s.hypothesis for _, s in promising])
     out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]
+    if warm is not None:
+        # Beside a tuned model that leaves little every start may be far too strong.
+        faint = [(c, h) for c, _ in promising for h in scan.faint(c.starts)]
+        tries = workers.map(first, [h for _, h in faint])
+        out += [(c, f) for (c, _), f in zip(faint, tries, strict=True) if f is not None]
+        out = list({c.name: (c, f) for c, f in sorted(out, key=lambda pair: -cost(pair[1]))}.values())
     return sorted(out, key=lambda pair: cost(pair[1]))

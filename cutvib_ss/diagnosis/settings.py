@@ -296,6 +296,10 @@ class Settings:
     scan_simplex: float = _of(0.05, "range", "Size of the simplex from which a law's best values are refined", "-",
         _NUMERICAL)
     scan_evaluations: int = _of(12, "evaluations a parameter", "In which they are", "longer", _TIME)
+    scan_shapes: int = _of(5, "shapes", "Of a law that are scanned in proportion to its strength", "longer", _TIME)
+    scan_in_proportion: float = _of(0.01, "χ² a datum", "Up to which the change by a law is in proportion to its strength",
+        "steps from afar", _NUMERICAL)
+    scan_weaker: int = _of(4, "tries", "In which such a strength is found", "longer", _TIME)
     scan_extrapolated: float = _of(4.0, "weakest start", "Up to which a law in proportion to its parameter is scaled", "-",
         _NUMERICAL)
     pairs_astray: float = _of(10.0, "χ² a datum", "On few lines, from which no pair with a law is looked for", "longer",

@@ -46,8 +46,6 @@ class Effect(ABC):
     """Whether it belongs to the measurement chain, which no law of mechanics holds for."""
     scale_free: ClassVar[bool] = True
     """Whether it does the same at every level of force; of laws those that tell only the sign of the motion."""
-    proportional: ClassVar[bool] = False
-    """Whether it is a law whose force is in proportion to its one parameter."""
     severity: ClassVar[Severity | None] = None
     """How it grows from nothing; by default in proportion to its first parameter."""
     sentence: ClassVar[str] = ""
@@ -135,6 +133,11 @@ class Effect(ABC):
         if grows.end == "infinity":
             return self.changed({name: value / max(severity, WEAK) for name, value in values.items()})
         return self.changed({name: value * severity for name, value in values.items()})
+
+    @property
+    def strength(self) -> tuple[str, ...]:
+        """Parameters to which, taken together, a restoring force is in proportion; none of a linear effect, and where it is not."""
+        return ()
 
     def by_size(self) -> dict[str, float]:
         """Derivative of each fitted parameter that carries the severity to the logarithm of the effect's size."""

@@ -26,7 +26,6 @@ class BilinearStiffness(LawElement):
     sentence = "{place} is stiffer one way than the other"
     inspection = "look at {place} for a stop or a face that carries in one direction alone"
     scale_free: ClassVar[bool] = True
-    proportional: ClassVar[bool] = True
 
     asymmetry: float = parameter("1", -0.95, 0.95, "linear", minimum=None)  # a, between -1 and 1
 

@@ -25,7 +25,6 @@ class CubicStiffness(LawElement):
     severity = Severity("zero", ("stiffness3",))
     sentence = "{place} changes its stiffness with amplitude"
     inspection = "look at {place} for a contact that closes or opens under load, or a preload that is lost"
-    proportional: ClassVar[bool] = True
 
     # Cubic stiffness [N m/rad^3; N/m^3 at a port that is a displacement]
     stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "linear", minimum=None)

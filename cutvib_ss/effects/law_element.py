@@ -59,6 +59,12 @@ class LawElement(Effect):
         """The law's class."""
         return law(cls.effect)
 
+    @property
+    def strength(self) -> tuple[str, ...]:
+        names, own = self.restoring_force().strength, {f.name for f in fields(self)}
+        # A law that belongs to a spring grows with that.
+        return names if own.issuperset(names) else ()
+
     @classmethod
     def _needs_spring(cls) -> bool:
         """Whether the law changes a spring that has to be there."""

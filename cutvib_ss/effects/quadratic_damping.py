@@ -25,7 +25,6 @@ class QuadraticDamping(LawElement):
     severity = Severity("zero", ("coefficient",))
     sentence = "{place} has damping that grows with speed"
     inspection = "look at {place} for oil, grease or air that is pressed through a gap"
-    proportional: ClassVar[bool] = True
 
     # Coefficient [N m s^2/rad^2; N s^2/m^2 at a port that is a displacement]
     coefficient: float = parameter("N m s^2/rad^2", 0.01, 100.0)

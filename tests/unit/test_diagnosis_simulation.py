@@ -14,9 +14,12 @@ from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, _window, problem_for, simulated
+from cutvib_ss.diagnosis.unknowns import to_unknown
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.freeplay import Freeplay
+from cutvib_ss.effects.joint_slip import JointSlip
 from cutvib_ss.effects.quadratic_damping import QuadraticDamping
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
 from cutvib_ss.effects.window_damping import WindowDamping
@@ -188,6 +191,29 @@ def test_a_law_is_promised_below_its_starts_and_with_the_other_sign():
     # Damping that feeds energy is no law of the catalogue: turned round it promises nothing.
     undamped = scan.promise([QuadraticDamping("joint2", 0.5)])
     assert undamped.gain < best.gain
+
+
+def test_a_faint_law_changes_the_response_in_proportion():
+    """Friction a hundred times weaker than its starts: in each shape so weak that half of it does half."""
+    seen = measured(records(20.0, 60.0), DryFriction("joint2", 1e-4).apply(MACHINE))
+    scan = Scan(MACHINE, seen, Hypothesis(), None, {"joint2": 1e-4}, apart=True)
+    starts = [*(DryFriction("joint2", r) for r in (0.03, 0.3)), *(JointSlip("joint2", k, 0.1, 0.5) for k in (1e2, 1e3))]
+    found = [h for same in (starts[:2], starts[2:]) for h in scan.faint(same)]
+    # Friction without a spring has one shape; slip at one torque has one for each stiffness.
+    assert len(found) == 3
+    for h in found:
+        (effect,) = h.effects
+        half = effect.changed({name: 0.5 * getattr(effect, name) for name in effect.strength})
+        changes = []
+        for e in (effect, half):
+            problem = problem_for(MACHINE, seen, Hypothesis((e,), h.motions), apart=True)
+            x = problem.start(scan.warm)
+            for i, (_, name, r) in enumerate(problem.parameters):
+                x[problem.first_effect + i] = to_unknown(getattr(e, name), r)
+            changes.append(scan.change(problem, x)[2])
+        assert changes[1] == pytest.approx(changes[0] / 4, rel=0.3)
+        assert 0.0 < changes[0] <= 0.011 * scan.left.size
+    assert scan.faint([Freeplay("joint2", 1e-5)]) == []
 
 
 @pytest.mark.parametrize("assumed", [True, False])
