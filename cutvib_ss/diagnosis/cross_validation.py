@@ -236,7 +236,8 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
             )
             return there.seen, (e.data - there.data) * np.sqrt(2.0 / total)
 
-        chi2, drifts, density = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show)
+        hits = 0 if e.hits is None else len(e.hits)
+        chi2, drifts, density = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show, hits)
         total = fitted.spread.sizes.noise * total
     # A prediction that is uncertain by itself pays for it.
     density -= float(np.sum(np.log1p(shown.variance / e.variance)))

@@ -245,7 +245,7 @@ def _closest(search: Climb, quadratic: Quadratic, precision: FloatArray, offsets
     square of Tuo and Wu (2015), Annals of Statistics 43, 2331-2352.
     """
     lay, x = quadratic.layout, search.at.x
-    own, inferred = slice(0, lay.unknowns), slice(lay.first_nominal, lay.size)
+    own, inferred = slice(0, lay.unknowns), slice(lay.first_nominal, lay.first_hit)
     scale = lay.scale(search.sizes)
     drift = offsets - quadratic.offsets / scale
     drift[inferred] = 0.0

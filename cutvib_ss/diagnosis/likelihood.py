@@ -1,12 +1,13 @@
 """
 Repeatability and discrepancy: the residual of a right model beyond sensor noise, as low-rank Gaussian directions.
 
-    measured = H(x)·(1 + ε) + D_s z_s + Q v + noise,    z_s, v ~ N(0, 1) times their sizes
+    measured = H(x)·(1 + ε) + D_s z_s + Q v + B_r h_r + noise,    z_s, v ~ N(0, 1) times their sizes, h_r ~ N(0, 1)
 
 `D_s` moves the stiffnesses, dampings and gains of session s, and the size of the cause (repeatability); where records of one
 session differ, those of each record beside them. `Q` multiplies the dynamic stiffness of an element by
 1 + δ(ω), with δ a smooth complex Gaussian process over log frequency that all sessions share (discrepancy): of the nominal
-model's elements, and of the cause itself. Both are linear, so they are integrated out: with U = [D, Q] in whitened data the
+model's elements, and of the cause itself. `B_r` is what the hits of record r do that a hand places (`blow_noise.hit_directions`).
+All are linear, so they are integrated out: with U = [D, Q] in whitened data the
 covariance is 1 + U Uᵀ. Sizes are hyperparameters with priors; the evidence decides, and they are summed over in every hypothesis.
 References: Kennedy and O'Hagan (2001) for the discrepancy; Rasmussen and Williams (2006), section 8.1, for the process.
 """
@@ -59,6 +60,7 @@ class Layout:
     shapes: int
     records: tuple[int, ...] = ()  # Those that drift within their session, by their index in the campaign
     cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
+    hits: tuple[tuple[int, int], ...] = ()  # What the hits of a record do: its index, and the number of the direction
 
     @property
     def per_session(self) -> int:
@@ -81,9 +83,14 @@ class Layout:
         return self.first_nominal + 2 * self.shapes * len(self.nominal)
 
     @property
+    def first_hit(self) -> int:
+        """First column of what hits do."""
+        return self.first_cause + 2 * len(self.pivots)
+
+    @property
     def size(self) -> int:
         """All columns."""
-        return self.first_cause + 2 * len(self.pivots)
+        return self.first_hit + len(self.hits)
 
     def scale(self, sizes: Sizes) -> FloatArray:
         """Factor on each column."""
@@ -91,7 +98,7 @@ class Layout:
         out[self.unknowns : self.first_within] = sizes.drift
         out[self.first_within : self.first_nominal] = sizes.within
         out[self.first_nominal : self.first_cause] = sizes.nominal
-        out[self.first_cause :] = sizes.cause
+        out[self.first_cause : self.first_hit] = sizes.cause
         return out
 
 
@@ -128,6 +135,7 @@ class Directions:
             self.smooth[0].shape[0],
             problem.drifting_within if spread else (),
             cause_drifts=bool(spread and np.any(self.cause)),
+            hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
         )
         self._shapes: dict[tuple[int, int], FloatArray] = {}
         self.rows = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
@@ -177,6 +185,14 @@ class Directions:
                         real = own_shapes.swapaxes(0, 1) * cause[rows, c]
                         index.append(lay.first_cause + np.arange(2 * len(lay.pivots)))
                         parts.append(np.concatenate([real, 1j * real]))
+                    of_hits = [
+                        (j, key) for j, row in enumerate(rows) if g.hits for key in g.hits[row] if key in lay.hits
+                    ]
+                    if of_hits:
+                        index.append(np.array([lay.first_hit + lay.hits.index(key) for _, key in of_hits]))
+                        parts.append(np.zeros((len(of_hits), len(rows), g.freq.size), dtype=np.complex128))
+                        for n, (j, key) in enumerate(of_hits):
+                            parts[-1][n, j] = g.hits[rows[j]][key][c] * np.sqrt(2.0 / g.variance[rows[j], c])
                     yield i, rows, c, np.concatenate(index), np.concatenate(parts)
 
     def _of_cause(self, group: int, rows: np.ndarray) -> FloatArray:

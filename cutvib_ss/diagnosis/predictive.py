@@ -56,16 +56,17 @@ class Spread:
                     out[k] = size * self.offsets[at : at + count]
         return out
 
-    def with_record(self, name: tuple[float | str, ...], record: int) -> Spread:
-        """The same with one more record, and its session: nothing is known of them but the size of their drift."""
+    def with_record(self, name: tuple[float | str, ...], record: int, hits: int) -> Spread:
+        """The same with one more record, its hits, and its session: nothing is known of them but the size of their drift."""
         lay = self.layout
         sessions = (*lay.sessions, name) if lay.sessions and name not in lay.sessions else lay.sessions
         records = (*lay.records, record) if lay.records and record not in lay.records else lay.records
-        if (sessions, records) == (lay.sessions, lay.records):
+        struck = tuple(dict.fromkeys((*lay.hits, *((record, k) for k in range(hits)))))
+        if (sessions, records, struck) == (lay.sessions, lay.records, lay.hits):
             return self
-        more = replace(lay, sessions=sessions, records=records)
+        more = replace(lay, sessions=sessions, records=records, hits=struck)
         within = more.first_within + np.arange(lay.first_nominal - lay.first_within)
-        old = np.r_[: lay.first_within, within, more.first_nominal : more.size]
+        old = np.r_[: lay.first_within, within, more.first_nominal : more.first_hit + len(lay.hits)]
         offsets, precision = np.zeros(more.size), np.eye(more.size)
         offsets[old] = self.offsets
         precision[np.ix_(old, old)] = self.precision
@@ -78,6 +79,7 @@ class Spread:
         name: tuple[float | str, ...],
         record: int,
         show: Callable[[FloatArray], tuple[Predicted, ComplexArray]],
+        hits: int = 0,
     ) -> Left:
         """
         One record under the posterior predictive.
@@ -85,7 +87,7 @@ class Spread:
         The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. The drift of
         a session that was not fitted is taken where the record has it, and pays its prior.
         """
-        own = self.with_record(name, record)
+        own = self.with_record(name, record, hits)
         lay, scale = own.layout, own.layout.scale(own.sizes)
         drift, _ = weights(problem)
         moved = np.array(lay.drifting, dtype=int)

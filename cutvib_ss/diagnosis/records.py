@@ -7,7 +7,7 @@ judging.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -49,6 +49,8 @@ class Entry:
     replay: Replay | None = None
     sine: SineTest | None = None  # Of a stepped or swept sine
     session: str | None = None  # Name of its session, where stated
+    # What a hand's hits do to the mean of its blows, each of unit normal size, shape (direction, channel, frequency)
+    hits: ComplexArray | None = None
 
     @cached_property
     def position(self) -> float | None:
@@ -111,6 +113,8 @@ class Group:
     decay_rate: FloatArray
     entries: tuple[tuple[Entry, ...], ...] = ()  # The records behind each row
     struck: tuple[str, ...] = ()  # Where the force of each row acts, as in `Entry`; nothing: at the model's input
+    # Of each row what the hits of its records do, with their weight in it: by the record's index and the number of the direction
+    hits: tuple[Mapping[tuple[int, int], ComplexArray], ...] = ()
 
     @cached_property
     def blows(self) -> dict[tuple[int, float], list[tuple[float, FloatArray, ComplexArray]]]:
@@ -185,12 +189,8 @@ class Records:
 
     @cached_property
     def scatter(self) -> float:
-        """χ² of the records about what they are merged into: what a cause that ignores the level cannot lower."""
-        total = 0.0
-        for g in self.merged:
-            for row, same in zip(g.data, g.entries, strict=True):
-                total += sum(2.0 * float(np.sum(np.abs(e.data - row) ** 2 / e.variance)) for e in same)
-        return total
+        """χ² of the records about what they are merged into: what a cause that ignores the level cannot lower, nor their hits."""
+        return sum(_scatter(row, same) for g in self.merged for row, same in zip(g.data, g.entries, strict=True))
 
     def coarse(self, lines: int, error: float) -> Records:
         """The same records with few lines and a widened noise."""
@@ -213,6 +213,24 @@ class Records:
         }
         alone = Records(tuple(one_blow(e) for e in self.entries if site(e) in chosen))
         return alone.coarse(lines, error)
+
+
+def _scatter(row: ComplexArray, same: Sequence[Entry]) -> float:
+    """Weighted squares of some records about their mean, less what their hits explain."""
+    weight = np.sqrt(2.0 / np.array([e.variance for e in same]))
+    left = (weight * (np.array([e.data for e in same]) - row)).ravel()
+    squares = float(np.vdot(left, left).real)
+    struck = [(i, direction) for i, e in enumerate(same) for direction in (() if e.hits is None else e.hits)]
+    if len(same) < 2 or not struck:
+        return squares
+    share = weight**2 / np.sum(weight**2, axis=0)
+    moved = np.zeros((len(struck), *weight.shape), dtype=np.complex128)
+    for k, (i, direction) in enumerate(struck):
+        moved[k] = -share[i] * direction
+        moved[k, i] += direction
+    rows = (moved * weight).reshape(len(struck), -1)
+    pulled = (rows.conj() @ left).real
+    return squares - float(pulled @ np.linalg.solve((rows @ rows.conj().T).real + np.eye(len(struck)), pulled))
 
 
 def merged(entries: Sequence[Entry], apart: bool = False, by_session: bool = False) -> tuple[Group, ...]:
@@ -259,19 +277,27 @@ def one_blow(e: Entry) -> Entry:
     if e.replay is None or e.replay.block or blows < 2:
         return e
     first = e.replay.only(1)
-    return replace(e.showing(first.data(first.measured), blows * e.variance), replay=first)
+    hits = None if e.hits is None else np.sqrt(blows) * e.hits
+    return replace(e.showing(first.data(first.measured), blows * e.variance), replay=first, hits=hits)
 
 
 def _group(members: list[Entry], apart: bool) -> Group:
     places: dict[tuple[float | str | None, ...], list[Entry]] = {}
     for e in members:
         places.setdefault((float(e.record),) if apart else site(e), []).append(e)
-    data, variance = [], []
+    data, variance, hits = [], [], []
     for same in places.values():
         precision = np.array([1.0 / e.variance for e in same])
         total = precision.sum(axis=0)
         data.append(sum(w * e.data for w, e in zip(precision, same, strict=True)) / total)
         variance.append(1.0 / total)
+        hits.append(
+            {
+                (e.record, k): w / total * direction
+                for w, e in zip(precision, same, strict=True)
+                for k, direction in enumerate(() if e.hits is None else e.hits)
+            }
+        )
     first = [same[0] for same in places.values()]
     return Group(
         positions=optional_array([e.position for e in first]),
@@ -285,6 +311,7 @@ def _group(members: list[Entry], apart: bool) -> Group:
         decay_rate=np.array([e.estimator.exponential_decay for e in first]),
         entries=tuple(tuple(same) for same in places.values()),
         struck=tuple(e.input for e in first),
+        hits=tuple(hits),
     )
 
 
@@ -292,4 +319,5 @@ def thinned(e: Entry, keep: np.ndarray | slice) -> Entry:
     """A record on some of its lines."""
     replay = None if e.replay is None else e.replay.at(keep)
     sine = None if e.sine is None else e.sine.at(keep)
-    return replace(e, response=e.response.at_lines(keep), replay=replay, sine=sine)
+    hits = None if e.hits is None else e.hits[..., keep]
+    return replace(e, response=e.response.at_lines(keep), replay=replay, sine=sine, hits=hits)

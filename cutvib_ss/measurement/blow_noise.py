@@ -17,7 +17,7 @@ from cutvib_ss.measurement.estimation import blow_start, h1, without_offset
 from cutvib_ss.measurement.noise import NOISE_BINS, high_pass_variance, smooth_noise
 from cutvib_ss.measurement.records import History, Record
 from cutvib_ss.measurement.rounding import orders_by_rounding
-from cutvib_ss.results import FloatArray
+from cutvib_ss.results import ComplexArray, FloatArray
 
 _FEWEST_QUIET = 32  # samples of a quiet part from which a power is told
 _SEGMENT = 256  # samples of the segments of long quiet parts
@@ -160,6 +160,49 @@ def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_
     rounded = orders_by_rounding(record, [blow_start(h.force) for h in record.histories])
     significance = np.where(rounded, np.nan, significance)
     return BlowScatter(freq, ordered, rest, single, ratio, significance, spread)
+
+
+def hit_directions(record: Record, decay_rate: float = 0.0, most: int = 2) -> tuple[FloatArray, ComplexArray]:
+    """
+    What a hand's hits do to the mean of a record's blows: lines, and directions of H1 with coefficients of unit variance.
+
+    A blow beside the point, or not quite along its direction, shows H + c G with one G for all lines and channels, and a c of its
+    own. Of the deviations of single blows from H1 what goes with the peak force is taken off, for a structure that is not linear
+    does that; the rest, over the sensors' noise, is parted into principal components with real scores. Those with twice the power
+    of the noise are directions, and H1 is off along each by the standard deviation of their scores over the root of the number
+    of blows. Shape (direction, channel, frequency); none with fewer than three blows, or where the noise is not known.
+    """
+    samples = min(history.force.size for history in record.histories)
+    fs, count = record.histories[0].fs, len(record.histories)
+    freq: FloatArray = np.arange(samples // 2 + 1, dtype=np.float64) * (fs / samples)
+    none = np.zeros((0, len(record.channels), freq.size), dtype=np.complex128)
+    if record.kind != "impact" or count < 3:
+        return freq, none
+    noise = pretrigger_noise(record).variance * count
+    window = np.exp(-decay_rate * np.arange(samples) / fs)
+    centred = [without_offset(history, samples) for history in record.histories]
+    force = np.stack([np.fft.rfft(f * window) / fs for f, _ in centred])[:, None]
+    response = np.stack([np.fft.rfft(a * window, axis=-1) / fs for _, a in centred])
+    power = np.sum(np.abs(force) ** 2, axis=0)
+    heard = (power[0] > 1e-3 * np.max(power)) & np.all(np.isfinite(noise) & (noise > 0.0), axis=0)
+    if not np.any(heard):
+        return freq, none
+    with np.errstate(divide="ignore", invalid="ignore"):
+        h = np.sum(response * force.conj(), axis=0) / power
+        # Of like noise in every blow, whatever its force.
+        off = (response - h * force) * (force.conj() / np.abs(force)) / np.sqrt(power / count)
+    off = np.where((power > 0.0) & np.isfinite(off), off, 0.0)
+    peaks = np.array([float(np.max(np.abs(f))) for f, _ in centred])
+    for same in (np.ones(count), peaks - peaks.mean()):
+        off -= np.multiply.outer(same, np.tensordot(same, off, 1)) / max(float(same @ same), 1e-300)
+    weighted = (off / np.sqrt(noise / 2))[..., heard].reshape(count, -1)
+    scores, sizes, _ = np.linalg.svd(np.concatenate([weighted.real, weighted.imag], axis=1), full_matrices=False)
+    # What the sensors' noise alone would give each of them.
+    alone = 2.0 * weighted.shape[1]
+    strong = [k for k in range(min(most, count - 2)) if sizes[k] ** 2 > 2.0 * alone]
+    if not strong:
+        return freq, none
+    return freq, np.stack([np.tensordot(scores[:, k], off, 1) for k in strong]) / np.sqrt((count - 2) * count)
 
 
 def _freedom(lines: int, ratio: float) -> float:

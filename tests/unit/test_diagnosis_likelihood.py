@@ -144,6 +144,25 @@ def test_the_corrected_model_is_the_closest_without_its_discrepancy(error: float
     assert closest < (1.1 if gains else 1.001) * least
 
 
+@pytest.mark.parametrize("merged_by_position", [True, False])
+def test_what_hits_do_is_no_discrepancy(merged_by_position: bool) -> None:
+    """Each record is off by a part of another response, as long as its blows say: no drift and no error of the model."""
+    structure, rng = example_structure(), np.random.default_rng(5)
+    steady = [replace(e, session="one" if merged_by_position else str(e.record)) for e in entries(structure, 0.0)]
+    beside = 0.05 * response(structure, 0.8)
+    struck = [
+        replace(e.showing(e.data + rng.standard_normal() * beside), hits=beside[None].astype(np.complex128))
+        for e in steady
+    ]
+    known = fit(structure, Records(tuple(struck)), Hypothesis())
+    blind = fit(structure, Records(tuple(replace(e, hits=None) for e in struck)), Hypothesis())
+    assert known.reduced < 1.1
+    assert known.spread.sizes.nominal < 1e-3
+    assert known.spread.sizes.drift <= 1e-3
+    assert known.log_evidence - blind.log_evidence > 100.0
+    assert len(known.spread.layout.hits) == len(struck)
+
+
 class Dense:
     """
     Two records as one Gaussian vector: covariance of tuning, drift, discrepancy and noise, nothing factored.

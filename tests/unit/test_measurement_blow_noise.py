@@ -6,7 +6,7 @@ from scipy import signal, stats
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement import History, Record, estimate
-from cutvib_ss.measurement.blow_noise import blow_scatter, pretrigger_noise
+from cutvib_ss.measurement.blow_noise import blow_scatter, hit_directions, pretrigger_noise
 from tests.unit.measurement_rig import FS, blow, clean_blow
 
 PEAKS = (30.0, 45.0, 60.0, 75.0)
@@ -155,3 +155,44 @@ def test_other_kinds_and_empty_bands():
         pretrigger_noise(other)
     with pytest.raises(ParameterError, match="only blows"):
         blow_scatter(other)
+
+
+def _beside(rng, sizes, ordered=0.0, noise=0.05):
+    """Blows of one level that hit beside the point: a second, slower oscillator answers by a part of its own in each."""
+    other = signal.butter(2, [18.0, 24.0], "bandpass", fs=FS)
+    force, motion = blow(50.0, 0.25, 4.0)
+    histories = []
+    for k, c in enumerate(sizes):
+        peak = 1.0 + 0.02 * k
+        own = peak * (motion + (c + ordered * (peak - 1.0)) * signal.lfilter(*other, 40.0 * force))
+        histories.append(
+            History(
+                FS,
+                peak * force + 0.02 * rng.standard_normal(force.size),
+                (own + noise * rng.standard_normal(own.size))[np.newaxis],
+                ("a",),
+                str(k),
+            )
+        )
+    return _record(histories), other
+
+
+def test_what_hits_do_is_told_with_its_size():
+    rng = np.random.default_rng(11)
+    sizes = rng.standard_normal(12)
+    record, other = _beside(rng, sizes)
+    freq, found = hit_directions(record)
+    assert found.shape == (1, 1, freq.size)
+    band = (freq > 12) & (freq < 40)
+    _, g = signal.freqz(*other, freq[band], fs=FS)
+    along = np.vdot(40.0 * g, found[0, 0, band]) / np.vdot(40.0 * g, 40.0 * g)
+    assert abs(along.imag) < 0.02 * abs(along.real)
+    assert abs(along.real) == pytest.approx(np.std(sizes) / np.sqrt(12), rel=0.15)
+    left = found[0, 0, band] - along * 40.0 * g
+    assert np.linalg.norm(left) < 0.1 * np.linalg.norm(found[0, 0, band])
+
+
+@pytest.mark.parametrize(("sizes", "ordered"), [((0.0,) * 6, 0.0), ((0.0,) * 6, 3.0), ((0.5, -0.5), 0.0)])
+def test_noise_what_orders_with_the_force_and_two_blows_give_no_direction(sizes, ordered):
+    record, _ = _beside(np.random.default_rng(12), sizes, ordered)
+    assert len(hit_directions(record)[1]) == 0
