@@ -116,18 +116,7 @@ class Climb:
 
     def evaluated(self, x: FloatArray, drift: FloatArray) -> At:
         """The objective at some unknowns; without drift and discrepancy it needs no derivatives."""
-        n, moves = self.n_sessions, int(np.any(drift)) + int(np.any(drift[self.n_sessions :]))
-        problem = self.problems[min(moves, len(self.problems) - 1)]
-        each = [x] * len(problem.groups)
-        if moves:
-            each = []
-            for g in problem.groups:
-                own, entry = x.copy(), g.entries[0][0]
-                moved = drift[problem.sessions.index(session_of(entry))].copy()
-                if moves > 1:
-                    moved += drift[n + problem.drifting_within.index(entry.record)]
-                own[self.drifting] += self.weight * moved
-                each.append(own)
+        problem, each = self._drifted_values(x, drift)
         predictions, residuals, squares = problem.residuals(each)
         squares += self.beside.squares
         at = At(
@@ -139,6 +128,35 @@ class Climb:
         elif self.spread and np.isfinite(squares):
             self._linearise(at)
         return at
+
+    def _drifted_values(self, x: FloatArray, drift: FloatArray) -> tuple[Problem, list[FloatArray]]:
+        """The problem whose groups move apart, and the unknowns of each group."""
+        moves = int(np.any(drift)) + int(np.any(drift[self.n_sessions :]))
+        problem = self.problems[min(moves, len(self.problems) - 1)]
+        if not moves:
+            return problem, [x] * len(problem.groups)
+        each = []
+        for g in problem.groups:
+            own, entry = x.copy(), g.entries[0][0]
+            moved = drift[problem.sessions.index(session_of(entry))].copy()
+            if moves > 1:
+                moved += drift[self.n_sessions + problem.drifting_within.index(entry.record)]
+            own[self.drifting] += self.weight * moved
+            each.append(own)
+        return problem, each
+
+    def towards(self, x: FloatArray) -> FloatArray:
+        """Unknowns on the way to others that leave less of the residual than those where it stands, its drift kept."""
+        least, here = self.at.squares - self.beside.squares, self.at.x
+        for part in (1.0, 0.5, 0.25):
+            there = np.clip(here + part * (x - here), self.low, self.high)
+            problem, each = self._drifted_values(there, self.at.drift)
+            try:
+                if problem.residuals(each)[2] < least:
+                    return there
+            except (CutvibError, np.linalg.LinAlgError):
+                continue
+        return here
 
     def _linearise(self, at: At) -> None:
         """The quadratic there; none where the model has run away."""

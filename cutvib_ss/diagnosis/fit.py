@@ -220,7 +220,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         correlation=correlation,
         spread=Spread(quadratic.layout, search.sizes, offsets, own),
     )
-    closest = _closest(search, quadratic, own, offsets)
+    closest = _closest(search, quadratic, offsets)
     if np.array_equal(closest, x):
         return made
     try:
@@ -236,14 +236,11 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
     return replace(made, closest=alone)
 
 
-def _closest(search: Climb, quadratic: Quadratic, precision: FloatArray, offsets: FloatArray) -> FloatArray:
-    """
-    Unknowns of the model that is closest to the records without a discrepancy: to first order, within priors and bounds.
-
-    The posterior shares what is measured between the unknowns and the discrepancy; here the discrepancy that it infers is residual
-    again, and the mean square of the whole residual stands for the noise, drift held where it is. That is the calibration in mean
-    square of Tuo and Wu (2015), Annals of Statistics 43, 2331-2352.
-    """
+def _closest(search: Climb, quadratic: Quadratic, offsets: FloatArray) -> FloatArray:
+    """Unknowns of the model that is closest to the records without a discrepancy: to first order, within priors and bounds."""
+    # The posterior shares what is measured between the unknowns and the discrepancy. Here that which it infers is residual
+    # again, and the mean square of the whole residual stands for the noise, drift and hits held where they are: the calibration in
+    # mean square of Tuo and Wu (2015), Annals of Statistics 43, 2331-2352.
     lay, x = quadratic.layout, search.at.x
     own, inferred = slice(0, lay.unknowns), slice(lay.first_nominal, lay.first_hit)
     scale = lay.scale(search.sizes)
@@ -257,4 +254,4 @@ def _closest(search: Climb, quadratic: Quadratic, precision: FloatArray, offsets
     step, free = np.zeros(x.size), quadratic.free
     pulled = of_data[own, inferred] @ offsets[inferred]
     step[free] = solved((of_data[own, own] / heat + prior)[np.ix_(free, free)], pulled[free] / heat)
-    return np.clip(x + step, search.low, search.high)
+    return search.towards(x + step) if np.any(step) else x

@@ -158,12 +158,9 @@ def _left(record: Record, out: list[str]) -> Record:
 
 
 def _drop_loose_channels(record: Record, where: str, warnings: list[str]) -> Record:
-    """
-    The record without channels whose gain differs from blow to blow while the others' does not.
-
-    A cable or connector changes a channel's gain; a structure that is not linear, a hand that hits elsewhere, or noise change the
-    form of its response. At least two blows and two channels are needed to tell.
-    """
+    """The record without channels whose gain differs from blow to blow while the others' does not."""
+    # A cable or connector changes a channel's gain; a structure that is not linear, a hand that hits elsewhere, or noise change the
+    # form of its response.
     if len(record.histories) < 2 or len(record.channels) < 2:
         return record
     spread, form = gains_of_blows(record)
