@@ -211,15 +211,22 @@ class SmoothElement:
 
     def dynamic_stiffness(self, s: ComplexArray) -> ComplexArray:
         """z(s), of the shape of ``s``."""
-        shapes = self.shapes(s)
+        if not any(isinstance(v, tuple) for v in self.coefficients):
+            count = len(self.coefficients) // 2
+            values = np.array(self.coefficients, dtype=float)
+            return np.asarray(self.scale * np.tensordot(values[:count] + 1j * values[count:], self._shapes(s), 1))
         c = np.array([np.broadcast_to(np.asarray(v, dtype=float), np.shape(s)) for v in self.coefficients])
-        return np.asarray(np.sum(c * shapes, axis=0))
+        return np.asarray(np.sum(c * self.shapes(s), axis=0))
 
     def derivative(self, name: str, s: ComplexArray) -> ComplexArray:
-        """Derivative of z(s) to a coefficient, by its index, to ``"s"`` or ``"scale"``, or to a ``"stiffness"`` beside it."""
+        """
+        Derivative of z(s) to a coefficient, by its index, to ``"s"`` or ``"scale"``, or to a ``"stiffness"`` beside it.
+
+        ``"unit"`` is that to z itself: what a coefficient moves is that times its own derivative of z.
+        """
         if name == "scale":
             return self.dynamic_stiffness(s) / self.scale
-        if name == "stiffness":
+        if name in ("stiffness", "unit"):
             return np.ones(np.shape(s), dtype=np.complex128)
         if name == "s":
             step = 1e-6

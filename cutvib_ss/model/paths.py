@@ -15,10 +15,15 @@ ModelT = TypeVar("ModelT")
 
 def value_at(model: Any, path: Path) -> float:
     """The number that a path names."""
+    return float(part_at(model, path))
+
+
+def part_at(model: Any, path: Path) -> Any:
+    """What a path names: a number, or a part that holds some."""
     node = model
     for step in path:
         node = _child(node, step, path)
-    return float(node)
+    return node
 
 
 def with_value(model: ModelT, path: Path, value: float) -> ModelT:

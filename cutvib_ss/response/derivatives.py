@@ -23,8 +23,8 @@ from typing import TypeAlias, cast
 import numpy as np
 
 from cutvib_ss.model.coupling import Changes
-from cutvib_ss.model.elements import Element, SpringDamperMass, SprungMass
-from cutvib_ss.model.paths import Path
+from cutvib_ss.model.elements import Element, SmoothElement, SpringDamperMass, SprungMass
+from cutvib_ss.model.paths import Path, part_at
 from cutvib_ss.response.batched import dot, mixed
 from cutvib_ss.response.rail_derivatives import RailPair
 from cutvib_ss.response.rail_receptance import RailField
@@ -54,6 +54,7 @@ class ResponseDerivatives:
         self._driven = receptance.of_port(input)
         self._pairs: dict[tuple[int, int], RailPair] = {}
         self._products: dict[bytes, ComplexArray] = {}
+        self._by_function: dict[Path, ComplexArray] = {}
         # Of the outputs, with their factors: axes (…, position, output, frequency).
         self._held: ComplexArray = np.stack([a.blocked for a in self._at_outputs], axis=1) * self.factors
         self._motion: ComplexArray = np.stack([a.motion for a in self._at_outputs], axis=2) * self.factors
@@ -72,6 +73,15 @@ class ResponseDerivatives:
 
     def derivative(self, path: Path) -> ComplexArray:
         """Derivative of the responses to one of the model's values, shape (position, output, frequency)."""
+        if len(path) < 2 or path[-2] != "coefficients":
+            return self._of_value(path)
+        # All coefficients of a smooth function move it alone.
+        if (at := path[:-1]) not in self._by_function:
+            self._by_function[at] = self._of_value((*at, "unit"))
+        function: SmoothElement = part_at(self.model, path[:-2])
+        return self._by_function[at] * function.derivative(str(path[-1]), self.s)
+
+    def _of_value(self, path: Path) -> ComplexArray:
         changes = self.model.core_changes(path)
         d_rows = {} if changes is None else changes.rows
         moves = [
