@@ -134,7 +134,8 @@ def search(
     if gap and (left or not by_law):
         workers.say("fitting elements of unknown form")
         # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
-        ranked += _unknown(nominal, records, few, observed, ranked if left else (), workers)
+        best = _best(ranked, none)
+        ranked += _unknown(nominal, records, few, observed, ranked if left else (), None if left else best, workers)
         if dependent and left:
             ranked += _unknown_forces(nominal, records, few, observed, none, workers)
     return (none, *_once(ranked))
@@ -222,13 +223,14 @@ def _unknown(
     few: Records,
     observed: Observations,
     ranked: Sequence[Ranked],
+    rival: Ranked | None,
     workers: Workers,
 ) -> list[Ranked]:
     """An unknown element at each site, alone and beside the best linear cause; at the best site beside the best cause there."""
     candidates = unknown_candidates(nominal, observed.band, observed.channels)
     alone = [Hypothesis((e,)) for c in candidates for e in c.starts]
     linear = [r for r in ranked if r.refined and r.fit.hypothesis.linear and len(r.fit.hypothesis.effects) == 1]
-    found = _best_unknown(nominal, records, few, alone, None, workers)
+    found = _best_unknown(nominal, records, few, alone, None, workers, rival)
     if not linear or not found:
         return found
     by_evidence = sorted(linear, key=lambda r: -r.fit.log_evidence)
@@ -250,6 +252,7 @@ def _best_unknown(
     hypotheses: Sequence[Hypothesis],
     warm: FloatArray | None,
     workers: Workers,
+    rival: Ranked | None = None,
 ) -> list[Ranked]:
     """The best unknown elements, or restoring forces, on all lines: the best site with each amplitude, the next with its best."""
     steps = partial(first_steps, nominal, few, steps=SETTINGS.search_later_steps)
@@ -266,6 +269,10 @@ def _best_unknown(
     ]
     resized = workers.map(steps, [h for h, _ in others], [x for _, x in others])
     fits = sorted([*sites, *(f for f in resized if f is not None)], key=cost)
+    if rival is not None:
+        # Few lines and a widened noise understate how far behind a cause that leaves noise they are.
+        there = steps(rival.fit.hypothesis, rival.fit.x)
+        fits = [f for f in fits if there is None or cost(f) - cost(there) < SETTINGS.search_close]
     own = {_unknown_of(f).site: f for f in reversed(fits)}
     fewer = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
     sharp = _refitted(nominal, fewer, [f for f in fits if f is own[_unknown_of(f).site]], workers)

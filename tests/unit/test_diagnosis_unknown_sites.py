@@ -7,12 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.ranking import first_steps, refit
+from cutvib_ss.diagnosis.ranking import Ranked, first_steps, refit
 from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.search import _best_unknown
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import unknown_candidates, unknown_places
+from cutvib_ss.diagnosis.workers import Workers
+from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.elements import Guide, SpringDamperMass
 from cutvib_ss.model.machine import Machine, published_machine
@@ -99,6 +103,24 @@ def test_the_site_of_the_fault_has_most_evidence(true: Machine, late: str, site:
     if not late:
         # The modes of a model with it are those of what equals it at each pole.
         assert modes(found.model, 0.5).natural_freq[1] == pytest.approx(modes(true, 0.5).natural_freq[1], rel=0.02)
+
+
+def test_no_element_is_fitted_on_all_lines_that_lies_far_behind_a_cause_that_leaves_noise() -> None:
+    nominal, measured = published_machine(), records(on_ends())
+    few = measured.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
+    elements = [
+        Hypothesis(c.starts[:1]) for c in unknown_candidates(nominal, BAND, CHANNELS) if c.starts[0].place == "joint1"
+    ]
+    right = fit(nominal, measured, Hypothesis((SupportCompliance("rail_ends", 3e7, 3e7, 300.0, 300.0),)))
+    wrong = fit(nominal, measured, Hypothesis((AddedMass("tool", 0.01),)))
+    assert right.reduced < 1.1
+    with Workers(1) as workers:
+        beside = [
+            _best_unknown(nominal, measured, few, elements, None, workers, Ranked("rival", r, True))
+            for r in (right, wrong)
+        ]
+    assert beside[0] == []
+    assert len(beside[1]) > 0
 
 
 def test_every_site_is_counted_among_the_places() -> None:
