@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Sizes
 from cutvib_ss.diagnosis.limits import limits
-from cutvib_ss.diagnosis.linearity import confounded, level_stands_out
+from cutvib_ss.diagnosis.linearity import chance_of_order, confounded, level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
 from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.next_test import next_test
@@ -33,6 +33,7 @@ from cutvib_ss.diagnosis.posterior import (
     of_known_form,
     probabilities,
     temperature,
+    that_drift_by_chance,
 )
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import Ranked
@@ -168,6 +169,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     heat = temperature(judged(best))
     odds = judged_on_held_out(ranked, probabilities(ranked, counts, variants, heat), judged, heat)
     odds = of_known_form(ranked, odds, judged)
+    odds = that_drift_by_chance(ranked, odds, lambda r: chance_of_order(r.fit.spread, records))
     shown = sorted(causes, key=lambda r: -odds[r.name])
     before = cross_validation.judge_as_given(nominal, observed, none.fit)
     tuned = judged(none)
@@ -205,7 +207,8 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     rest = Cause("unknown", elsewhere, max(1.0 - sum(odds.values()), 0.0))
     rows = _causes(none, shown, odds, rest, held, before, observed, after)
     interval = cross_validation.shrinkage_interval(before, after.records, seed)
-    stands_out = none.reduced > SETTINGS.verdict_stands_out or first is not none
+    unexplained = rest.probability > odds[none.name]
+    stands_out = none.reduced > SETTINGS.verdict_stands_out or first is not none or unexplained
     result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end))
     chosen = none.fit if result == "no_gap" else after.ranked.fit
     figures = _figures(observed, before, tuned, held[none.name] if result == "no_gap" else after, seed)

@@ -66,18 +66,19 @@ def blows_order(records: Records) -> bool:
     return bool(chances) and min(chances) * len(chances) < SETTINGS.level_ordered
 
 
-def drift_orders(spread: Spread, records: Records) -> bool:
+def chance_of_order(spread: Spread, records: Records) -> float:
     """
-    Whether the drift that a fit gives to the records of a session orders with their level, beyond what chance does anywhere.
+    Chance that drift of the records of a session orders with their level as much as a fit says; 1 where it cannot be told.
 
     A machine that moves while it is measured does not ask how hard it is struck; a restoring force moves what all records of a
-    level show to the same side. By Student's t of each value's slope over the logarithm of the level, sessions apart.
+    level show to the same side. By Student's t of each value's slope over the logarithm of the level, sessions apart, times the
+    number of values.
     """
     lay = spread.layout
     by_record = {e.record: e for e in records.entries}
     of = [by_record[r] for r in lay.records]
     if not of or any(e.level is None for e in of):
-        return False
+        return 1.0
     names = [session_of(e) for e in of]
     free = len(of) - len(set(names)) - 1
     start = lay.first_within + lay.per_session * np.arange(len(of))
@@ -89,12 +90,12 @@ def drift_orders(spread: Spread, records: Records) -> bool:
         level[same] -= level[same].mean()
     power = float(np.sum(level**2))
     if free < 1 or power < np.log(SETTINGS.level_apart) ** 2 / 2:
-        return False
+        return 1.0
     slope = level.T @ drift / power
     scatter = np.sum((drift - level * slope) ** 2, axis=0) / (free * power)
     seen = scatter > 0.0
     chances = 2.0 * stats.t.sf(np.abs(slope[0, seen]) / np.sqrt(scatter[seen]), free)
-    return bool(chances.size) and float(chances.min()) * chances.size < SETTINGS.level_drift
+    return min(float(chances.min()) * chances.size, 1.0) if chances.size else 1.0
 
 
 def _rises(power: FloatArray, count: int) -> bool:

@@ -195,6 +195,30 @@ class _HeldOutRules:
             _give(self.odds, bare, unknown)
 
 
+def that_drift_by_chance(
+    ranked: Sequence[Ranked], odds: Mapping[str, float], chance: Callable[[Ranked], float]
+) -> dict[str, float]:
+    """
+    Probabilities in which a linear answer whose records drift in the order of their levels gives way to something unknown.
+
+    Drift does not ask for the level, so that it orders by chance alone; under a restoring force of any form the order is sure.
+    What such an answer keeps follows from that ratio and the priors of no cause and of something unknown. With the rest the
+    probabilities sum to one.
+    """
+    out = dict(odds)
+    for r in ranked:
+        if (
+            r.fit.hypothesis.linear
+            and kind_of(r.fit.hypothesis) in ("none", "known")
+            and out[r.name] >= SETTINGS.verdict_hardly
+        ):
+            by_chance = SETTINGS.priors["none"] * chance(r)
+            out[r.name] *= (
+                by_chance / (by_chance + SETTINGS.priors["unknown"]) if chance(r) < SETTINGS.level_drift else 1.0
+            )
+    return out
+
+
 def _of_one_part(h: Hypothesis) -> bool:
     """Whether a known cause and an unknown element sit at one place, or are both of one channel of the measurement."""
     known, unknown = h.effects[0], h.effects[-1]

@@ -19,7 +19,7 @@ import numpy as np
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.linearity import drift_orders, level_stands_out, levels_compared, motions
+from cutvib_ss.diagnosis.linearity import chance_of_order, level_stands_out, levels_compared, motions
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
 from cutvib_ss.diagnosis.prediction import slow_frequencies
@@ -89,7 +89,7 @@ def search(
         records = replace(records, moving=True)
         none, ranked = _moving(nominal, records, none, ranked, workers)
     # Drift from record to record may take all up that a restoring force does.
-    ordered = by_level and drift_orders(none.fit.spread, records)
+    ordered = by_level and chance_of_order(none.fit.spread, records) < SETTINGS.level_drift
     dependent: Sequence[Candidate] = ()
     motion: dict[str, float] = {}
     # Where the re-tuned model leaves less than the noise itself, a widened noise would hide all that is left.

@@ -10,7 +10,7 @@ from cutvib_ss.diagnosis import where
 from cutvib_ss.diagnosis.correlation import frac, mac, mode_pairs
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Layout, Sizes
-from cutvib_ss.diagnosis.linearity import blows_order, drift_orders, level_stands_out
+from cutvib_ss.diagnosis.linearity import blows_order, chance_of_order, level_stands_out
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
@@ -179,10 +179,10 @@ def test_drift_that_orders_with_the_level_is_told_from_drift_that_does_not(order
     offsets = np.zeros(layout.size)
     offsets[layout.first_within : layout.first_nominal] = drift.ravel()
     spread = Spread(layout, Sizes(), offsets, np.eye(layout.size))
-    assert drift_orders(spread, Records(entries)) is found
+    assert (chance_of_order(spread, Records(entries)) < 0.05) is found
     # One level a session tells nothing.
     apart = tuple(replace(e, session=str(e.record)) for e in entries)
-    assert not drift_orders(spread, Records(apart))
+    assert chance_of_order(spread, Records(apart)) == 1.0
 
 
 # --- figures by position and channel ----------------------------------------------------------------------------------

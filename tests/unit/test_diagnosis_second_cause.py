@@ -13,7 +13,7 @@ from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Layout, Sizes
-from cutvib_ss.diagnosis.posterior import judged_on_held_out, kind_of, of_known_form
+from cutvib_ss.diagnosis.posterior import judged_on_held_out, kind_of, of_known_form, that_drift_by_chance
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.search import _enough, _once
@@ -74,6 +74,16 @@ def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: floa
     assert sum(found.values()) == pytest.approx(1.0)
     # Nothing is taken from what was not in question.
     assert found["other"] == 0.0
+
+
+@pytest.mark.parametrize(("chance", "kept"), [(1.0, 1.0), (0.2, 1.0), (0.01, 0.0476), (1e-4, 5e-4)])
+def test_a_linear_answer_whose_drift_orders_with_the_level_gives_way(chance: float, kept: float) -> None:
+    odds = {"none": 0.7, "main": 0.3, "other": 0.0}
+    found = that_drift_by_chance([NONE, MAIN, OTHER], odds, lambda r: chance)
+    assert found["none"] == pytest.approx(0.7 * kept, rel=0.01)
+    assert found["main"] == pytest.approx(0.3 * kept, rel=0.01)
+    # A restoring force says itself what the level does.
+    assert that_drift_by_chance([NONE, OTHER], {"none": 0.0, "other": 1.0}, lambda r: 0.0)["other"] == 1.0
 
 
 def test_a_pair_is_one_hypothesis_whichever_cause_came_first() -> None:
