@@ -192,7 +192,8 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     elif other is not None and other.name not in held:
         # However improbable, so that the reader sees what the choice is worth.
         held[other.name] = judged(other)
-    first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
+    # Where a cause is as likely, there may be a gap.
+    first = none if odds["none"] > max(odds[r.name] for r in causes) else shown[0]
     after = held[first.name]
     tuned_blow = problem.blow_at(none.fit.x)
     levels = where.level_dependence(fitted, none.fit.model, tuned_blow)
