@@ -192,8 +192,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     elif other is not None and other.name not in held:
         # However improbable, so that the reader sees what the choice is worth.
         held[other.name] = judged(other)
-    # Where a cause is as likely, there may be a gap.
-    first = none if odds["none"] > max(odds[r.name] for r in causes) else shown[0]
+    first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
     after = held[first.name]
     tuned_blow = problem.blow_at(none.fit.x)
     levels = where.level_dependence(fitted, none.fit.model, tuned_blow)
@@ -208,9 +207,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     rest = Cause("unknown", elsewhere, max(1.0 - sum(odds.values()), 0.0))
     rows = _causes(none, shown, odds, rest, held, before, observed, after)
     interval = cross_validation.shrinkage_interval(before, after.records, seed)
-    unexplained = rest.probability > odds[none.name]
-    stands_out = none.reduced > SETTINGS.verdict_stands_out or first is not none or unexplained
-    result = verdict(rows, stands_out, interval[0] > 0.0, bool(first.fit.at_end))
+    result = verdict(rows, interval[0] > 0.0, bool(first.fit.at_end))
     chosen = none.fit if result == "no_gap" else after.ranked.fit
     figures = _figures(observed, before, tuned, held[none.name] if result == "no_gap" else after, seed)
     remaining = [r for r in ranked if odds[r.name] > 0.02][:4]

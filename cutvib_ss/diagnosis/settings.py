@@ -130,7 +130,7 @@ class Settings:
     verdict_half: float = _of(0.5, "probability", "From which no cause, or an unknown one, is the verdict",
         "fewer such verdicts", "more probable than not")
     verdict_noise: float = _of(1.1, "χ² a datum", "On held-out records, up to which a second cause counts as known",
-        "second causes are believed that leave more", "as verdict_stands_out")
+        "second causes are believed that leave more", "as search_enough")
     verdict_misfit: float = _of(2.0, "χ² a datum",
         "On held-out records, from which the re-tuned model is no answer, a cause not sure, and a law not enough",
         "more gaps are called none, fewer pairs", "noise estimated from a few blows is right to a factor below two")
@@ -145,8 +145,6 @@ class Settings:
     verdict_hardly: float = _of(0.01, "probability", "Below which a cause is not looked at again", "longer", _TIME)
     verdict_judged: int = _of(3, "causes", "Causes judged on held-out records while they carry any probability", "longer",
         _TIME)
-    verdict_stands_out: float = _of(1.1, "χ² a datum", "Of the re-tuned model, from which its gap stands out",
-        "small gaps are passed over", "five standard deviations of χ² of 5000 data")
 
     # One fit
     fit_strained: float = _of(5.0, "tolerances",
@@ -272,7 +270,7 @@ class Settings:
     search_hopeless: float = _of(3.0, "χ² a datum", "On few lines, from which a simulated cause is not fitted on all",
         "longer", _TIME)
     search_enough: float = _of(1.1, "χ² a datum", "Below which the re-tuned model needs no cause if the level shows nothing",
-        "small gaps are not searched", "as verdict_stands_out")
+        "small gaps are not searched", "five standard deviations of χ² of 5000 data")
     search_small: float = _of(2.0, "χ² a datum",
         "Below which restoring forces are looked for beside the tuned model, as measured, not from afar", "more from beside",
         "what is left is less than the noise itself")

@@ -19,11 +19,11 @@ def ambiguity_set(causes: Sequence[Cause]) -> tuple[int, ...]:
     return tuple(out)
 
 
-def verdict(causes: Sequence[Cause], stands_out: bool = True, shrinks: bool = True, at_end: bool = False) -> Verdict:
+def verdict(causes: Sequence[Cause], shrinks: bool = True, at_end: bool = False) -> Verdict:
     """What may be concluded; the first that holds."""
     best = causes[0]
     none = next((c.probability for c in causes if c.effect == "none"), 0.0)
-    if none >= SETTINGS.verdict_half or not stands_out:
+    if none >= SETTINGS.verdict_half:
         return "no_gap"
     if sum(c.probability for c in causes if c.effect == "unknown") > SETTINGS.verdict_half:
         return "unknown"
