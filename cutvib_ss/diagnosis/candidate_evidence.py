@@ -10,7 +10,7 @@ from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.result import CandidateEvidence
 from cutvib_ss.effects.base import discrete_values, parameter_fields
 
-ENDS = "{} = {} lies at the end of what is believed of it: the true value may lie beyond, or the cause be another"
+ENDS = "{} = {} is at its prior bound: the true value may lie beyond, or the cause be another"
 
 
 def evidence_of(r: Ranked, held_out: Sequence[Judged] = ()) -> CandidateEvidence:

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
+from cutvib_ss.diagnosis.directions import Directions, Sizes
 from cutvib_ss.diagnosis.discrepancy import weights
-from cutvib_ss.diagnosis.likelihood import Directions, Known, Quadratic, Sizes
+from cutvib_ss.diagnosis.likelihood import Known, Quadratic
 from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem

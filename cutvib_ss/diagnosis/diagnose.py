@@ -13,11 +13,11 @@ from cutvib_ss.diagnosis import cross_validation, where
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.compared_responses import compared_responses
 from cutvib_ss.diagnosis.detail import found
+from cutvib_ss.diagnosis.directions import Sizes
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut, share
 from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Sizes
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import chance_of_order, confounded, level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference

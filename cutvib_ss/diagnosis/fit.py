@@ -13,8 +13,9 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.climb import Beside, Climb
+from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Directions, Quadratic, solved
+from cutvib_ss.diagnosis.likelihood import Quadratic, solved
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import By, Records
@@ -65,7 +66,7 @@ class Fit:
         """Effects of which the size's interval holds nothing: only an error of theirs, the discrepancy, may be what is seen."""
         out = []
         for k, e in enumerate(self.hypothesis.effects):
-            sizes = [(abs(size), self.stds.get(f"{k}.{name}", np.inf)) for name, size in e.by_size().items()]
+            sizes = [(abs(size), self.stds.get(f"{k}.{name}", 0.0)) for name, size in e.by_size().items()]
             if sizes and all(size < SETTINGS.verdict_size * std for size, std in sizes):
                 out.append(e)
         return tuple(out)

@@ -206,16 +206,10 @@ def that_drift_by_chance(
     probabilities sum to one.
     """
     out = dict(odds)
-    for r in ranked:
-        if (
-            r.fit.hypothesis.linear
-            and kind_of(r.fit.hypothesis) in ("none", "known")
-            and out[r.name] >= SETTINGS.verdict_hardly
-        ):
-            by_chance = SETTINGS.priors["none"] * chance(r)
-            out[r.name] *= (
-                by_chance / (by_chance + SETTINGS.priors["unknown"]) if chance(r) < SETTINGS.level_drift else 1.0
-            )
+    linear = [r for r in ranked if r.fit.hypothesis.linear and kind_of(r.fit.hypothesis) in ("none", "known")]
+    for r in linear:
+        if out[r.name] >= SETTINGS.verdict_hardly and (p := chance(r)) < SETTINGS.level_drift:
+            out[r.name] *= SETTINGS.priors["none"] * p / (SETTINGS.priors["none"] * p + SETTINGS.priors["unknown"])
     return out
 
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from cutvib_ss.diagnosis.directions import Directions, Layout, Sizes, real_rows
 from cutvib_ss.diagnosis.discrepancy import weights
-from cutvib_ss.diagnosis.likelihood import Directions, Layout, Sizes, log_determinant, real_rows, solved
+from cutvib_ss.diagnosis.likelihood import log_determinant, solved
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray

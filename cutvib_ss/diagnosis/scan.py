@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg, optimize
 
+from cutvib_ss.diagnosis.directions import Directions, Sizes
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Directions, Sizes
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.settings import SETTINGS

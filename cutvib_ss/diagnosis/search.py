@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
-from cutvib_ss.diagnosis.unknown_element import UnknownForce, of_other_amplitudes, unknown_candidates
+from cutvib_ss.diagnosis.unknown_search import unknown_elements, unknown_forces
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.results import FloatArray
@@ -135,9 +135,11 @@ def search(
         workers.say("fitting elements of unknown form")
         # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
         best = _best(ranked, none)
-        ranked += _unknown(nominal, records, few, observed, ranked if left else (), None if left else best, workers)
+        ranked += unknown_elements(
+            nominal, records, few, observed, ranked if left else (), None if left else best, workers
+        )
         if dependent and left:
-            ranked += _unknown_forces(nominal, records, few, observed, none, workers)
+            ranked += unknown_forces(nominal, records, few, observed, none, workers)
     return (none, *_once(ranked))
 
 
@@ -215,116 +217,6 @@ def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], f
         # What a law takes from the levels that it was fitted to may fail at others.
         left = held_out * best.fit.spread.sizes.noise
     return left < SETTINGS.search_left + SETTINGS.search_left_of_gap * max(none.reduced - 1.0, 0.0)
-
-
-def _unknown(
-    nominal: Model,
-    records: Records,
-    few: Records,
-    observed: Observations,
-    ranked: Sequence[Ranked],
-    rival: Ranked | None,
-    workers: Workers,
-) -> list[Ranked]:
-    """An unknown element at each site, alone and beside the best linear cause; at the best site beside the best cause there."""
-    candidates = unknown_candidates(nominal, observed.band, observed.channels)
-    alone = [Hypothesis((e,)) for c in candidates for e in c.starts]
-    linear = [r for r in ranked if r.refined and r.fit.hypothesis.linear and len(r.fit.hypothesis.effects) == 1]
-    found = _best_unknown(nominal, records, few, alone, None, workers, rival)
-    if not linear or not found:
-        return found
-    by_evidence = sorted(linear, key=lambda r: -r.fit.log_evidence)
-    site = _unknown_of(max(found, key=lambda r: r.fit.log_evidence).fit)
-    # A known cause of another form than the catalogue's is that cause and something unknown at its own place.
-    there = [r for r in by_evidence[1:] if r.fit.hypothesis.place == site.place]
-    for r in (by_evidence[0], *there[:1]):
-        own, x = r.fit.hypothesis, r.fit.x[: r.fit.first_effect]
-        elements = alone if r is by_evidence[0] else [h for h in alone if _site(h) == site.site]
-        beside = [replace(own, effects=(*own.effects, *h.effects)) for h in elements]
-        found += _best_unknown(nominal, records, few, beside, x, workers)
-    return found
-
-
-def _best_unknown(
-    nominal: Model,
-    records: Records,
-    few: Records,
-    hypotheses: Sequence[Hypothesis],
-    warm: FloatArray | None,
-    workers: Workers,
-    rival: Ranked | None = None,
-) -> list[Ranked]:
-    """The best unknown elements, or restoring forces, on all lines: the best site with each amplitude, the next with its best."""
-    steps = partial(first_steps, nominal, few, steps=SETTINGS.search_later_steps)
-    tried = workers.map(steps, hypotheses, [warm] * len(hypotheses))
-    at: dict[str, Fit] = {}
-    for f in sorted((f for f in tried if f is not None), key=cost):
-        at.setdefault(_unknown_of(f).site, f)
-    sites = list(at.values())[: SETTINGS.search_unknown_refined]
-    # Sites are told apart at one amplitude; each of the best then has its own.
-    others = [
-        (replace(f.hypothesis, effects=(*f.hypothesis.effects[:-1], e)), f.x[: f.first_effect])
-        for f in sites
-        for e in of_other_amplitudes(_unknown_of(f))
-    ]
-    resized = workers.map(steps, [h for h, _ in others], [x for _, x in others])
-    fits = sorted([*sites, *(f for f in resized if f is not None)], key=cost)
-    if rival is not None:
-        # Few lines and a widened noise understate how far behind a cause that leaves noise they are.
-        there = steps(rival.fit.hypothesis, rival.fit.x)
-        fits = [f for f in fits if there is None or cost(f) - cost(there) < SETTINGS.search_close]
-    own = {_unknown_of(f).site: f for f in reversed(fits)}
-    fewer = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
-    sharp = _refitted(nominal, fewer, [f for f in fits if f is own[_unknown_of(f).site]], workers)
-    if not sharp:
-        return []
-    site = _unknown_of(min(sharp, key=cost)).site
-    sharp += _refitted(nominal, fewer, [f for f in fits if _unknown_of(f).site == site and f is not own[site]], workers)
-    sharp.sort(key=cost)
-    close = [f for f in sharp if cost(f) - cost(sharp[0]) < SETTINGS.search_close]
-    return [Ranked(_name(f), f, True) for f in _refitted(nominal, records, close, workers, close)]
-
-
-def _refitted(
-    nominal: Model, records: Records, fits: Sequence[Fit], workers: Workers, near: Sequence[Fit] | None = None
-) -> list[Fit]:
-    """Fits on other lines, from beside other fits if some are given; those that run away are left out."""
-    again = workers.map(
-        partial(refit, nominal, records),
-        [f.hypothesis for f in fits],
-        [f.x for f in fits],
-        [SETTINGS.search_most_steps] * len(fits),
-        near or [None] * len(fits),
-    )
-    return [f for f in again if f is not None]
-
-
-def _name(f: Fit) -> str:
-    """What tells a fit with an unknown element from others."""
-    names = []
-    for e in f.hypothesis.effects:
-        kind = "unknown force" if isinstance(e, UnknownForce) else e.effect
-        names.append(f"{kind} {getattr(e, 'site', e.place)} {getattr(e, 'scale', 0.0):.3g}")
-    return " + ".join(names)
-
-
-def _unknown_of(f: Fit) -> Any:
-    """The unknown element of a fit with one."""
-    return f.hypothesis.effects[-1]
-
-
-def _site(h: Hypothesis) -> str:
-    """Where the unknown element of a hypothesis with one sits."""
-    element: Any = h.effects[-1]
-    return str(element.site)
-
-
-def _unknown_forces(
-    nominal: Model, records: Records, few: Records, observed: Observations, none: Ranked, workers: Workers
-) -> list[Ranked]:
-    """An unknown restoring force at each port."""
-    hypotheses = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band, kind=UnknownForce)]
-    return _best_unknown(nominal, records, few, hypotheses, none.fit.x, workers)
 
 
 def _taken(none: Fit, cause: Fit) -> float:

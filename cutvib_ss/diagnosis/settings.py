@@ -273,7 +273,7 @@ class Settings:
         "small gaps are not searched", "five standard deviations of χ² of 5000 data")
     search_small: float = _of(2.0, "χ² a datum",
         "Below which restoring forces are looked for beside the tuned model, as measured, not from afar", "more from beside",
-        "what is left is less than the noise itself")
+        "the residual is less than the noise itself")
     search_caught: float = _of(5.0, "log evidence",
         "Lead of a cause from which there is a gap, and the model without one is tuned again from there",
         "local minima of the re-tuned model stay; small gaps are not searched", "a factor of 150")

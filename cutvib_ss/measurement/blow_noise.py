@@ -13,13 +13,15 @@ import numpy as np
 from scipy import signal, stats
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.measurement.estimation import blow_start, h1, without_offset
+from cutvib_ss.measurement.estimation import blow_start, h1, spectra_of_blows
 from cutvib_ss.measurement.noise import NOISE_BINS, high_pass_variance, smooth_noise
 from cutvib_ss.measurement.records import History, Record
 from cutvib_ss.measurement.rounding import orders_by_rounding
 from cutvib_ss.results import ComplexArray, FloatArray
 
 _FEWEST_QUIET = 32  # samples of a quiet part from which a power is told
+_HEARD = 1e-3  # of the largest power of the force over frequency
+_OVER_NOISE = 2.0  # power of a direction of hits over that of the sensors' noise in it
 _SEGMENT = 256  # samples of the segments of long quiet parts
 _STEADY = (
     1.3  # of the power of the last eighth of a record over that of the one before it, and over that before the blow
@@ -69,12 +71,8 @@ def pretrigger_noise(record: Record) -> SensorNoise:
         raise ParameterError(
             f"record {record.name!r} is of kind {record.kind!r}; only blows have quiet parts before them"
         )
-    samples = min(history.force.size for history in record.histories)
     fs = record.histories[0].fs
-    freq: FloatArray = np.arange(samples // 2 + 1, dtype=np.float64) * (fs / samples)
-    centred = [without_offset(history, samples) for history in record.histories]
-    force = np.stack([np.fft.rfft(f) / fs for f, _ in centred])
-    response = np.stack([np.fft.rfft(a, axis=-1) / fs for _, a in centred])
+    freq, force, response, window, _ = spectra_of_blows(record)
     input_power = np.sum(np.abs(force) ** 2, axis=0)
     on_force, counts = _density([part for h in record.histories for part in _quiet_force(h)], freq, fs)
     densities, samples_of = [], [counts]
@@ -84,7 +82,7 @@ def pretrigger_noise(record: Record) -> SensorNoise:
         densities.append(density)
         samples_of.append(count)
     # of a transform rfft(x)/fs over T = samples/fs, noise of one-sided density S has the power S T / 2
-    duration = samples / fs
+    duration = window.size / fs
     h = np.stack([h1(force, response[:, k]) for k in range(len(record.channels))])
     power = 0.5 * duration * (np.stack(densities) + np.abs(h) ** 2 * on_force)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -94,10 +92,10 @@ def pretrigger_noise(record: Record) -> SensorNoise:
 
 def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_bins: int = NOISE_BINS) -> BlowScatter:
     """
-    What of the scatter from blow to blow orders with the peak force, and what is left.
+    What of the scatter from blow to blow orders with the peak force, and the rest.
 
     At each line A_i = (H + G x_i) F_i + E_i by least squares, x_i the peak force about its mean (weighted by |F_i|²) and of unit
-    mean square: |G|² is the ordered power, with one complex degree of freedom, and what is left has n - 2.
+    mean square: |G|² is the ordered power, with one complex degree of freedom, and the rest has n - 2.
 
     Significance: the sum over lines of ordered over rest is compared with an F distribution. Sensor noise is independent from
     line to line, a hit beside the point is not: with a rest of ρ times the noise, whose excess is taken as one real direction
@@ -111,21 +109,18 @@ def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_
             f"record {record.name!r} is of kind {record.kind!r}; only blows can be compared one by one"
         )
     noise = pretrigger_noise(record)
-    samples = min(history.force.size for history in record.histories)
     fs = record.histories[0].fs
-    centred = [without_offset(history, samples) for history in record.histories]
-    force = np.stack([np.fft.rfft(f) / fs for f, _ in centred])
-    response = np.stack([np.fft.rfft(a, axis=-1) / fs for _, a in centred])
+    _, force, response, window, peaks = spectra_of_blows(record)
+    samples = window.size
     input_power = np.sum(np.abs(force) ** 2, axis=0)
-    keep = input_power > 1e-3 * np.max(input_power)
+    keep = input_power > _HEARD * np.max(input_power)
     keep[0] = False
     if band is not None:
         keep = (input_power > 0) & (noise.freq >= band[0]) & (noise.freq <= band[1]) & (noise.freq > 0)
     if not np.any(keep):
         raise ParameterError(f"record {record.name!r}: band {band} Hz holds no line with force")
     force, input_power, freq = force[:, keep], input_power[keep], noise.freq[keep]
-    peaks = np.array([float(np.max(np.abs(f))) for f, _ in centred])
-    count, channels = len(centred), len(record.channels)
+    count, channels = len(force), len(record.channels)
     spread = float(np.std(peaks) / np.mean(peaks))
     # of a single blow, the mean blow's: the variance of H1 over all of them is that over their number
     single = noise.variance[:, keep] * count
@@ -172,19 +167,15 @@ def hit_directions(record: Record, decay_rate: float = 0.0, most: int = 2) -> tu
     of the noise are directions, and H1 is off along each by the standard deviation of their scores over the root of the number
     of blows. Shape (direction, channel, frequency); none with fewer than three blows, or where the noise is not known.
     """
-    samples = min(history.force.size for history in record.histories)
-    fs, count = record.histories[0].fs, len(record.histories)
-    freq: FloatArray = np.arange(samples // 2 + 1, dtype=np.float64) * (fs / samples)
-    none = np.zeros((0, len(record.channels), freq.size), dtype=np.complex128)
-    if record.kind != "impact" or count < 3:
+    noise = pretrigger_noise(record).variance * len(record.histories)
+    freq, force, response, _, peaks = spectra_of_blows(record, decay_rate)
+    count = len(force)
+    none = np.zeros((0, *response.shape[1:]), dtype=np.complex128)
+    if count < 3:
         return freq, none
-    noise = pretrigger_noise(record).variance * count
-    window = np.exp(-decay_rate * np.arange(samples) / fs)
-    centred = [without_offset(history, samples) for history in record.histories]
-    force = np.stack([np.fft.rfft(f * window) / fs for f, _ in centred])[:, None]
-    response = np.stack([np.fft.rfft(a * window, axis=-1) / fs for _, a in centred])
+    force = force[:, None]
     power = np.sum(np.abs(force) ** 2, axis=0)
-    heard = (power[0] > 1e-3 * np.max(power)) & np.all(np.isfinite(noise) & (noise > 0.0), axis=0)
+    heard = (power[0] > _HEARD * np.max(power)) & np.all(np.isfinite(noise) & (noise > 0.0), axis=0)
     if not np.any(heard):
         return freq, none
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -192,17 +183,30 @@ def hit_directions(record: Record, decay_rate: float = 0.0, most: int = 2) -> tu
         # Of like noise in every blow, whatever its force.
         off = (response - h * force) * (force.conj() / np.abs(force)) / np.sqrt(power / count)
     off = np.where((power > 0.0) & np.isfinite(off), off, 0.0)
-    peaks = np.array([float(np.max(np.abs(f))) for f, _ in centred])
     for same in (np.ones(count), peaks - peaks.mean()):
         off -= np.multiply.outer(same, np.tensordot(same, off, 1)) / max(float(same @ same), 1e-300)
     weighted = (off / np.sqrt(noise / 2))[..., heard].reshape(count, -1)
     scores, sizes, _ = np.linalg.svd(np.concatenate([weighted.real, weighted.imag], axis=1), full_matrices=False)
     # What the sensors' noise alone would give each of them.
     alone = 2.0 * weighted.shape[1]
-    strong = [k for k in range(min(most, count - 2)) if sizes[k] ** 2 > 2.0 * alone]
+    strong = [k for k in range(min(most, count - 2)) if sizes[k] ** 2 > _OVER_NOISE * alone]
     if not strong:
         return freq, none
     return freq, np.stack([np.tensordot(scores[:, k], off, 1) for k in strong]) / np.sqrt((count - 2) * count)
+
+
+def gains_of_blows(record: Record) -> tuple[FloatArray, FloatArray]:
+    """Standard deviation of each channel's gain over the blows; what differs beside the gain, over what it does (powers)."""
+    _, force, response, _, _ = spectra_of_blows(record)
+    power = np.sum(np.abs(force) ** 2, axis=0)
+    heard = power > _HEARD * power.max()
+    force, response = force[:, None, heard], response[..., heard]
+    expected = np.sum(response * force.conj(), axis=0) / power[heard] * force
+    own = np.sum(np.abs(expected) ** 2, axis=-1)
+    gain = np.sum((response * expected.conj()).real, axis=-1) / np.maximum(own, 1e-300)
+    off = np.sum((gain - gain.mean(axis=0)) ** 2 * own, axis=0)
+    rest = np.sum(np.abs(response - gain[..., None] * expected) ** 2, axis=(0, -1))
+    return np.asarray(gain.std(axis=0, ddof=1)), np.asarray(rest / np.maximum(off, 1e-300))
 
 
 def _freedom(lines: int, ratio: float) -> float:

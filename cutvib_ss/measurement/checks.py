@@ -10,6 +10,7 @@ import numpy as np
 from scipy import signal
 
 from cutvib_ss.errors import DataFormatError
+from cutvib_ss.measurement.blow_noise import gains_of_blows
 from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.plausibility import unit_hints, without_drift
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
@@ -175,25 +176,6 @@ def _drop_loose_channels(record: Record, where: str, warnings: list[str]) -> Rec
             "does not: left out; look for a loose cable or connector, and measure again"
         )
     return _left(record, [record.channels[k] for k in loose]) if loose else record
-
-
-def gains_of_blows(record: Record) -> tuple[FloatArray, FloatArray]:
-    """Standard deviation of each channel's gain over the blows, and what else differs over what the gain does (powers)."""
-    samples = min(h.force.size for h in record.histories)
-    force = np.fft.rfft([h.force[:samples] - np.median(h.force[:samples]) for h in record.histories])
-    levelled = [
-        h.responses[:, :samples] - np.median(h.responses[:, :samples], axis=1)[:, None] for h in record.histories
-    ]
-    response = np.fft.rfft(levelled)
-    power = np.sum(np.abs(force) ** 2, axis=0)
-    heard = power > LOOSE**2 * power.max()
-    force, response = force[:, None, heard], response[..., heard]
-    expected = np.sum(response * force.conj(), axis=0) / power[heard] * force
-    own = np.sum(np.abs(expected) ** 2, axis=-1)
-    gain = np.sum((response * expected.conj()).real, axis=-1) / np.maximum(own, 1e-300)
-    off = np.sum((gain - gain.mean(axis=0)) ** 2 * own, axis=0)
-    rest = np.sum(np.abs(response - gain[..., None] * expected) ** 2, axis=(0, -1))
-    return np.asarray(gain.std(axis=0, ddof=1)), np.asarray(rest / np.maximum(off, 1e-300))
 
 
 def _drop_overloads(record: Record, where: str, warnings: list[str]) -> Record:

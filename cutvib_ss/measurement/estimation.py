@@ -10,6 +10,7 @@ there.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import signal
@@ -191,21 +192,40 @@ def blow_start(force: FloatArray) -> int:
     return max(onset - max(8, onset // 16), 0)
 
 
+class BlowSpectra(NamedTuple):
+    """Transforms of the blows of a record, each less what its channels read before it."""
+
+    freq: FloatArray  # Lines [Hz]
+    force: ComplexArray  # Shape (blow, frequency) [N s]
+    response: ComplexArray  # Shape (blow, channel, frequency)
+    window: FloatArray  # By which force and responses were multiplied, shape (sample,)
+    peaks: FloatArray  # Largest force of each blow [N]
+
+
+def spectra_of_blows(record: Record, decay_rate: float = 0.0) -> BlowSpectra:
+    """Transforms of the blows of a record over the samples that all of them have, under an exponential window."""
+    samples, fs = min(history.force.size for history in record.histories), record.histories[0].fs
+    window = np.exp(-decay_rate * np.arange(samples) / fs)
+    centred = [without_offset(history, samples) for history in record.histories]
+    return BlowSpectra(
+        np.arange(samples // 2 + 1, dtype=np.float64) * (fs / samples),
+        np.stack([np.fft.rfft(f * window) / fs for f, _ in centred]),
+        np.stack([np.fft.rfft(a * window, axis=-1) / fs for _, a in centred]),
+        window,
+        np.array([float(np.max(np.abs(f))) for f, _ in centred]),
+    )
+
+
 def _from_blows(
     record: Record, estimator: EstimatorKind, decay_rate: float, noise_bins: int
 ) -> tuple[FloatArray, ComplexArray, FloatArray, FloatArray, int]:
-    samples = min(history.force.size for history in record.histories)
-    fs = record.histories[0].fs
-    window = np.exp(-decay_rate * np.arange(samples) / fs)
-    centred = [without_offset(history, samples) for history in record.histories]
-    force = np.stack([np.fft.rfft(f * window) / fs for f, _ in centred])
-    response = np.stack([np.fft.rfft(a * window, axis=-1) / fs for _, a in centred])
+    freq, force, response, window, _ = spectra_of_blows(record, decay_rate)
     input_power = np.sum(np.abs(force) ** 2, axis=0)
     if not np.any(input_power > 0):
         raise DataFormatError(f"{record.name}: the force is zero throughout; check its sensor and channel")
     data, gamma = _estimates(force, response, estimator)
     told = bin_correlation(window)
-    averages = len(centred)
+    averages = len(force)
     variance = np.empty(data.shape)
     for k, h in enumerate(data):
         if averages > 1:
@@ -218,7 +238,6 @@ def _from_blows(
             variance[k] = _quotient(power, input_power).real
         else:
             variance[k] = _single_blow_variance(record.histories[0], k, h, input_power, window, noise_bins)
-    freq: FloatArray = np.arange(samples // 2 + 1, dtype=np.float64) * (fs / samples)
     return freq, data, _finite(variance, data, input_power), gamma, averages
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Directions
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.simulation import problem_for

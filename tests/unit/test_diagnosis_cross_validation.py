@@ -7,9 +7,9 @@ import pytest
 
 from cutvib_ss.diagnosis import cross_validation
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends
+from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Layout, Sizes
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
@@ -163,7 +163,7 @@ def test_a_value_at_the_end_of_its_range_is_told():
     assert at_their_ends(inside) == []
     assert beyond.at_end == ("0.gain",)
     assert at_their_ends(beyond) == [
-        "gain of calibration_error at measurement = 5 lies at the end of what is believed of it: the true value may lie "
+        "gain of calibration_error at measurement = 5 is at its prior bound: the true value may lie "
         "beyond, or the cause be another"
     ]
 

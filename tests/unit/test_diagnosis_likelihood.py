@@ -7,10 +7,11 @@ import pytest
 from scipy import optimize, stats
 
 from cutvib_ss.diagnosis import cross_validation
+from cutvib_ss.diagnosis.directions import Directions, Sizes
 from cutvib_ss.diagnosis.discrepancy import smooth_shapes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Directions, Quadratic, Sizes
+from cutvib_ss.diagnosis.likelihood import Quadratic
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.settings import SETTINGS

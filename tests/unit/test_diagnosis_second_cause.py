@@ -9,10 +9,10 @@ from typing import cast
 import numpy as np
 import pytest
 
+from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Layout, Sizes
 from cutvib_ss.diagnosis.posterior import judged_on_held_out, kind_of, of_known_form, that_drift_by_chance
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.cross_validation import judged, predicted
+from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Directions
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.diagnosis.scan import Scan

@@ -11,9 +11,9 @@ from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked, first_steps, refit
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.search import _best_unknown
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import unknown_candidates, unknown_places
+from cutvib_ss.diagnosis.unknown_search import best_unknown
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.support_compliance import SupportCompliance
@@ -116,7 +116,7 @@ def test_no_element_is_fitted_on_all_lines_that_lies_far_behind_a_cause_that_lea
     assert right.reduced < 1.1
     with Workers(1) as workers:
         beside = [
-            _best_unknown(nominal, measured, few, elements, None, workers, Ranked("rival", r, True))
+            best_unknown(nominal, measured, few, elements, None, workers, Ranked("rival", r, True))
             for r in (right, wrong)
         ]
     assert beside[0] == []

@@ -1,0 +1,255 @@
+"""
+Low-rank Gaussian directions of the residual: repeatability, discrepancy, and what a hand's hits do.
+
+Each is a column over all data beside the unknowns; `likelihood` says what they stand for, and integrates them out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
+from cutvib_ss.diagnosis.records import session_of
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.results import ComplexArray, FloatArray
+
+if TYPE_CHECKING:
+    from cutvib_ss.diagnosis.prediction import Predicted
+    from cutvib_ss.diagnosis.problem import Problem
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """
+    Relative standard deviations of drift between and within sessions, and of the discrepancy of nominal elements and of the cause.
+
+    `noise` is a factor on the variance of the noise.
+    """
+
+    drift: float = 1e-3
+    nominal: float = 3e-4
+    cause: float = 1e-2
+    noise: float = 1.0
+    within: float = 1e-3
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which columns the directions take behind the unknowns of a problem, and the smooth shapes they are made of."""
+
+    unknowns: int
+    sessions: tuple[tuple[float | str, ...], ...]
+    channels: tuple[str, ...]
+    drifting: tuple[int, ...]
+    nominal: tuple[int, ...]
+    pivots: tuple[tuple[float, float], ...]
+    shapes: int
+    records: tuple[int, ...] = ()  # Those that drift within their session, by their index in the campaign
+    cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
+    hits: tuple[tuple[int, int], ...] = ()  # What the hits of a record do: its index, and the number of the direction
+
+    @property
+    def per_session(self) -> int:
+        """Directions of one session, or record: tuned values, real and imaginary gain of each channel, the cause's size."""
+        return len(self.drifting) + 2 * len(self.channels) + self.cause_drifts
+
+    @property
+    def first_within(self) -> int:
+        """First column of the records' own drift."""
+        return self.unknowns + self.per_session * len(self.sessions)
+
+    @property
+    def first_nominal(self) -> int:
+        """First column of the nominal elements' discrepancy."""
+        return self.first_within + self.per_session * len(self.records)
+
+    @property
+    def first_cause(self) -> int:
+        """First column of the causes' discrepancy."""
+        return self.first_nominal + 2 * self.shapes * len(self.nominal)
+
+    @property
+    def first_hit(self) -> int:
+        """First column of what hits do."""
+        return self.first_cause + 2 * len(self.pivots)
+
+    @property
+    def size(self) -> int:
+        """All columns."""
+        return self.first_hit + len(self.hits)
+
+    def scale(self, sizes: Sizes) -> FloatArray:
+        """Factor on each column."""
+        out = np.ones(self.size)
+        out[self.unknowns : self.first_within] = sizes.drift
+        out[self.first_within : self.first_nominal] = sizes.within
+        out[self.first_nominal : self.first_cause] = sizes.nominal
+        out[self.first_cause : self.first_hit] = sizes.cause
+        return out
+
+
+class Directions:
+    """
+    Unit directions of drift and discrepancy of a problem's records, at one set of unknowns.
+
+    Every direction is a row of the problem's Jacobian, or the prediction itself, times a smooth real function.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        x: FloatArray | Sequence[FloatArray],
+        predictions: Sequence[Predicted],
+        spread: bool = True,
+        like: Layout | None = None,
+    ) -> None:
+        self.problem = problem
+        self.groups = [p.group for p in predictions]
+        band = problem.band
+        self.smooth = [smooth_shapes(g.freq, band) for g in self.groups]
+        drift, nominal = weights(problem)
+        each = [x] * len(predictions) if isinstance(x, np.ndarray) else list(x)
+        self.cause = cause_weights(problem, each[0])
+        self.drift, self.nominal = drift, nominal
+        self.layout = like or Layout(
+            problem.size,
+            problem.sessions if spread else (),
+            problem.channels,
+            tuple(np.flatnonzero(drift).tolist()),
+            tuple(np.flatnonzero(nominal).tolist()) if spread else (),
+            pivots_of(problem) if spread and np.any(self.cause) else (),
+            self.smooth[0].shape[0],
+            problem.drifting_within if spread else (),
+            cause_drifts=bool(spread and np.any(self.cause)),
+            hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
+        )
+        self._shapes: dict[tuple[int, int], FloatArray] = {}
+        self.rows = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
+        self.plain = [p.data * np.sqrt(2.0 / g.variance) for p, g in zip(predictions, self.groups, strict=True)]
+
+    def chunks(self) -> Iterator[tuple[int, np.ndarray, int, np.ndarray, ComplexArray]]:
+        """Group, its rows of one session, channel, columns, and the weighted directions there (column, row, frequency)."""
+        lay, problem = self.layout, self.problem
+        shapes = lay.shapes
+        own_nominal = lay.first_nominal + np.arange(2 * shapes * len(lay.nominal))
+        for i, (g, (shared, own)) in enumerate(zip(self.groups, self.rows, strict=True)):
+            names = [session_of(same[0]) for same in g.entries]
+            # Records that drift by themselves are taken one by one.
+            members = [(name, same[0].record) for name, same in zip(names, g.entries, strict=True)]
+            keys = members if lay.records else [(name, -1) for name in names]
+            count = len(own[0]) // 2 if own else 0
+            cause = np.tensordot(self.cause, shared[len(shared) - len(self.cause) :], 1) if lay.pivots else None
+            for name, record in dict.fromkeys(keys):
+                rows = np.array([k for k, other in enumerate(keys) if other == (name, record)])
+                firsts = []
+                if name in lay.sessions:
+                    firsts.append(lay.unknowns + lay.per_session * lay.sessions.index(name))
+                if record in lay.records:
+                    firsts.append(lay.first_within + lay.per_session * lay.records.index(record))
+                for c, channel in enumerate(g.channels):
+                    index, parts = [problem.shared], [shared[:, rows, c]]
+                    if channel in problem.channels and count:
+                        index.append(problem.own(channel, count))
+                        parts.append(own[c].reshape(2 * count, len(g.data), -1)[:, rows])
+                    for first in firsts:
+                        moved = np.array(lay.drifting, dtype=int)
+                        index.append(first + np.arange(moved.size))
+                        parts.append(self.drift[moved, None, None] * shared[moved][:, rows, c])
+                        if channel in lay.channels:
+                            gain = first + moved.size + 2 * lay.channels.index(channel)
+                            index.append(np.array([gain, gain + 1]))
+                            parts.append(np.array([1.0, 1j])[:, None, None] * self.plain[i][rows, c])
+                        if lay.cause_drifts and cause is not None:
+                            index.append(np.array([first + lay.per_session - 1]))
+                            parts.append(cause[None, rows, c])
+                    if lay.nominal:
+                        moved = np.array(lay.nominal)
+                        index.append(own_nominal)
+                        parts.append(self._smoothed(self.nominal[moved, None, None] * shared[moved][:, rows, c], i))
+                    if cause is not None:
+                        own_shapes = self._of_cause(i, rows)
+                        real = own_shapes.swapaxes(0, 1) * cause[rows, c]
+                        index.append(lay.first_cause + np.arange(2 * len(lay.pivots)))
+                        parts.append(np.concatenate([real, 1j * real]))
+                    of_hits = [
+                        (j, key) for j, row in enumerate(rows) if g.hits for key in g.hits[row] if key in lay.hits
+                    ]
+                    if of_hits:
+                        index.append(np.array([lay.first_hit + lay.hits.index(key) for _, key in of_hits]))
+                        parts.append(np.zeros((len(of_hits), len(rows), g.freq.size), dtype=np.complex128))
+                        for n, (j, key) in enumerate(of_hits):
+                            parts[-1][n, j] = g.hits[rows[j]][key][c] * np.sqrt(2.0 / g.variance[rows[j], c])
+                    yield i, rows, c, np.concatenate(index), np.concatenate(parts)
+
+    def _of_cause(self, group: int, rows: np.ndarray) -> FloatArray:
+        """Shapes of the cause's discrepancy at some rows of a group, shape (row, shape, frequency)."""
+        found = []
+        for k in rows.tolist():
+            if (group, k) not in self._shapes:
+                self._shapes[group, k] = shapes_over(self.layout.pivots, *features(self.groups[group], k, self.problem))
+            found.append(self._shapes[group, k])
+        return np.array(found)
+
+    def _smoothed(self, rows: ComplexArray, group: int) -> ComplexArray:
+        """Rows times each smooth shape, real and imaginary, shape (row · 2 shape, position, frequency)."""
+        real = rows[:, None] * self.smooth[group][:, None, :]
+        return np.stack([real, 1j * real], axis=1).reshape(-1, *rows.shape[1:])
+
+    def normal(self, residuals: Sequence[ComplexArray]) -> tuple[FloatArray, FloatArray]:
+        """Normal matrix and gradient of the data in all columns, at unit sizes."""
+        matrix, gradient = np.zeros((self.layout.size,) * 2), np.zeros(self.layout.size)
+        for i, rows, c, index, part in self.chunks():
+            flat = real_rows(part)
+            matrix[np.ix_(index, index)] += flat @ flat.T
+            gradient[index] += flat @ real_rows(residuals[i][None, rows, c])[0]
+        return matrix, gradient
+
+    def correlation(self, residuals: Sequence[ComplexArray], coefficients: FloatArray) -> float:
+        """
+        How many residuals tell the same thing, the directions taken out with their coefficients; 1 where they are white.
+
+        Along frequency that is the integrated correlation 1 + 2 Σ ρ, summed up to the first lag at which ρ does not stand out
+        (Sokal 1997, on autocorrelation times). What is correlated along frequency is an error of the model, and all responses
+        show the same one: 1 + 2 N Σ ρ, with N the number of responses, as if they were one cluster (Liang and Zeger 1986).
+        """
+        sums: dict[int, float] = {}
+        for i, rows, c, index, part in self.chunks():
+            r = residuals[i][rows, c] - np.tensordot(coefficients[index], part, 1)
+            for lag in range(min(SETTINGS.likelihood_most_lags, r.shape[-1] // 3)):
+                power = float(np.sum((r[:, lag:] * r[:, : r.shape[-1] - lag].conj()).real))
+                sums[lag] = sums.get(lag, 0.0) + power * r.shape[-1] / (r.shape[-1] - lag)
+        count = sum(g.data.size for g in self.groups)
+        responses = sum(g.data.shape[0] * g.data.shape[1] for g in self.groups)
+        total = 1.0
+        for lag in range(1, len(sums)):
+            rho = sums[lag] / max(sums[0], 1e-300)
+            if rho < max(SETTINGS.likelihood_correlated, 2.0 / np.sqrt(count)):
+                break
+            total += 2.0 * responses * rho
+        return total
+
+    def flat(self) -> FloatArray:
+        """All columns over all data, shape (column, datum): of each group the real parts, then the imaginary ones."""
+        size = sum(g.data.size for g in self.groups)
+        out = np.zeros((self.layout.size, 2 * size))
+        offset = 0
+        starts = []
+        for g in self.groups:
+            starts.append(offset)
+            offset += 2 * g.data.size
+        for i, rows, c, index, part in self.chunks():
+            g = self.groups[i]
+            at = np.arange(g.data.size).reshape(g.data.shape)[rows, c].ravel() + starts[i]
+            values = part.reshape(len(part), -1)
+            out[np.ix_(index, at)] = values.real
+            out[np.ix_(index, at + g.data.size)] = values.imag
+        return out
+
+
+def real_rows(rows: ComplexArray) -> FloatArray:
+    """Complex rows as real ones: products are real parts of inner products."""
+    return np.ascontiguousarray(rows.reshape(len(rows), -1)).view(np.float64)
