@@ -50,6 +50,37 @@ class At:
     factor: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
+class Trail:
+    """
+    The last steps of an iteration, and where they lead: Anderson's extrapolation (Walker and Ni 2011, SIAM J. Numer. Anal. 49).
+
+    A Gauss-Newton step takes the directions of drift and discrepancy for constant. They turn with the unknowns, so the steps
+    shrink by a constant factor near the optimum, tens of them where the noise is small.
+    """
+
+    def __init__(self) -> None:
+        self.points: list[FloatArray] = []
+        self.steps: list[FloatArray] = []
+
+    def add(self, point: FloatArray, step: FloatArray) -> None:
+        """One more step; the oldest is forgotten."""
+        self.points = [*self.points, point][-SETTINGS.fit_trail :]
+        self.steps = [*self.steps, step][-SETTINGS.fit_trail :]
+
+    def forget(self) -> None:
+        """Start anew."""
+        self.points, self.steps = [], []
+
+    def ahead(self, point: FloatArray, step: FloatArray, weight: FloatArray) -> FloatArray | None:
+        """Where a step from a point leads once the steps' own change is followed to zero; None without steps before."""
+        if not self.points:
+            return None
+        changes = np.array([step - s for s in self.steps]).T
+        moves = np.array([point - p for p in self.points]).T
+        parts = linalg.lstsq(weight[:, None] * changes, weight * step, cond=1e-8, check_finite=False)[0]
+        return np.asarray(point + step - (moves + changes) @ parts)
+
+
 class Climb:
     """Steps from one point, on the same problem with coarser to finer groups."""
 
@@ -203,7 +234,7 @@ class Climb:
 
     def climb(self, max_iterations: int, tolerance: float) -> None:
         """Steps until they gain little."""
-        damping = 1e-3
+        damping, trail = 1e-3, Trail()
         for k in range(max_iterations):
             if self.at.quadratic is None:
                 self._linearise(self.at)
@@ -212,7 +243,7 @@ class Climb:
             if self.at.quadratic is None:
                 break
             before = self.at.objective
-            damping = self._step(damping, self.at.quadratic)
+            damping = self._step(damping, self.at.quadratic, trail)
             gain = before - self.at.objective
             # A residual of many times the noise needs no exact optimum.
             far = self.at.chi2 * self.sizes.noise > SETTINGS.fit_hopeless * self.count
@@ -220,25 +251,45 @@ class Climb:
             if gain < SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0):
                 break
 
-    def _step(self, damping: float, quadratic: Quadratic) -> float:
-        """One step, damped until it gains; the damping that served, eased."""
+    def _step(self, damping: float, quadratic: Quadratic, trail: Trail) -> float:
+        """One step: to where the last ones lead, or damped until it gains; the damping of the next."""
         n, x = self.at.x.size, self.at.x
         matrix, gradient = quadratic.system(self.sizes)
         beside = np.full(matrix.shape[0] - n, np.inf)
         low, high = np.concatenate([self.low, -beside]), np.concatenate([self.high, beside])
         start = np.concatenate([x, np.zeros(beside.size)])
+        weight = np.concatenate([np.sqrt(np.diag(matrix)[:n]), np.full(self.at.drift.size, 1.0 / self.sizes.drift)])
+        here, tried = np.concatenate([x, self.at.drift.ravel()]), damping
         for harder in (1e1, 1e2, 1e3, 1e4):
-            step = np.clip(start + _step(matrix, gradient, damping, start, low, high), low, high) - start
-            try:
-                trial = self.evaluated(x + step[:n], self._drifted(step[n:]))
-            except (CutvibError, np.linalg.LinAlgError):
-                damping *= harder
-                continue
-            if np.isfinite(trial.objective) and trial.objective < self.at.objective:
-                self.at = trial
-                return max(damping / 10, 1e-9)
-            damping *= harder
-        return damping
+            step = np.clip(start + _step(matrix, gradient, tried, start, low, high), low, high) - start
+            there = np.concatenate([x + step[:n], self._drifted(step[n:]).ravel()])
+            ahead = trail.ahead(here, there - here, weight) if tried == damping else None
+            if ahead is not None:
+                if self._moved_to(ahead):
+                    trail.add(here, there - here)
+                    return damping
+                trail.forget()
+            if self._moved_to(there):
+                if tried == damping:
+                    return max(damping / 10, 1e-9)
+                # Not as far as the quadratic says: the next ones will shrink likewise.
+                trail.add(here, there - here)
+                return tried
+            tried *= harder
+        return tried
+
+    def _moved_to(self, there: FloatArray) -> bool:
+        """Whether unknowns and drifts gained, and are where it stands now."""
+        n = self.at.x.size
+        try:
+            x, drift = np.clip(there[:n], self.low, self.high), there[n:].reshape(self.at.drift.shape)
+            trial = self.evaluated(x, drift)
+        except (CutvibError, np.linalg.LinAlgError):
+            return False
+        gains = bool(np.isfinite(trial.objective) and trial.objective < self.at.objective)
+        if gains:
+            self.at = trial
+        return gains
 
     def _drifted(self, step: FloatArray) -> FloatArray:
         """Drifts of the sessions after a step in all directions, kept within what their size allows."""

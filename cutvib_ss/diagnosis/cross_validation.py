@@ -108,7 +108,7 @@ def _one_fold(nominal: Model, start: Fit, fold: Fold) -> list[Judged]:
     records = Records(fold.fitted, moving=bool(start.spread.layout.records))
     steps = SETTINGS.held_out_steps if start.hypothesis.linear else SETTINGS.held_out_law_steps
     try:
-        again = fit(nominal, records, start.hypothesis, start.x, steps, near=start)
+        again = fit(nominal, records, start.hypothesis, start.x, steps, SETTINGS.held_out_gain, near=start)
     except CutvibError:
         return [_not_predicted(e) for e in fold.judged]
     problem = problem_for(nominal, records, again.hypothesis)

@@ -153,6 +153,7 @@ class Settings:
     fit_gain: float = _of(0.1, "objective", "Gain at which steps end", "coarser fits",
         "a twentieth of what tells two causes apart by a factor of e")
     fit_passes: int = _of(3, "climbs", "Times that a fit climbs at most", "longer", _TIME)
+    fit_trail: int = _of(3, "steps", "By which the next one is extrapolated", "longer memory", _NUMERICAL)
     fit_scout_steps: int = _of(10, "steps", "A fit of no more steps climbs once", "more scouts", _TIME)
     fit_start_lines: int = _of(120, "lines", "Lines on which drifting sessions are started", "longer", _TIME)
     fit_fewer_lines: int = _of(300, "lines", "Of a record, on which a linear cause is fitted before all are taken", "longer", _TIME)
@@ -310,6 +311,7 @@ class Settings:
     # Held-out records
     held_out_steps: int = _of(15, "steps", "Of a fit on some records from the fit on all", "longer",
         "that lies within its own uncertainty of it")
+    held_out_gain: float = _of(1e-4, "1", "Relative gain of the objective at which those steps end", "rougher", _TIME)
     held_out_law_steps: int = _of(3, "steps", "The same of a law", "longer", _TIME)
     held_out_force_steps: int = _of(3, "steps", "To the force scale of a held-out record whose force is guessed", "longer",
         _NUMERICAL)

@@ -6,6 +6,9 @@ import numpy as np
 
 from cutvib_ss.results import ComplexArray, FloatArray
 
+CLOSED_FORM = 3
+"""Order up to which a matrix is inverted in closed form."""
+
 
 def mixed(weights: FloatArray, stack: ComplexArray) -> ComplexArray:
     """
@@ -19,7 +22,7 @@ def mixed(weights: FloatArray, stack: ComplexArray) -> ComplexArray:
 
 
 def inverse(matrices: ComplexArray) -> ComplexArray:
-    """Inverses of a stack of matrices; up to three by three in closed form, shape (n, n, frequency)."""
+    """Inverses of a stack of matrices; up to `CLOSED_FORM` in closed form, shape (n, n, frequency)."""
     n = matrices.shape[0]
     if n == 1:
         one: ComplexArray = 1.0 / matrices

@@ -118,7 +118,7 @@ class ChainedResponse:
             s = np.where(s == 0.0, _STILL, s)
         self._lines = machine.chain.at(outputs, [DERIVATIVE_ORDER[q] for q in quantities], s)
         self.s, self._places = self._lines.s, positions.size
-        self.receptance = ModelReceptance(machine, positions, self.s)
+        self.receptance = ModelReceptance(machine, positions, self.s, (*self._lines.signals, *self.inputs))
         self._bare: dict[tuple[str, str], ComplexArray] = {}
         self._changes: dict[str, ResponseDerivatives] = {}
 

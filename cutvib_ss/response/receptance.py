@@ -14,6 +14,7 @@ no u: H0 is all. Derivatives are in `cutvib_ss.response.derivatives`.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TypeAlias
 
@@ -23,7 +24,7 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.elements import Element, SpringDamperMass, SprungMass
 from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.rail import rail_point
-from cutvib_ss.response.batched import dot, inverse
+from cutvib_ss.response.batched import CLOSED_FORM, dot, inverse, mixed
 from cutvib_ss.response.rail_receptance import RailField, RailReceptance
 from cutvib_ss.response.twist_receptance import TwistReceptance
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -32,29 +33,50 @@ Row: TypeAlias = FloatArray | ComplexArray
 
 
 class ModelReceptance:
-    """The receptances of a model, head and rail together, at given positions and frequencies."""
+    """
+    The receptances of a model, head and rail together, at given positions and frequencies.
 
-    def __init__(self, model: Model, positions: FloatArray, s: ComplexArray) -> None:
+    Ports that are named beforehand are solved for together, which a structure of many degrees of freedom is glad of.
+    """
+
+    def __init__(self, model: Model, positions: FloatArray, s: ComplexArray, ports: Sequence[str] = ()) -> None:
         self.model, self.positions, self.s = model, np.atleast_1d(positions), s
         self._ports: dict[str, PortReceptance] = {}
         self.assembly = model.assembly
         self.system = system = self.assembly.core
         self.interface = interface = [system.dofs.index(d) for d in self.assembly.base]
         self.rows: dict[str, FloatArray] = dict(system.ports)
-        n, s_ = len(system.dofs), s[None, None]
-        e = system.stiffness[:, :, None] + s_ * system.damping[:, :, None] + (s_ * s_) * system.mass[:, :, None]
+        n = len(system.dofs)
+        polynomial = np.stack([system.stiffness, system.damping, system.mass], axis=-1)
+        e = mixed(polynomial, np.array([np.ones_like(s), s, s * s]))
         for a in self.assembly.elements:
             p = self.row(a.port)
-            e += a.element.dynamic_stiffness(s) * np.multiply.outer(p, p)[:, :, None]
+            own = np.ix_(np.flatnonzero(p), np.flatnonzero(p))
+            e[own] += a.element.dynamic_stiffness(s) * np.multiply.outer(p, p)[own][:, :, None]
         self._free = [i for i in range(n) if i not in interface]
         f, u = self._free, interface
-        self._inverse = inverse(e[np.ix_(f, f)])
+        self._held_stiffness, self._named = e[np.ix_(f, f)] if u else e, tuple(dict.fromkeys(ports))
         # Motion of the head that follows its base.
         self.following: ComplexArray = np.zeros((n, len(u), s.size), dtype=np.complex128)
         if u:
             self.following[f] = -np.einsum("abf,buf->auf", self._inverse, e[np.ix_(f, u)])
             self.following[u] = np.eye(len(u))[:, :, None]
             self._stiffness = e[np.ix_(u, u)] + np.einsum("uaf,avf->uvf", e[np.ix_(u, f)], self.following[f])
+
+    @cached_property
+    def _inverse(self) -> ComplexArray:
+        return inverse(self._held_stiffness)
+
+    @cached_property
+    def _solved(self) -> dict[bytes, ComplexArray]:
+        """Motion of the head for a unit force at each of the named ports, by row, its base held."""
+        wanted = (p if self.shaken(p) or self.is_rail(p) else self.model.port_of(p) for p in self._named)
+        rows = {self.rows[p].tobytes(): self.rows[p] for p in wanted if p in self.rows}
+        if self.interface or len(self._free) <= CLOSED_FORM or not rows:
+            return {}
+        loads = np.array(list(rows.values())).T
+        motion = np.linalg.solve(np.moveaxis(self._held_stiffness, -1, 0), loads[None])
+        return dict(zip(rows, np.ascontiguousarray(np.moveaxis(motion, (2, 1), (0, 1))), strict=True))
 
     # -- the two sides ------------------------------------------------------------------------------------------------------
 
@@ -127,6 +149,8 @@ class ModelReceptance:
 
     def held(self, row: Row) -> ComplexArray:
         """Motion of the head for a unit force, its base held, shape (n, frequency)."""
+        if row.ndim == 1 and row.tobytes() in self._solved:
+            return self._solved[row.tobytes()]
         out = np.zeros((len(self.system.dofs), self.s.size), dtype=np.complex128)
         if row.any():
             out[self._free] = dot(np.moveaxis(self._inverse, 1, 0), _over_frequency(row)[self._free][:, None])
