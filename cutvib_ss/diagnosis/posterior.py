@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut, share
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked
@@ -107,7 +108,11 @@ class _HeldOutRules:
             # It shows that something unknown is there, but not what.
             self.odds[r.name] = 0.0
         if known and r.fit.of_no_size:
-            self.without_what_may_be_nothing(r)
+            self.without_what_may_be_nothing(r, r.fit)
+        elif known and r.fit.corrected.of_no_size:
+            # With its discrepancy it is something, without it nothing: either there is no cause, or one that nothing here has.
+            self.without_what_may_be_nothing(r, r.fit.corrected, 0.5)
+            self.odds[r.name] = 0.0
         if self.bare and (known or kind_of(r.fit.hypothesis) == UNKNOWN):
             self.by_both_leads(r, self.bare)
         if kind_of(r.fit.hypothesis) == UNKNOWN:
@@ -131,13 +136,13 @@ class _HeldOutRules:
         """Part of the excess that the first of two parts closes alone."""
         return share(self.held(self.bare) if self.bare else None, self.held(first), self.held(both))
 
-    def without_what_may_be_nothing(self, r: Ranked) -> None:
-        """Pass on the probability of causes of which one may as well be nothing: its evidence is that of its discrepancy."""
-        certain = [e for e in r.fit.hypothesis.effects if e not in r.fit.of_no_size]
+    def without_what_may_be_nothing(self, r: Ranked, fit: Fit, part: float = 1.0) -> None:
+        """Pass on the probability of causes of which one may be nothing in a fit: its evidence is that of its discrepancy."""
+        certain = [e for e in fit.hypothesis.effects if e not in fit.of_no_size]
         causes = Hypothesis(tuple(certain)).causes
         less = _best(x for x in self.fitted if x.fit.hypothesis.causes == causes)
         if less:
-            _give(self.odds, r, less)
+            _give(self.odds, r, less, part)
 
     def by_both_leads(self, r: Ranked, simpler: Ranked) -> None:
         """Share the probability of a hypothesis with a simpler one that predicts held-out records better."""

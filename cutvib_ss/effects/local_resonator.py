@@ -41,8 +41,9 @@ class LocalResonator(PortElement):
             return {**given, "mass": replace(given["mass"], high=max(given["mass"].high, own))}
         scale = port_scale(model, place)
         mass = replace(given["mass"], low=1e-3 * scale.mass, high=scale.mass)
-        own = scale.natural_freq
-        frequency = replace(given["frequency"], low=0.1 * own, high=10.0 * own) if own > 0.0 else given["frequency"]
+        own, frequency = scale.natural_freq, given["frequency"]
+        if own > 0.0:
+            frequency = replace(frequency, low=min(frequency.low, 0.1 * own), high=max(frequency.high, 10.0 * own))
         return {**given, "mass": mass, "frequency": frequency}
 
     @classmethod

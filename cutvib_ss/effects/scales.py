@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
 
 from cutvib_ss.effects.base import Model
 from cutvib_ss.model.machine import Machine
@@ -39,24 +38,15 @@ class PortScale:
 
 def port_scale(model: Model, place: str, motion: float | None = None) -> PortScale:
     """What the port at a place carries."""
-    port = model.port_at(place)
-    if model.head is not None:
+    if model.head is None:
+        (mass, stiffness, _), force = model.carried_at(place), 1.0
+    else:
+        port, spring = model.port_at(place), model.spring_at(place)
         system, force = model.second_order(0.5, viscous_at=100.0), TYPICAL_FORCE
         if port.startswith("joint"):
             force *= model.head.l1 if port == "joint1" else model.head.l2
-    else:
-        system, force = model.second_order(None, viscous_at=1.0), 1.0
-    row = system.port(port)
-    mass = 1.0 / float(row @ np.linalg.solve(system.mass, row))
-    spring = model.spring_at(place)
-    if spring is not None:
-        stiffness = spring[0]
-    else:
-        squares, shapes = linalg.eigh(system.stiffness, system.mass)
-        moved = (shapes.T @ row) ** 2
-        held = squares > 1e-9 * squares[-1]
-        free = float(moved[~held].sum()) > 1e-9 * float(moved.sum())
-        stiffness = mass * float(squares[-1]) if free else 1.0 / float(np.sum(moved[held] / squares[held]))
+        mass, stiffness = system.at_port(port)
+        stiffness = stiffness if spring is None else spring[0]
     # A body that nothing holds has no motion of its own under a slow force: a millimetre stands for it.
     return PortScale(mass, stiffness, motion or (force / stiffness if stiffness > 0.0 else 1e-3))
 

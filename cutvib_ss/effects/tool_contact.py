@@ -12,6 +12,9 @@ from cutvib_ss.effects.port_element import PortElement
 from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.model.elements import SpringDamperMass
 
+STIFFEST = 100.0
+"""Of the stiffness against a slow force there: a contact that leaves one percent of the motion is as good as a pin."""
+
 
 @dataclass(frozen=True)
 class ToolContact(PortElement):
@@ -36,9 +39,11 @@ class ToolContact(PortElement):
         if model.head is not None:
             return given
         scale = port_scale(model, place)
+        # A stop holds the point of a frame many times stiffer than the whole frame does.
+        stiffness = STIFFEST * scale.holding
         return {
-            "stiffness": replace(given["stiffness"], high=3.0 * scale.holding),
-            "damping": replace(given["damping"], high=(scale.holding * scale.mass) ** 0.5),
+            "stiffness": replace(given["stiffness"], high=stiffness),
+            "damping": replace(given["damping"], high=(stiffness * scale.mass) ** 0.5),
         }
 
     @classmethod
@@ -50,7 +55,8 @@ class ToolContact(PortElement):
                 k = m * (2 * math.pi) ** 2 * measured.band[0] * measured.band[1]
                 c = c or 0.02 * math.sqrt(k * m)
             stiffness, damping = k * 0.02, c * 0.02
-            grid = [(f, g) for f in (0.3, 2.0, 12.0, 60.0) for g in (0.3, 10.0)]
+            factors = (0.3, 2.0, 12.0, 60.0) if model.head is not None else (0.3, 2.0, 12.0, 60.0, 400.0)
+            grid = [(f, g) for f in factors for g in (0.3, 10.0)]
             yield place, tuple(cls(place, f * stiffness, g * damping) for f, g in grid)
 
     def element(self) -> SpringDamperMass:

@@ -113,6 +113,16 @@ class SecondOrder:
             raise ParameterError(f"no port {name!r}; there are {', '.join(self.ports)}")
         return self.ports[name]
 
+    def at_port(self, name: str) -> tuple[float, float]:
+        """Mass that a force at a port moves at once, and stiffness against a slow one; its stiffest mode's where it floats."""
+        row = self.port(name)
+        mass = 1.0 / float(row @ np.linalg.solve(self.mass, row))
+        squares, shapes = linalg.eigh(self.stiffness, self.mass)
+        moved = (shapes.T @ row) ** 2
+        held = squares > 1e-9 * squares[-1]
+        floats = float(moved[~held].sum()) > 1e-9 * float(moved.sum())
+        return mass, mass * float(squares[-1]) if floats else 1.0 / float(np.sum(moved[held] / squares[held]))
+
     def dynamic_stiffness(self, s: ArrayLike) -> ComplexArray:
         """
         K + s C + s² M, by definition: the slow, dense route that the closed forms are checked against, shape (frequency, n, n).

@@ -182,10 +182,14 @@ class Structure(BaseModel):
         return (self.scales[2] * spring, ((("scales", 2), spring),)) if spring > 0.0 else None
 
     def carried_at(self, place: str) -> tuple[float, float, float]:
-        s, row = self.system, self.system.port(place)
+        # The diagonals of finite elements' matrices are those of one element, hundreds of times stiffer than what holds a point.
+        system, spring = self.second_order(None, viscous_at=1.0), self.spring_at(place)
+        row = system.port(self.port_at(place))
         own = max(float(row @ row), 1e-30)
-        mass, stiffness, damping = (float(abs(row @ m @ row)) / own**2 for m in (s.mass, s.stiffness, s.damping))
-        return mass, stiffness, damping
+        element, loss = (float(abs(row @ m @ row)) / own**2 for m in (system.stiffness, system.damping))
+        mass, static = system.at_port(self.port_at(place))
+        stiffness = static if spring is None else float(spring[0])
+        return mass, stiffness, loss * (stiffness / element if element > 0.0 else 1.0)
 
     def _plant_outputs(self) -> tuple[str, ...]:
         return tuple(self.channels)

@@ -35,6 +35,11 @@ class OnlyEvidence:
     hypothesis: Hypothesis
     log_evidence: float
     of_no_size: tuple[Effect, ...] = ()
+    nothing_when_used: tuple[Effect, ...] = ()
+
+    @property
+    def corrected(self) -> OnlyEvidence:
+        return replace(self, of_no_size=self.nothing_when_used)
 
 
 def ranked(name: str, evidence: float, *effects: Effect) -> Ranked:
@@ -100,6 +105,20 @@ def test_a_cause_that_may_as_well_be_nothing_is_none() -> None:
     assert judged_on_held_out([NONE, vague, OTHER], {"none": 0.0, "main": 1.0, "other": 0.0}, seen, 1.0)["none"] == 1.0
     odds = {"none": 0.0, "main": 0.0, "other": 0.0, "both": 1.0}
     assert judged_on_held_out([NONE, vague, OTHER, beside], odds, seen, 1.0)["other"] == 1.0
+
+
+def test_a_cause_that_is_nothing_without_its_discrepancy_is_not_named() -> None:
+    """A gap-free plate: 222 nats for a contact of 18 N/m, known to 139 N/m, and its discrepancy."""
+    fit = cast(Fit, replace(cast(OnlyEvidence, MAIN.fit), nothing_when_used=(MASS,)))
+    got = judged_on_held_out(
+        (NONE, replace(MAIN, fit=fit)),
+        {"none": 0.0, "main": 1.0},
+        held(none=Leaves(log_density=-5.0), main=Leaves()),
+        1.0,
+    )
+    assert got["main"] == 0.0
+    # The rest lies on something unknown.
+    assert got["none"] == pytest.approx(0.5)
 
 
 def test_a_second_cause_that_predicts_more_than_something_unknown_is_named_and_not_sure() -> None:

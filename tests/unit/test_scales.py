@@ -26,7 +26,28 @@ def structure(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray, **mo
     return Structure(system, {"y": Channel("drive", "displacement")}, "drive")
 
 
+def cantilever(elements: int = 5, length: float = 0.9) -> Structure:
+    """A steel beam 40 mm by 10 mm of Euler-Bernoulli elements: every diagonal entry of K is that of one short element."""
+    area, inertia, h = 4e-4, 0.04 * 0.01**3 / 12, length / elements
+    scale = np.diag([1.0, h, 1.0, h])
+    k = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
+    m = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
+    k, m = 2.1e11 * inertia / h**3 * scale @ k @ scale, 7850 * area * h / 420 * scale @ m @ scale
+    n = 2 * elements + 2
+    stiffness, mass = np.zeros((n, n)), np.zeros((n, n))
+    for i in range(elements):
+        own = np.ix_(range(2 * i, 2 * i + 4), range(2 * i, 2 * i + 4))
+        stiffness[own] += k
+        mass[own] += m
+    stiffness, mass = stiffness[2:, 2:], mass[2:, 2:]
+    middle, tip = np.eye(n - 2)[4], np.eye(n - 2)[n - 4]
+    ports = {"middle": middle, "tip": tip}
+    system = SecondOrder(mass, 2e-5 * stiffness, stiffness, tuple(f"x{i}" for i in range(n - 2)), ports)
+    return Structure(system, {"y": Channel("tip", "displacement")}, "tip")
+
+
 STRUCTURES = {
+    "a cantilever of finite elements": cantilever(),
     "a carriage that nothing holds": structure(np.array([[95.1]]), np.array([[203.5]]), np.zeros((1, 1))),
     "a mass in space": structure(np.array([[3.0]]), np.zeros((1, 1)), np.zeros((1, 1))),
     "two masses in space": structure(np.diag([2.0, 0.5]), 3.0 * LINK, 4e4 * LINK, tip=[0.0, 1.0], link=[1.0, -1.0]),
@@ -99,3 +120,36 @@ def test_ports_that_move_together_are_one_place_named_after_the_first() -> None:
     assert frequency_response(named, None, freq).data == pytest.approx(frequency_response(first, None, freq).data)
     with pytest.raises(ParameterError, match="cannot sit at 'nowhere'"):
         ToolContact("nowhere", 1e3).apply(both)
+
+
+def test_a_point_of_finite_elements_carries_what_holds_it() -> None:
+    """Against the static stiffness of a cantilever's tip, 3 E I / L³; the diagonal of K is hundreds of times that."""
+    model = cantilever()
+    _, stiffness, _ = model.carried_at("tip")
+    assert stiffness == pytest.approx(3 * 2.1e11 * (0.04 * 0.01**3 / 12) / 0.9**3, rel=1e-6)
+    assert model.system.stiffness[model.system.port("tip") == 1.0].max() > 100 * stiffness
+
+
+def test_starts_lie_in_their_ranges_on_finite_elements() -> None:
+    model = cantilever()
+    motion = Motion(1e-6, 2e-5, 5e-3, 50.0)
+    linear = candidates(model, (10.0, 400.0), ("y",))
+    laws = nonlinear_candidates(model, {"tip": motion, "middle": motion})
+    looked_at = 0
+    for candidate in (*linear, *laws):
+        for name in (f.name for f in parameter_fields(type(candidate.starts[0]))):
+            e = candidate.starts[0]
+            r = e.ranges(model, e.place, motion.high).get(name)
+            values = np.array([getattr(e, name) for e in candidate.starts if getattr(e, name) is not None], dtype=float)
+            if r is None or not values.size or r.limits:
+                continue
+            inside = (values >= r.low * (1 - 1e-9)) & (values <= r.high * (1 + 1e-9))
+            assert np.mean(inside | ~np.isfinite(values)) >= (0.4 if candidate in laws else 1.0), (candidate.name, name)
+            looked_at += 1
+    assert looked_at > 30
+
+
+def test_a_stop_many_times_stiffer_than_the_beam_lies_in_its_range() -> None:
+    model = cantilever()
+    _, stiffness, _ = model.carried_at("tip")
+    assert ToolContact.ranges(model, "tip")["stiffness"].high > 50 * stiffness
