@@ -183,6 +183,8 @@ class Settings:
         _NUMERICAL)
     simulation_law_step: float = _of(2e-4, "range", "Step of a law's parameter in a difference of two simulations", "-",
         _NUMERICAL)
+    simulation_linear_step: float = _of(2e-6, "range", "The same of a linear cause's, which moves it smoothly", "-",
+        _NUMERICAL)
     simulation_harmonics: int = _of(3, "harmonics", "Balanced in sine sweeps; the first is compared", "longer", _NUMERICAL)
     simulation_force_scale: float = _of(0.2, "1", "Relative error of a force that no record holds",
         "looser fits of such records", "hands scatter, and the blow's length is a guess")

@@ -235,7 +235,7 @@ class SimulatedProblem(Problem):
         for i, scale, carried in moves:
             closed = tuple((path, w) for path, w in carried if path[0] != "nonlinear")
             moved = x.copy()
-            moved[i] += SETTINGS.simulation_tuning_step if i < self.n_tuning else SETTINGS.simulation_law_step
+            moved[i] += self._difference(i)
             change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
             out[i] = scale * linear.derivative(closed)[row] - change
             for k, sweep in p.sweeps.items():
@@ -244,13 +244,20 @@ class SimulatedProblem(Problem):
 
     def _by_simulation(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
         moved = x.copy()
-        step = SETTINGS.simulation_tuning_step if i < self.n_tuning else SETTINGS.simulation_law_step
+        step = self._difference(i)
         moved[i] += step if i < self.n_tuning or x[i] + step <= 1.0 else -step
         index = self._fitted(p)
         scales = None if index is None else self._force_scales(x)[index]
         there = simulated(self.applied(moved), p.group, None, self.steps, scales, self.offset_of(x))
         change: ComplexArray = (there.data - p.data) / (moved[i] - x[i])
         return change
+
+    def _difference(self, i: int) -> float:
+        """Step of an unknown in a difference."""
+        if i < self.first_effect:
+            return SETTINGS.simulation_tuning_step if i < self.n_tuning else SETTINGS.simulation_law_step
+        effect = self.hypothesis.effects[self.parameters[i - self.first_effect][0]]
+        return SETTINGS.simulation_linear_step if effect.linear else SETTINGS.simulation_law_step
 
     def _fitted(self, p: Simulated) -> int | None:
         """Which of the groups a prediction is of; None if it is of records that are not fitted."""
