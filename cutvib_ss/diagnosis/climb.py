@@ -54,7 +54,7 @@ class Trail:
     """
     The last steps of an iteration, and where they lead: Anderson's extrapolation (Walker and Ni 2011, SIAM J. Numer. Anal. 49).
 
-    A Gauss-Newton step takes the directions of drift and discrepancy for constant. They turn with the unknowns, so the steps
+    A Gauss-Newton step takes the directions of drift and discrepancy for constant. They change with the unknowns, so the steps
     shrink by a constant factor near the optimum, tens of them where the noise is small.
     """
 

@@ -270,6 +270,6 @@ def _spanned(row: FloatArray, stiffness: FloatArray) -> float:
         found = float(-stiffness[held[0], held[1]])
     else:
         return 0.0
-    # Matrices are written to so many digits: what is left of a row that adds up to nothing is no spring.
+    # Matrices are written to so many digits: the rounding error of a row that adds up to nothing is no spring.
     own = float(np.abs(stiffness[held[0]]).max())
     return found / row[held[0]] ** 2 if found > _NO_SPRING * own else 0.0

@@ -5,7 +5,7 @@ Modes are kept as real and imaginary parts apart, so that loops over them vector
 
 Over a step of length h a nonlinear force is taken as linear, from x0 to x1. For a law without jumps these are the law's values at
 both ends plus a constant that gives the force its true mean over the step (Simpson's rule on the cubic through both ends'
-motions); what is left of the error is of fourth order. A force that jumps (friction) is constant over a step, its mean.
+motions); the remaining error is of fourth order. A force that jumps (friction) is constant over a step, its mean.
 """
 
 from __future__ import annotations

@@ -285,7 +285,7 @@ def _continued(
     omega: FloatArray, damping: FloatArray, loss: FloatArray | None
 ) -> tuple[ComplexArray, NDArray[np.bool_]]:
     """Poles of light damping in modal coordinates, found from the undamped modes, and at which positions beyond doubt."""
-    # Each pass takes from a mode's other parts what is left of their rows over what they would resist alone, and moves its pole
+    # Each pass takes from a mode's other parts the residual of their rows over what they would resist alone, and moves its pole
     # by Newton's step in ψᵀ(p² + pC + K + jH)ψ = 0, whose error is the square of that of ψ, the matrices being symmetric.
     at = np.arange(omega.shape[1])
     own, squares = damping[:, at, at], omega[:, :, None] ** 2 + 0j

@@ -192,7 +192,7 @@ def test_a_value_as_which_others_appear_is_to_be_measured_by_itself() -> None:
 def test_no_gap_and_unknown_are_said_plainly() -> None:
     none = _read(report_html(example_diagnosis("no_gap", lines=60, records=1))).text[0]
     assert "Model and machine agree" in none
-    assert "Nowhere does the re-tuned nominal model's error stand out of the noise." in none
+    assert "Nowhere does the re-tuned nominal model's error stand out of noise and repeatability." in none
     unknown = verdict_sentence(example_diagnosis("unknown", lines=20, records=1))
     assert "no cause of the catalogue explains" in unknown
     assert "the supports under the rail's ends give" in unknown

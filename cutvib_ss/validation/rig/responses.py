@@ -1,7 +1,7 @@
 """
 Responses of a linear cutting machine, a thousand times as fast as its finite elements: what the oracle computes with.
 
-The rail's modes between pins are sines. They are eliminated line by line: what is left are the deflections at the ports that
+The rail's modes between pins are sines. They are eliminated line by line: the deflections remain at the ports that
 something is fitted to (the head's base always), the ends where they give, twist, guide and the two links. What is fitted is a
 dynamic stiffness along a row of these. The finite elements of `beam` and `multibody` are the check
 (`tests/unit/test_rig_oracle.py`).

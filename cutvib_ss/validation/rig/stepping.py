@@ -122,7 +122,7 @@ def _solved(
     step: float,
     limit: float,
 ) -> float:
-    """Forces at the end of a step, in place, from those at its begin; what is left of the largest residual."""
+    """Forces at the end of a step, in place, from those at its begin; the largest residual that remains."""
     n = f.size
     g, trial, moved = np.zeros(n), np.zeros(n), np.zeros(n)
     jacobian = np.zeros((n, n))
