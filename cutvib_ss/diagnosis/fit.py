@@ -114,11 +114,15 @@ def fit(
         search.start_from(_from_afar(nominal, records, hypothesis, search))
         if not problem.apart and max_iterations > SETTINGS.fit_scout_steps:
             search.continue_from(_on_fewer_lines(nominal, records, hypothesis, search, max_iterations, tolerance))
+    alone = None
+    if near is not None and near.hypothesis.causes == hypothesis.causes and not hypothesis.linear:
+        alone = problem_for(nominal, records, near.corrected.hypothesis).start(near.corrected.x)
     if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
         # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
         plain = Climb(problems, search.at.x, False, search.beside)
         plain.climb(max_iterations, tolerance)
         search.start_from(plain)
+        alone = plain.at.x
     # From beside the optimum once is enough.
     redrawn = not problem.apart and near is None
     passes = SETTINGS.fit_passes if redrawn and max_iterations > SETTINGS.fit_scout_steps else 1
@@ -133,7 +137,13 @@ def fit(
     search.resize()
     if search.at.quadratic is None or not np.isfinite(search.at.objective):
         raise DiagnosisError(f"{hypothesis.effect} at {hypothesis.place} runs away from where it starts")
-    return _finished(problem, search, search.at.quadratic)
+    made = _finished(problem, search, search.at.quadratic)
+    closest = search.at.x
+    if hypothesis.linear:
+        closest = _closest(search, search.at.quadratic, made.spread.offsets)
+    elif search.spread and alone is not None:
+        closest = _closest_simulated(search, alone, max_iterations, tolerance)
+    return made if np.array_equal(closest, made.x) else _with_closest(made, problem, closest)
 
 
 def _problems(nominal: Model, records: Records, hypothesis: Hypothesis, spread: bool) -> tuple[Problem, ...]:
@@ -203,7 +213,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         for (k, name, r), value in zip(problem.parameters, x[index], strict=True)
         if not r.limits and r.scale != "normal" and (value >= 1.0 or (value <= 0.0 and r.low != r.minimum))
     )
-    made = Fit(
+    return Fit(
         hypothesis=replace(problem.hypothesis, effects=problem.effects(x)),
         model=problem.applied(x),
         tuned=problem.tuned(x),
@@ -221,20 +231,23 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         correlation=correlation,
         spread=Spread(quadratic.layout, search.sizes, offsets, own),
     )
-    closest = _closest(search, quadratic, offsets)
-    if np.array_equal(closest, x):
-        return made
+
+
+def _with_closest(made: Fit, problem: Problem, x: FloatArray) -> Fit:
+    """A fit that knows at which unknowns its model is closest to the records by itself."""
     try:
-        alone = replace(
+        return replace(
             made,
-            hypothesis=replace(problem.hypothesis, effects=problem.effects(closest)),
-            model=problem.applied(closest),
-            tuned=problem.tuned(closest),
-            x=closest,
+            closest=replace(
+                made,
+                hypothesis=replace(problem.hypothesis, effects=problem.effects(x)),
+                model=problem.applied(x),
+                tuned=problem.tuned(x),
+                x=x,
+            ),
         )
     except CutvibError:
         return made
-    return replace(made, closest=alone)
 
 
 def _closest(search: Climb, quadratic: Quadratic, offsets: FloatArray) -> FloatArray:
@@ -256,3 +269,12 @@ def _closest(search: Climb, quadratic: Quadratic, offsets: FloatArray) -> FloatA
     pulled = of_data[own, inferred] @ offsets[inferred]
     step[free] = solved((of_data[own, own] / heat + prior)[np.ix_(free, free)], pulled[free] / heat)
     return search.towards(x + step) if np.any(step) else x
+
+
+def _closest_simulated(search: Climb, start: FloatArray, steps: int, tolerance: float) -> FloatArray:
+    """The same of a restoring force, which may lie far from the posterior's maximum: climbed to, without drift."""
+    alone = Climb(search.problems, search.at.x, False, search.beside)
+    least = alone.at.squares
+    alone.try_from(start)
+    alone.climb(steps, tolerance)
+    return alone.at.x if alone.at.squares < least else search.at.x

@@ -113,6 +113,10 @@ class Settings:
         "two to three an octave and a half, as its correlation length asks")
     unknown_amplitudes: tuple[float, ...] = _of((0.03, 0.3, 3.0), "stiffness of the port at mid band",
         "Standard deviations of an unknown element; each has an equal share of the prior", "larger elements", _JUDGEMENT)
+    unknown_poles: int = _of(2, "pairs", "Of poles beside an unknown element at a port, at most", "longer",
+        "a smooth function holds no resonance, and two in one part are a rarity")
+    unknown_pole_starts: int = _of(46, "frequencies", "Over the band, at which they are tried", "longer",
+        "as those of a local resonator")
     unknown_channel: float = _of(3.0, "calibration tolerance",
         "Smallest standard deviation of the error of a channel; the others stand to it as those of an element", "larger errors",
         "an error within the stated tolerance is no cause; of a thousand channels three err by more than three of it")

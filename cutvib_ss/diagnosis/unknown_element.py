@@ -1,24 +1,25 @@
 """
-What is not known but smooth: a dynamic stiffness at a port or along the rail, an error of a channel. Hypotheses like any cause.
+What is not known: a dynamic stiffness at a port or along the rail, an error of a channel. Hypotheses like any cause.
 
 Each is a complex Gaussian process over log frequency (`model.elements.SmoothElement`), with coefficients N(0, 1). The dynamic
-stiffness acts in parallel at the port, the error multiplies the channel's responses by 1 + e(ω).
+stiffness acts in parallel at the port, the error multiplies the channel's responses by 1 + e(ω). What is smooth holds no resonance:
+a dynamic stiffness at a port may have poles beside it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, make_dataclass, replace
+from dataclasses import dataclass, field, make_dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to, channel_choices, channels_of
+from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to, channel_choices, channels_of, parameter
 from cutvib_ss.effects.prior import Range, Severity
 from cutvib_ss.effects.scales import port_scale, rail_stiffness
-from cutvib_ss.model.elements import Guide, SmoothElement
+from cutvib_ss.model.elements import Guide, SmoothElement, SprungMass
 from cutvib_ss.model.rail import EndSupports, RailAttachment
 from cutvib_ss.parameters import Tolerances
 
@@ -188,6 +189,49 @@ UnknownGive: Any = _made(
 UnknownChannelError: Any = _made("UnknownChannelError", _OfChannel, "A smooth error of unknown form of a channel.")
 
 
+@dataclass(frozen=True)
+class UnknownPole(Effect):
+    """A pair of poles of an unknown dynamic stiffness at a port: passive, so that of a sprung mass."""
+
+    effect: ClassVar[str] = "unknown"
+    severity = Severity("whole", ("mass",))
+
+    port: str
+    mass: float = parameter("kg", 1e-3, 1.0)  # kg m² at a joint
+    frequency: float = parameter("Hz", 10.0, 600.0)
+    damping_ratio: float = parameter("1", 0.002, 0.2)
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(ports_of(model).values()))
+
+    @classmethod
+    def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
+        given, scale = super().ranges(model, place, motion), port_scale(model, place)
+        frequency, own = given["frequency"], scale.natural_freq
+        if model.head is None and own > 0.0:
+            frequency = replace(frequency, low=min(frequency.low, 0.1 * own), high=max(frequency.high, 10.0 * own))
+        mass = replace(given["mass"], low=1e-3 * scale.mass, high=scale.mass)
+        return {**given, "mass": mass, "frequency": frequency}
+
+    @property
+    def site(self) -> str:
+        """Where it sits, more closely than the place."""
+        return self.port
+
+    def apply(self, model: Any) -> Any:
+        element = SprungMass(self.mass, self.frequency, self.damping_ratio)
+        return applied(model, attached_to(model, self.port, element), self)
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        at = ("attachments", len(applied.attachments) - 1, "element")
+        return {name: (((*at, name), 1.0),) for name in ("mass", "frequency", "damping_ratio")}
+
+    def by_size(self) -> dict[str, float]:
+        # Of unknown form as it is, it has none that could err.
+        return {}
+
+
 def ports_of(model: Model) -> Mapping[str, str]:
     """Ports at which an unknown element may sit, with their places."""
     if model.has_position:
@@ -214,6 +258,19 @@ def unknown_candidates(
     return tuple(
         Candidate(f"unknown {starts[0].site}", tuple(replace(e, scale=middle * e.scale) for e in starts))
         for starts in sites
+    )
+
+
+def unknown_poles(model: Model, element: Any) -> tuple[UnknownPole, ...]:
+    """Poles over the band beside an unknown element, small and large; none beside one that sits at no port."""
+    if type(element) is not UnknownElement:
+        return ()
+    mass = port_scale(model, element.place).mass
+    frequencies = np.geomspace(max(element.low, 1e-3), element.high, SETTINGS.unknown_pole_starts)
+    return tuple(
+        UnknownPole(element.place, element.port, part * mass, float(f), 0.03)
+        for f in frequencies
+        for part in (0.01, 0.06)
     )
 
 

@@ -12,8 +12,15 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, refit
 from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.unknown_element import UnknownForce, of_other_amplitudes, unknown_candidates
+from cutvib_ss.diagnosis.unknown_element import (
+    UnknownForce,
+    UnknownPole,
+    of_other_amplitudes,
+    unknown_candidates,
+    unknown_poles,
+)
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FloatArray
@@ -82,9 +89,35 @@ def best_unknown(
         return []
     site = _unknown_of(min(sharp, key=cost)).site
     sharp += _refitted(nominal, fewer, [f for f in fits if _unknown_of(f).site == site and f is not own[site]], workers)
+    sharp += [f for f in workers.map(partial(_with_poles, nominal, fewer), _best_at_each_site(sharp)) if f is not None]
     sharp.sort(key=cost)
     close = [f for f in sharp if cost(f) - cost(sharp[0]) < SETTINGS.search_close]
     return [Ranked(_name(f), f, True) for f in _refitted(nominal, records, close, workers, close)]
+
+
+def _best_at_each_site(fits: Sequence[Fit]) -> list[Fit]:
+    return list({_unknown_of(f).site: f for f in sorted(fits, key=cost, reverse=True)}.values())
+
+
+def _with_poles(nominal: Model, records: Records, alone: Fit) -> Fit | None:
+    """A fit with the pairs of poles beside its unknown element that evidence asks for; None where that is none."""
+    best, element = alone, _unknown_of(alone)
+    for _ in range(SETTINGS.unknown_poles):
+        starts = unknown_poles(nominal, element)
+        if not starts or best.reduced < SETTINGS.search_enough:
+            break
+        scan = Scan(nominal, records, best.hypothesis, best.x, {}, apart=False)
+        both = refit(
+            nominal,
+            records,
+            scan.promise(starts).hypothesis,
+            best.x[: best.first_effect],
+            SETTINGS.search_most_steps,
+        )
+        if both is None or both.log_evidence <= best.log_evidence:
+            break
+        best = both
+    return None if best is alone else best
 
 
 def _refitted(
@@ -106,7 +139,8 @@ def _name(f: Fit) -> str:
     names = []
     for e in f.hypothesis.effects:
         kind = "unknown force" if isinstance(e, UnknownForce) else e.effect
-        names.append(f"{kind} {getattr(e, 'site', e.place)} {getattr(e, 'scale', 0.0):.3g}")
+        size = f"{e.frequency:.3g} Hz" if isinstance(e, UnknownPole) else f"{getattr(e, 'scale', 0.0):.3g}"
+        names.append(f"{kind} {getattr(e, 'site', e.place)} {size}")
     return " + ".join(names)
 
 

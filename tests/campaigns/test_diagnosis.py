@@ -100,19 +100,31 @@ def test_impossible_arguments(campaign, arguments):
         diagnose(campaign, **arguments)
 
 
+# Machines that move between positions: what they do not repeat is left by a right model, too.
+DRIFTING = ("c10", "c11", "c12")
+
+
 def labelled(shared, name):
     label = json.loads((shared / "campaigns" / "labels.json").read_text())[name]
     return label, diagnose(read_campaign(shared / "campaigns" / name))
 
 
-def is_right(label, diagnosis):
+def leaves_noise(name, diagnosis):
+    """Whether a right model's error is left: of noise, and where the machine moves of what it does not repeat."""
+    floor = diagnosis.gap.noise_floor
+    if name in DRIFTING:
+        floor = np.mean([row.floor for row in diagnosis.where.by_position])
+    return diagnosis.gap.after < 1.1 * floor
+
+
+def is_right(name, label, diagnosis):
     if label["effect"] == "none":
         return diagnosis.verdict == "no_gap" and diagnosis.where.place == "none"
     first = diagnosis.causes[0]
     return (
         diagnosis.verdict == "explained"
         and (first.effect, first.place) == (label["effect"], label["place"])
-        and diagnosis.gap.after < 1.1 * diagnosis.gap.noise_floor
+        and leaves_noise(name, diagnosis)
     )
 
 
@@ -121,14 +133,14 @@ LINEAR = [pytest.param(f"c{k:02}", marks=pytest.mark.slow) for k in (2, 3, 4, 7,
 
 @pytest.mark.parametrize("name", ["c01", *LINEAR])
 def test_labelled_campaigns(shared, name):
-    assert is_right(*labelled(shared, name))
+    assert is_right(name, *labelled(shared, name))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["c05", "c06", "c12"])
 def test_labelled_nonlinear_campaigns(shared, name):
     label, diagnosis = labelled(shared, name)
-    assert is_right(label, diagnosis)
+    assert is_right(name, label, diagnosis)
     assert diagnosis.where.level_dependent
 
 

@@ -109,6 +109,27 @@ def test_a_guessed_force_is_found_with_the_law():
     assert abs(found.hypothesis.effects[0].stiffness3 - 4e9) < 4 * found.stds["0.stiffness3"]
 
 
+def test_the_corrected_model_with_a_law_is_the_closest_without_its_discrepancy():
+    """A cubic fitted to a joint that is lossier at speed, too: the discrepancy takes that up, the corrected machine has none."""
+    true = QuadraticDamping("joint2", 2e-3).apply(CubicStiffness("joint2", 2e9).apply(MACHINE))
+    seen = measured(records(30.0, 100.0), true)
+    found = fit(MACHINE, seen, Hypothesis((CubicStiffness("joint2", 1e9),)), None, SETTINGS.search_most_law_steps)
+    problem = problem_for(MACHINE, seen, found.hypothesis)
+    prior = problem.prior_precision()
+
+    def squares(x):
+        return problem.residuals(x)[2] + float(prior @ x**2)
+
+    least = squares(found.corrected.x)
+    assert least < 0.6 * squares(found.x)
+    for i in (*range(problem.n_tuning), problem.first_effect):
+        for step in (-0.02, 0.02):
+            moved = found.corrected.x.copy()
+            moved[i] += step
+            assert squares(moved) > least - 1.0
+    assert found.corrected.hypothesis.effects[0].stiffness3 != found.hypothesis.effects[0].stiffness3
+
+
 def test_a_held_out_record_lends_its_force_alone():
     law = CubicStiffness("joint2", 4e9).apply(MACHINE)
     (entry,) = measured(records(60.0), law, np.array([1.3])).entries

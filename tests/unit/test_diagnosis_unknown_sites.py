@@ -12,13 +12,13 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked, first_steps, refit
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.unknown_element import unknown_candidates, unknown_places
+from cutvib_ss.diagnosis.unknown_element import UnknownPole, unknown_candidates, unknown_places
 from cutvib_ss.diagnosis.unknown_search import best_unknown
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.elements import Guide, SpringDamperMass
+from cutvib_ss.model.elements import Attachment, Guide, SpringDamperMass, SprungMass
 from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.model.rail import EndSupports, RailAttachment
 from cutvib_ss.response.frequency import frequency_response
@@ -103,6 +103,25 @@ def test_the_site_of_the_fault_has_most_evidence(true: Machine, late: str, site:
     if not late:
         # The modes of a model with it are those of what equals it at each pole.
         assert modes(found.model, 0.5).natural_freq[1] == pytest.approx(modes(true, 0.5).natural_freq[1], rel=0.02)
+
+
+def test_a_resonance_in_a_joint_is_a_pair_of_poles_there() -> None:
+    nominal, resonance = published_machine(), SprungMass(2.7e-4, 130.0, 0.02)
+    measured = records(replace(nominal, attachments=(Attachment("joint2", resonance),)))
+    few = measured.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
+    elements = [Hypothesis(c.starts[:1]) for c in unknown_candidates(nominal, BAND, CHANNELS)]
+    with Workers(1) as workers:
+        found = best_unknown(nominal, measured, few, elements, None, workers)
+    best = max(found, key=lambda r: r.fit.log_evidence).fit
+    assert (best.hypothesis.effect, best.hypothesis.place) == ("unknown", "joint2")
+    _, pole = best.hypothesis.effects
+    assert isinstance(pole, UnknownPole)
+    assert pole.mass == pytest.approx(resonance.mass, rel=0.02)
+    assert pole.frequency == pytest.approx(resonance.frequency, rel=1e-3)
+    assert pole.damping_ratio == pytest.approx(resonance.damping_ratio, rel=0.05)
+    assert best.reduced < 1.2
+    # A smooth function holds no resonance: alone it leaves hundreds of times the noise.
+    assert fit(nominal, measured, Hypothesis(best.hypothesis.effects[:1]), best.x[: best.first_effect]).reduced > 100.0
 
 
 def test_no_element_is_fitted_on_all_lines_that_lies_far_behind_a_cause_that_leaves_noise() -> None:
