@@ -224,9 +224,10 @@ def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) 
 def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit | None = None) -> Judged:
     """A record against a prediction."""
     total = e.variance + shown.variance
+    told = np.count_nonzero(e.precision, axis=1)
     if problem is None or fitted is None or isinstance(shown.seen, Simulated) != isinstance(problem, SimulatedProblem):
-        chi2, drifts = np.mean(np.abs(e.data - shown.data) ** 2 / total, axis=1), 0.0
-        density = -float(np.sum(chi2)) * e.freq.size
+        power = np.where(e.precision > 0.0, np.abs(e.data - shown.data) ** 2 / total, 0.0).sum(axis=1)
+        chi2, drifts, density = power / np.maximum(told, 1), 0.0, -float(np.sum(power))
     else:
         blow_at = problem.blow_at(fitted.x)
 
@@ -234,10 +235,11 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
             there = (
                 shown if np.array_equal(x, fitted.x) else predicted(e, _model_for(e, problem, x), blow_at, problem, x)
             )
-            return there.seen, (e.data - there.data) * np.sqrt(2.0 / total)
+            return there.seen, (e.data - there.data) * np.where(e.precision > 0.0, np.sqrt(2.0 / total), 0.0)
 
         hits = 0 if e.hits is None else len(e.hits)
         chi2, drifts, density = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show, hits)
+        chi2 = chi2 * e.freq.size / np.maximum(told, 1)
         total = fitted.spread.sizes.noise * total
     # A prediction that is uncertain by itself pays for it.
     density -= float(np.sum(np.log1p(shown.variance / e.variance)))

@@ -157,7 +157,7 @@ def _beside(problem: Problem, records: Records) -> Beside:
     known = all(e.estimator.scatter_seen for e in records.entries)
     if problem.apart or records.moving:
         return Beside(0.0, 0, known)
-    total = sum(2 * int(np.count_nonzero(np.isfinite(e.variance))) for e in records.entries)
+    total = sum(e.count for e in records.entries)
     return Beside(records.scatter, total - problem.count, known)
 
 

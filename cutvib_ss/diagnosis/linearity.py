@@ -50,7 +50,7 @@ def level_stands_out(records: Records, model: Model | None = None, blow_at: floa
         power, count = np.zeros(g.freq.size), 0
         for row, same in zip(g.data, g.entries, strict=True):
             if len(same) > 1:
-                power += sum(np.sum(np.abs(e.data - row) ** 2 / e.variance, axis=0) for e in same)
+                power += sum(np.sum(np.abs(e.data - row) ** 2 * e.precision, axis=0) for e in same)
                 count += (len(same) - 1) * len(g.channels)
         if count and _rises(power, count):
             return True

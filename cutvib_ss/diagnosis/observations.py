@@ -18,7 +18,7 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.blocks import without_run_in
 from cutvib_ss.measurement.blow_noise import blow_scatter, hit_directions
-from cutvib_ss.measurement.estimation import measured_response
+from cutvib_ss.measurement.estimation import measured_response, rounded_part
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
@@ -78,16 +78,15 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
                 f"record {record.name}: only {np.count_nonzero(keep)} lines lie in its band of {low:.4g} to {high:.4g} Hz; "
                 + ("widen band_hz" if record.band_hz else ADVICE[_kind(record)])
             )
-        e = _by_blows(thinned(e, keep), record)
+        e = _by_blows(thinned(_without_lost(e, record), keep), record)
         cut.append(replace(e, replay=None if e.replay is None else e.replay.slower()))
     names = tuple(n for n in machine.channels if any(n in e.channels for e in cut))
     acceleration = all(q == "acceleration" for e in cut for q in e.quantities)
     per_newton = acceleration and machine.input_quantity == "force"
     unit = "g/N" if per_newton else campaign_unit(cut, machine)
     hull = (min(float(e.freq[0]) for e in cut), max(float(e.freq[-1]) for e in cut))
-    return Observations(
-        tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0, _without_force(cut, campaign.records)
-    )
+    lacking = (*_without_force(cut, campaign.records), *_words_on_lost(cut, campaign.records))
+    return Observations(tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0, lacking)
 
 
 def _without_force(entries: Sequence[Entry], records: Sequence[Record]) -> tuple[str, ...]:
@@ -102,6 +101,32 @@ def _without_force(entries: Sequence[Entry], records: Sequence[Record]) -> tuple
         f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: causes that depend on the level are not tried, "
         f"for the force is not known; {LACKING[kind]}"
         for kind, names in lacking.items()
+    )
+
+
+def _without_lost(e: Entry, record: Record) -> Entry:
+    """A record of blows without the lines of each channel that the steps of a converter have spoilt."""
+    if record.kind != "impact":
+        return e
+    lost = rounded_part(record, SETTINGS.record_lost_over) > SETTINGS.record_lost**2
+    # Where nothing would be left, the variance that the steps have is all there is to go by.
+    return replace(e, lost=lost) if lost.any() and not lost.all() else e
+
+
+def _words_on_lost(entries: Sequence[Entry], records: Sequence[Record]) -> tuple[str, ...]:
+    """One line for all lines that are left out since a converter has spoilt them."""
+    spoilt = [(e, e.lost) for e in entries if e.lost is not None and e.lost.any()]
+    if not spoilt:
+        return ()
+    part: dict[str, list[float]] = {}
+    for e, lost in spoilt:
+        for name, share in zip(e.channels, lost.mean(axis=1), strict=True):
+            part.setdefault(name, []).append(float(share))
+    each = ", ".join(f"{np.mean(shares):.0%} of {name}" for name, shares in part.items() if any(shares))
+    more = f" and {len(spoilt) - 1} more" if len(spoilt) > 1 else ""
+    return (
+        f"{records[spoilt[0][0].record].name}{more}: {each} left out: the steps of the converter change the response there by "
+        f"more than {SETTINGS.record_lost:.0%}; lower the range, or take more bits",
     )
 
 

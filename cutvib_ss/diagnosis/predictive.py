@@ -132,6 +132,7 @@ class Spread:
             flat = real_rows(part) * scale[index, None]
             moving = (index >= lay.unknowns) & (index < lay.first_nominal)
             variance = shown.group.variance[0, c] / 2
+            variance = np.where(np.isfinite(variance), variance, 0.0)
             drifts.append(
                 float(np.mean(np.sum(np.abs(part[moving, 0] * scale[index[moving], None]) ** 2, axis=0) * variance))
             )

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.measurement.records import FORCE, Sweep
@@ -51,6 +52,8 @@ class Entry:
     session: str | None = None  # Name of its session, where stated
     # What a hand's hits do to the mean of its blows, each of unit normal size, shape (direction, channel, frequency)
     hits: ComplexArray | None = None
+    # Lines of each channel that a converter's steps have spoilt, shape (channel, frequency); None where there are none
+    lost: NDArray[np.bool_] | None = None
 
     @cached_property
     def position(self) -> float | None:
@@ -91,6 +94,17 @@ class Entry:
     def estimator(self) -> Estimator:
         """What the estimator did."""
         return self.response.estimator
+
+    @property
+    def precision(self) -> FloatArray:
+        """What each datum tells: one over its variance, nothing where it is lost."""
+        told: FloatArray = 1.0 / self.variance
+        return told if self.lost is None else np.where(self.lost, 0.0, told)
+
+    @property
+    def count(self) -> int:
+        """Real data that tell something."""
+        return 2 * int(np.count_nonzero(self.precision))
 
     def showing(self, data: ComplexArray, variance: FloatArray | None = None) -> Entry:
         """The same record with other responses, and their variance where that is another."""
@@ -217,13 +231,13 @@ class Records:
 
 def _scatter(row: ComplexArray, same: Sequence[Entry]) -> float:
     """Weighted squares of some records about their mean, less what their hits explain."""
-    weight = np.sqrt(2.0 / np.array([e.variance for e in same]))
+    weight = np.sqrt(2.0 * np.array([e.precision for e in same]))
     left = (weight * (np.array([e.data for e in same]) - row)).ravel()
     squares = float(np.vdot(left, left).real)
     struck = [(i, direction) for i, e in enumerate(same) for direction in (() if e.hits is None else e.hits)]
     if len(same) < 2 or not struck:
         return squares
-    share = weight**2 / np.sum(weight**2, axis=0)
+    share = weight**2 / np.maximum(np.sum(weight**2, axis=0), 1e-300)
     moved = np.zeros((len(struck), *weight.shape), dtype=np.complex128)
     for k, (i, direction) in enumerate(struck):
         moved[k] = -share[i] * direction
@@ -287,14 +301,16 @@ def _group(members: list[Entry], apart: bool) -> Group:
         places.setdefault((float(e.record),) if apart else site(e), []).append(e)
     data, variance, hits = [], [], []
     for same in places.values():
-        precision = np.array([1.0 / e.variance for e in same])
+        precision = np.array([e.precision for e in same])
         total = precision.sum(axis=0)
-        data.append(sum(w * e.data for w, e in zip(precision, same, strict=True)) / total)
-        variance.append(1.0 / total)
+        told = total > 0.0
+        share = np.where(told, precision / np.where(told, total, 1.0), 1.0 / len(same))
+        data.append(sum(w * e.data for w, e in zip(share, same, strict=True)))
+        variance.append(np.where(told, 1.0 / np.where(told, total, 1.0), np.inf))
         hits.append(
             {
-                (e.record, k): w / total * direction
-                for w, e in zip(precision, same, strict=True)
+                (e.record, k): w * direction
+                for w, e in zip(share, same, strict=True)
                 for k, direction in enumerate(() if e.hits is None else e.hits)
             }
         )
@@ -320,4 +336,5 @@ def thinned(e: Entry, keep: np.ndarray | slice) -> Entry:
     replay = None if e.replay is None else e.replay.at(keep)
     sine = None if e.sine is None else e.sine.at(keep)
     hits = None if e.hits is None else e.hits[..., keep]
-    return replace(e, response=e.response.at_lines(keep), replay=replay, sine=sine, hits=hits)
+    lost = None if e.lost is None else e.lost[..., keep]
+    return replace(e, response=e.response.at_lines(keep), replay=replay, sine=sine, hits=hits, lost=lost)

@@ -35,6 +35,11 @@ class Settings:
         "Where the band begins: below, accelerance drowns in drift", "narrower bands", _JUDGEMENT)
     record_median_lines: int = _of(7, "lines", "Lines over whose median a response's power is compared with the noise",
         "narrow dips are kept", _STATISTICS)
+    record_lost: float = _of(0.05, "1",
+        "Error by the steps of a converter, over the response, from which a channel's lines are left out: "
+        "it is alike in all lines of a mode and in all records, which the likelihood takes for told by each",
+        "more lines, and more gaps that a converter made", _JUDGEMENT)
+    record_lost_over: float = _of(20.0, "Hz", "Over which both are averaged", "-", "some widths of a resonance")
     record_heard: float = _of(4.0, "1",
         "Response power over noise power below which a line is left out: noise on the force biases the estimate",
         "fewer lines", _JUDGEMENT)

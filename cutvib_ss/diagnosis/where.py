@@ -88,9 +88,9 @@ def level_dependence(entries: Sequence[Entry], model: Model | None = None, blow_
     for same in places.values():
         if len(same) < 2:
             continue
-        precision = np.array([1.0 / e.variance for e in same])
+        precision = np.array([e.precision for e in same])
         data = np.array([e.data for e in same])
-        mean = np.sum(precision * data, axis=0) / precision.sum(axis=0)
+        mean = np.sum(precision * data, axis=0) / np.maximum(precision.sum(axis=0), 1e-300)
         total += float(np.sum(np.abs(data - mean) ** 2 * precision))
         freedom += (len(same) - 1) * mean.size
     for _, pair in across_grids(merged(entries), model, blow_at, stated=True):

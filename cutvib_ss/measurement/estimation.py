@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
+from scipy import ndimage, signal
 
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.measurement.blocks import effective_averages, welch_blocks
@@ -256,6 +256,20 @@ def _rounding_variance(
         seen = np.maximum(scatter - variance, 0.0) if len(record.histories) > 1 else None
         total = total + rounding_error(data, other, seen, more.shares)
     return total
+
+
+def rounded_part(record: Record, width: float) -> FloatArray:
+    """
+    Mean square of what coarse steps do to H1 of blows over that of H1, in bands of a width [Hz], shape (channel, line).
+
+    The lines are those of `estimate`. Zero where no steps are coarse.
+    """
+    freq, data, variance, _, _ = _from_blows(record, "H1", 0.0, NOISE_BINS)
+    by_steps = _rounding_variance(record, "H1", 0.0, NOISE_BINS, data, variance) + np.zeros(data.shape)
+    lines = max(1, round(width / float(freq[1])))
+    power, lost = (ndimage.uniform_filter1d(x, lines, axis=-1, mode="nearest") for x in (np.abs(data) ** 2, by_steps))
+    # Beyond the reach of the hammer both are anything.
+    return np.asarray(lost / np.maximum(power, 1e-6 * lost + 1e-300), dtype=np.float64)
 
 
 def without_offset(history: History, samples: int) -> tuple[FloatArray, FloatArray]:

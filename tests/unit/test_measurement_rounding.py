@@ -8,7 +8,7 @@ import pytest
 from cutvib_ss.measurement import Campaign, History, Record, estimate, read_campaign, write_campaign
 from cutvib_ss.measurement import estimation as estimation_module
 from cutvib_ss.measurement.blow_noise import blow_scatter
-from cutvib_ss.measurement.estimation import blow_start
+from cutvib_ss.measurement.estimation import blow_start, rounded_part
 from cutvib_ss.measurement.rounding import COARSER, DITHERED, NONE, coarser, steps_of
 from tests.unit.measurement_rig import FREQ, FS, blow, impact, small_campaign
 
@@ -199,3 +199,24 @@ def test_what_coarse_steps_lose_is_not_held_for_a_law_in_the_force():
     analog = _struck(rng, 4, 0.02)
     assert np.isnan(blow_scatter(_digitised(analog, 0.3, 0.02), band=(20, 300)).significance[0])
     assert blow_scatter(_digitised(analog, 0.03, 0.02), band=(20, 300)).significance[0] > 0.0
+
+
+def test_part_of_a_response_that_coarse_steps_spoil():
+    """Where less than a step is left of the response it is spoilt; at the resonance, hundreds of steps tall, it is not."""
+    rng = np.random.default_rng(8)
+    fine = _struck(rng, 3, 0.0)
+    coarse = _digitised(fine, 0.6, 0.05)
+    part = rounded_part(coarse, 10.0)
+    true, seen = estimate(fine), estimate(coarse)
+    assert part.shape == seen.data[0, :, 0].shape
+    assert not rounded_part(_digitised(fine, 1e-4, 1e-4), 10.0).any()
+    power = np.abs(true.data[0, 0, 0]) ** 2
+    error = np.abs(seen.data - true.data)[0, 0, 0] ** 2
+    told = (seen.freq > 5.0) & (seen.freq < 200.0)
+    spoilt = told & (part[0] > 0.05**2)
+    kept = told & ~spoilt
+    assert spoilt.any()
+    assert kept.any()
+    assert np.sum(error[kept]) < 0.05**2 * np.sum(power[kept])
+    assert np.sum(error[spoilt]) > 0.05**2 * np.sum(power[spoilt])
+    assert not spoilt[np.argmax(np.where(told, power, 0.0))]
