@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from cutvib_ss.diagnosis.pulses import pulses_of
 from cutvib_ss.diagnosis.records import Group
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Carried, Model
@@ -190,7 +191,7 @@ def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray)
         replay = group.entries[place][0].replay if group.entries else None
         step = 0.0 if replay is None or replay.assumed or replay.block else 1.0 / replay.clock
         # The estimator sums samples: Σ e^((z-s)n Δt) Δt from the end of the block on; without samples the integral.
-        kernel = step / -np.expm1((both[:, None] - s) * step) if step else 1.0 / (s - both[:, None])
+        kernel = step / (1.0 - np.exp(both * step)[:, None] * np.exp(-s * step)) if step else 1.0 / (s - both[:, None])
         if both.size:
             kernel = kernel * _blow_between(group, place, float(start[place]), mine, s)
         inverse.append(np.asarray(kernel, dtype=np.complex128))
@@ -208,34 +209,15 @@ def _blow_between(group: Group, row: int, start: float, z: ComplexArray, s: Comp
     fs, forces = replays[0].fs, [f for r in replays for f in r.forces]
     if (row, start) not in group.blows:
         # Neither lines nor blows change while a group is fitted.
-        pulses = []
-        for force in forces:
-            at = np.flatnonzero(np.abs(force) > SETTINGS.tail_force * np.abs(force).max())
-            near = slice(max(int(at[0]) - 1, 0), int(at[-1]) + 2)
-            begins = near.start / fs - start
-            pulse = _folded(force[near])
-            pulses.append((begins, pulse, _transform(pulse, begins, fs, s)))
-        power = np.sum([np.abs(spectrum) ** 2 for _, _, spectrum in pulses], axis=0)
+        pulses = pulses_of(forces, fs, start)
+        spectra = pulses.transform(s)
+        power = np.sum(np.abs(spectra) ** 2, axis=1)
         power = np.maximum(power, 1e-12 * power.max())
-        group.blows[row, start] = [(t, pulse, spectrum.conj() / power) for t, pulse, spectrum in pulses]
-    each = group.blows[row, start]
-    at_poles = np.stack([_transform(pulse, begins, fs, z) for begins, pulse, _ in each], axis=1)
+        group.blows[row, start] = pulses, (spectra.conj() / power[:, None]).T
+    pulses, shares = group.blows[row, start]
+    at_poles = pulses.transform(z)
     # A force is real: what it is at the mirror images of the poles is conjugate.
-    return np.asarray(np.concatenate([at_poles, at_poles.conj()]) @ np.stack([share for _, _, share in each]))
-
-
-def _folded(force: FloatArray) -> FloatArray:
-    """A pulse in rows of equal length."""
-    size = int(np.ceil(np.sqrt(force.size)))
-    return np.pad(force, (0, size * size - force.size)).reshape(size, size)
-
-
-def _transform(table: FloatArray, begins: float, fs: float, z: ComplexArray) -> ComplexArray:
-    """Σ f_n e^(-z t_n) of a folded pulse: the powers of e^(-z/fs) as products of short and long ones."""
-    size = len(table)
-    steps = np.arange(size) / fs
-    short, far = np.exp(-np.outer(z, steps)), np.exp(-np.outer(z, size * steps))
-    return np.asarray(np.exp(-z * begins) * np.sum(far * (short @ table.T), axis=1))
+    return np.asarray(np.concatenate([at_poles, at_poles.conj()]) @ shares)
 
 
 def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:

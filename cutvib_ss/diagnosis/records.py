@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cutvib_ss.diagnosis.pulses import Pulses
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.measurement.records import FORCE, Sweep
 from cutvib_ss.measurement.replay import Replay
@@ -131,8 +132,8 @@ class Group:
     hits: tuple[Mapping[tuple[int, int], ComplexArray], ...] = ()
 
     @cached_property
-    def blows(self) -> dict[tuple[int, float], list[tuple[float, FloatArray, ComplexArray]]]:
-        """Of each blow of a row its begin, force and share of the lines' spectrum, by the instant that times count from."""
+    def blows(self) -> dict[tuple[int, float], tuple[Pulses, ComplexArray]]:
+        """The pulses of a row, and the share of each in the lines' spectrum, by the instant that times count from."""
         return {}
 
     @property
