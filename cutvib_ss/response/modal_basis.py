@@ -12,8 +12,10 @@ from cutvib_ss.errors import CouplingError
 from cutvib_ss.model.second_order import SecondOrder
 from cutvib_ss.results import ComplexArray, FloatArray
 
-_RIGID = 1e-10
-"""Undamped poles closer to zero than this part of the fastest are set apart by it: a free body's motion has a double pole."""
+_RIGID = 1e-7
+"""Undamped poles closer to zero than this part of the fastest are rounding error, and set apart: a free body has a double pole."""
+_APART = 3e-7
+"""By which part of the fastest: less leaves more rounding error of a double pole, more a spring that is felt."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ def modal_basis(system: SecondOrder, classical_above: float = np.inf) -> ModalBa
     except linalg.LinAlgError as error:
         raise CouplingError("the mass matrix is not positive definite: there are no modes to step") from error
     w = float(np.sqrt(np.abs(squares).max())) or 1.0
-    squares = np.where(np.abs(squares) < (_RIGID * w) ** 2 * 1e4, (_RIGID * w) ** 2 * 1e8, squares)
+    squares = np.where(np.abs(squares) < (_RIGID * w) ** 2, (_APART * w) ** 2, squares)
     damping = basis.T @ system.damping @ basis
     n = int(np.searchsorted(squares, (2 * np.pi * classical_above) ** 2))
     poles, right, from_place, from_rate = _halves(squares[:n], damping[:n, :n], w)

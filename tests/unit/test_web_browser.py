@@ -64,17 +64,25 @@ def server() -> Iterator[str]:
     process = subprocess.Popen(
         [sys.executable, "-m", "cutvib_ss", "serve", "--port", str(port), "--no-open"],
         cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True,
+        # Behind a shell that runs the tests in the background interrupts would be ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     assert process.stderr is not None
     try:
         told = process.stderr.readline()
         assert f"http://127.0.0.1:{port} " in told, told
+        _until("a server that listens", lambda: _listens(port))
         yield f"http://127.0.0.1:{port}"
     finally:
         process.send_signal(signal.SIGINT)
         _, rest = process.communicate(timeout=30.0)
     assert process.returncode == 130
     assert "Traceback" not in rest
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def _until(what: str, told: Callable[[], Any], seconds: float = WAIT) -> Any:
