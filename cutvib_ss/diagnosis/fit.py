@@ -119,7 +119,10 @@ def fit(
         alone = problem_for(nominal, records, near.corrected.hypothesis).start(near.corrected.x)
     if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
         # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
-        plain = Climb(problems, search.at.x, False, search.beside)
+        # Neighbouring lines tell much the same.
+        few = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
+        fewer = _problems(nominal, few, hypothesis, False)
+        plain = Climb(fewer, search.at.x, False, _beside(fewer[0], few))
         plain.climb(max_iterations, tolerance)
         search.start_from(plain)
         alone = plain.at.x
