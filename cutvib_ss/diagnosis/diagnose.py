@@ -53,6 +53,10 @@ CONFOUNDED = (
     "every session has a level of its own: drift between sessions and a cause that depends on the level are confounded; "
     "measure two levels in one session, and state it (session)"
 )
+ORDERED = (
+    "what drifts within the sessions goes with the level: a restoring force does that, or a machine that warms while each session "
+    "is measured from soft to hard; measure one from hard to soft"
+)
 MAINS_INTERFERENCE = "the re-tuned model's residual lies on multiples of {:g} Hz: mains interference in the measurement"
 
 
@@ -241,6 +245,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             *campaign.warnings,
             *observed.warnings,
             *([CONFOUNDED] if confounded(records) else []),
+            *([ORDERED] if _ordered(chosen, records) else []),
             *([] if interference is None else [MAINS_INTERFERENCE.format(interference)]),
             *at_their_ends(chosen),
         ),
@@ -255,6 +260,11 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         repeatability=repeatability(fitted),
         findings=found(nominal, chosen.corrected, records, result, observed, bands_hz, located, sides, seed),
     )
+
+
+def _ordered(fit: Fit, records: Records) -> bool:
+    """Whether a linear answer leaves drift that goes with the level."""
+    return fit.hypothesis.linear and chance_of_order(fit.spread, records) < SETTINGS.level_drift
 
 
 def _to_fit(observed: Observations) -> Records:

@@ -206,17 +206,18 @@ def that_drift_by_chance(
     """
     Probabilities in which a linear answer whose records drift in the order of their levels gives way to something unknown.
 
-    Drift does not ask for the level, so that it orders by chance alone, with a probability of p. Whatever something unknown would
-    do, the evidence against chance is no more than 1/(-e p ln p) (Sellke, Bayarri and Berger 2001, The American Statistician 55,
-    62-71). What such an answer keeps follows from that ratio and the priors of no cause and of something unknown. With the rest
-    the probabilities sum to one.
+    Drift does not ask for the level, so that it orders by chance alone, with a probability of p: whatever something unknown would
+    do, the evidence against that is no more than 1/(-e p ln p) (Sellke, Bayarri and Berger 2001, The American Statistician 55,
+    62-71). Or it is a trend in time, of a machine that warms, and every session was measured from soft to hard (`level_trend`).
+    What such an answer keeps follows from these and the priors of no cause and of something unknown. With the rest the
+    probabilities sum to one.
     """
     out = dict(odds)
     linear = [r for r in ranked if r.fit.hypothesis.linear and kind_of(r.fit.hypothesis) in ("none", "known")]
     for r in linear:
         if out[r.name] >= SETTINGS.verdict_hardly and (p := chance(r)) < SETTINGS.level_drift:
-            by_chance = SETTINGS.priors["none"] * float(special.entr(p)) * np.e
-            out[r.name] *= by_chance / (by_chance + SETTINGS.priors["unknown"])
+            ordered = SETTINGS.level_trend + (1.0 - SETTINGS.level_trend) * float(special.entr(p)) * np.e
+            out[r.name] *= 1.0 / (1.0 + SETTINGS.priors["unknown"] / (SETTINGS.priors["none"] * ordered))
     return out
 
 

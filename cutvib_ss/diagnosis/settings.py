@@ -222,6 +222,9 @@ class Settings:
     level_drift: float = _of(0.05, "probability",
         "Of drift that orders with the level by chance as much as it does, from which restoring forces are looked for all the same",
         "more searches in vain", _TIME)
+    level_trend: float = _of(0.25, "probability",
+        "That drift within sessions is a trend in time and goes with the level, since all were measured in its order",
+        "surer linear answers", "half of all drift is warming; of two orders of the levels half are the same in all sessions")
     level_ordered: float = _of(1e-4, "probability",
         "Of blows that order with their force by chance as much as they do, from which it is nonlinearity",
         "more records are called nonlinear", _STATISTICS)
