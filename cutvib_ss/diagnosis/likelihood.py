@@ -68,17 +68,10 @@ class Quadratic:
         matrix[index, index] += 12.0
         free = np.concatenate([self.free, np.ones(self.layout.size - n, dtype=bool)])
         # An unknown at its bound keeps its share of the determinant, but does not move.
-        factor, size = _factor(matrix)
-        log_det = 2.0 * float(np.sum(np.log(np.diag(factor))) + np.sum(np.log(size)))
-        if free.all():
-            pulled = linalg.solve_triangular(factor, gradient / size, lower=True, check_finite=False)
-            gain = float(pulled @ pulled)
-        else:
-            inner, own = _factor(matrix[np.ix_(free, free)])
-            pulled = linalg.solve_triangular(inner, gradient[free] / own, lower=True, check_finite=False)
-            gain = float(pulled @ pulled)
+        whole = Factored(matrix)
+        gain = (whole if free.all() else Factored(matrix[np.ix_(free, free)])).gain(gradient[free])
         noise = self.count * float(np.log(sizes.noise))
-        return -0.5 * (self.at(sizes) - gain + log_det + noise) + 0.5 * e * float(np.log(2 * np.pi))
+        return -0.5 * (self.at(sizes) - gain + whole.log_determinant + noise) + 0.5 * e * float(np.log(2 * np.pi))
 
     @cached_property
     def _found(self) -> dict[Sizes, float]:
@@ -117,28 +110,42 @@ class Quadratic:
         return total
 
 
-def _factor(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cholesky factor of a matrix scaled to a unit diagonal, and the scale."""
-    size = np.sqrt(np.diag(matrix))
-    scaled = matrix / np.outer(size, size)
-    try:
-        return linalg.cholesky(scaled, lower=True, check_finite=False), size
-    except linalg.LinAlgError:
-        # Directions that are nearly the same leave rounding errors for eigenvalues.
-        scaled[np.diag_indices_from(scaled)] += SETTINGS.likelihood_precision_floor
-        return linalg.cholesky(scaled, lower=True, check_finite=False), size
+class Factored:
+    """A normal matrix, scaled to a unit diagonal and factored."""
+
+    def __init__(self, matrix: FloatArray) -> None:
+        self.size = np.sqrt(np.diag(matrix))
+        scaled = matrix / np.outer(self.size, self.size)
+        try:
+            self.factor = linalg.cholesky(scaled, lower=True, check_finite=False)
+        except linalg.LinAlgError:
+            # Directions that are nearly the same leave rounding errors for eigenvalues.
+            scaled[np.diag_indices_from(scaled)] += SETTINGS.likelihood_precision_floor
+            self.factor = linalg.cholesky(scaled, lower=True, check_finite=False)
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of its determinant."""
+        return 2.0 * float(np.sum(np.log(np.diag(self.factor))) + np.sum(np.log(self.size)))
+
+    def gain(self, right: FloatArray) -> float:
+        """By what the squares fall at the solution."""
+        pulled = linalg.solve_triangular(self.factor, right / self.size, lower=True, check_finite=False)
+        return float(pulled @ pulled)
+
+    def solved(self, right: FloatArray) -> FloatArray:
+        """Solution for a right-hand side."""
+        return np.asarray(linalg.cho_solve((self.factor, True), right / self.size, check_finite=False) / self.size)
 
 
 def log_determinant(matrix: FloatArray) -> float:
     """Logarithm of the determinant of a precision."""
-    factor, size = _factor(matrix)
-    return 2.0 * float(np.sum(np.log(np.diag(factor))) + np.sum(np.log(size)))
+    return Factored(matrix).log_determinant
 
 
 def solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Solution of a normal equation."""
-    factor, size = _factor(matrix)
-    return np.asarray(linalg.cho_solve((factor, True), right / size, check_finite=False) / size)
+    return Factored(matrix).solved(right)
 
 
 @dataclass(frozen=True)

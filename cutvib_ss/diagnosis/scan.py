@@ -13,11 +13,12 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg, optimize
+from scipy import optimize
 
 from cutvib_ss.diagnosis.directions import Directions, Sizes
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.likelihood import Factored
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -64,7 +65,7 @@ class Scan:
         self.left = _flat(residuals)
         beside = directions.layout.size - problem.size
         precision = np.concatenate([problem.prior_precision(), np.ones(beside)])
-        self.factor = linalg.cho_factor(self.rows @ self.rows.T + np.diag(precision + 1e-9))
+        self.normal = Factored(self.rows @ self.rows.T + np.diag(precision + 1e-9))
         # Where the fit was drawn away from the priors' middle to make up for what it lacks, it gains by going back.
         self.strain = precision * np.concatenate([here, np.zeros(beside)])
         self.strained = float(self.strain[: here.size] @ here)
@@ -127,7 +128,7 @@ class Scan:
     def _freed(self, residual: FloatArray) -> float:
         """Squares of a residual, and of the priors, that the fit's unknowns cannot take up."""
         pulled = self.rows @ residual - self.strain
-        return float(residual @ residual + self.strained - pulled @ linalg.cho_solve(self.factor, pulled))
+        return float(residual @ residual + self.strained - pulled @ self.normal.solved(pulled))
 
     def _gain_at(self, problem: Problem, x: FloatArray) -> float:
         try:
@@ -203,7 +204,7 @@ class Scan:
             return -np.inf, 0.0, 0.0
         if not np.isfinite(change).all():
             return -np.inf, 0.0, 0.0
-        pulled = linalg.cho_solve(self.factor, self.rows @ change)
+        pulled = self.normal.solved(self.rows @ change)
         own = change - self.rows.T @ pulled
         along, size = float(own @ self.left + pulled @ self.strain), float(own @ change)
         return (along, size, float(change @ change)) if size > 0.0 else (0.0, 0.0, float(change @ change))

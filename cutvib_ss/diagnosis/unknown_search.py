@@ -23,6 +23,7 @@ from cutvib_ss.diagnosis.unknown_element import (
 )
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
 
 
@@ -106,13 +107,12 @@ def _with_poles(nominal: Model, records: Records, alone: Fit) -> Fit | None:
         starts = unknown_poles(nominal, element)
         if not starts or best.reduced < SETTINGS.search_enough:
             break
-        scan = Scan(nominal, records, best.hypothesis, best.x, {}, apart=False)
+        try:
+            scan = Scan(nominal, records, best.hypothesis, best.x, {}, apart=False)
+        except CutvibError:
+            break
         both = refit(
-            nominal,
-            records,
-            scan.promise(starts).hypothesis,
-            best.x[: best.first_effect],
-            SETTINGS.search_most_steps,
+            nominal, records, scan.promise(starts).hypothesis, best.x[: best.first_effect], SETTINGS.search_most_steps
         )
         if both is None or both.log_evidence <= best.log_evidence:
             break
