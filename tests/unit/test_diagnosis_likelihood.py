@@ -11,7 +11,7 @@ from cutvib_ss.diagnosis.directions import Directions, Sizes
 from cutvib_ss.diagnosis.discrepancy import smooth_shapes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Quadratic
+from cutvib_ss.diagnosis.likelihood import Factored, Quadratic
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -235,3 +235,15 @@ def test_a_held_out_record_is_judged_by_its_dense_conditional(drift: float, sess
     # Neither noise alone nor another session's knowledge would say that.
     assert np.all(np.abs(cross_validation.judged(other, shown).chi2 / found - 1) > 0.1)
     assert np.all(np.abs(dense.left(known, other, session != "first") / found - 1) > 0.1)
+
+
+def test_directions_that_are_the_same_are_factored() -> None:
+    """Two columns that rounding tells apart, if anything: the normal matrix is singular, and the solution shares between them."""
+    one = np.random.default_rng(4).standard_normal(200)
+    rows = np.stack([1e8 * one, 1e8 * one * (1 + 1e-16), np.roll(one, 1)])
+    matrix = rows @ rows.T
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.cholesky(matrix - 1e-3 * np.eye(3))
+    right = rows @ (3.0 * one)
+    found = Factored(matrix - 1e-3 * np.eye(3)).solved(right)
+    assert rows.T @ found == pytest.approx(3.0 * one, abs=1e-3)
