@@ -30,6 +30,8 @@ LACKING = {
     "held": "state peak_response, or give a column `force amplitude`",
 }
 """What tells the force of a record."""
+SPOILT = "left out for the steps of the converter"
+"""What the warning on lines that a converter has spoilt says."""
 ADVICE = {
     "impact": "measure longer, with a harder tip, or with more blows",
     "timeseries": "record longer, or with a stronger excitation",
@@ -125,7 +127,7 @@ def _words_on_lost(entries: Sequence[Entry], records: Sequence[Record]) -> tuple
     each = ", ".join(f"{np.mean(shares):.0%} of {name}" for name, shares in part.items() if any(shares))
     more = f" and {len(spoilt) - 1} more" if len(spoilt) > 1 else ""
     return (
-        f"{records[spoilt[0][0].record].name}{more}: {each} left out: the steps of the converter change the response there by "
+        f"{records[spoilt[0][0].record].name}{more}: {each} {SPOILT}: they change the response there by "
         f"more than {SETTINGS.record_lost:.0%}; lower the range, or take more bits",
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from cutvib_ss.diagnosis.observations import SPOILT
 from cutvib_ss.diagnosis.result import Diagnosis, Limit
 from cutvib_ss.plot.diagnosis import probability_text
 from cutvib_ss.report.wording import (
@@ -110,6 +111,7 @@ def to_do(d: Diagnosis) -> list[str]:
         steps.append(
             f"Nothing is to be inspected: the model holds from {figure(low)} to {figure(high)} Hz as far as was measured."
         )
+        steps += [f"Of what was left out it says nothing: {w}." for w in d.warnings if SPOILT in w]
         if d.gap.before > 1.2 * d.gap.tuned:
             steps.append(
                 f"Work with the tuned values ({SAVE}): the model as given errs by {figure(d.gap.before)} {d.gap.unit}, tuned by "

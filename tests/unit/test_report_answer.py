@@ -10,6 +10,7 @@ from cutvib_ss.cli.campaigns import print_diagnosis
 from cutvib_ss.cli.output import results
 from cutvib_ss.diagnosis.element_type import element_type_value
 from cutvib_ss.diagnosis.findings import DynamicStiffness, ElementType, Findings, PlaceScore
+from cutvib_ss.diagnosis.observations import SPOILT
 from cutvib_ss.diagnosis.result import Cause, Limit
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.local_resonator import LocalResonator
@@ -116,6 +117,12 @@ def test_what_to_do_names_the_inspection_and_a_test() -> None:
     assert first.startswith("Inspect: ")
     assert last.endswith("measure again with the head at y/L = 0.06 and look at tool_z: there the error was largest.")
     assert answer.to_do(example_diagnosis("no_gap", lines=20, records=1))[0].startswith("Nothing is to be inspected")
+    spoilt = replace(
+        example_diagnosis("no_gap", lines=20, records=1), warnings=(f"r1: 74% of tool_x {SPOILT}", "another")
+    )
+    assert [w for w in answer.to_do(spoilt) if "says nothing" in w] == [
+        f"Of what was left out it says nothing: r1: 74% of tool_x {SPOILT}."
+    ]
     ambiguous = answer.to_do(example_diagnosis("ambiguous", lines=20, records=1))
     assert sum(s.startswith("Inspect: ") for s in ambiguous) == 2
     assert "give blows of about 60 N" in ambiguous[-1]
