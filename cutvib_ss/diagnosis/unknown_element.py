@@ -18,7 +18,7 @@ from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to, channel_choices, channels_of, parameter
 from cutvib_ss.effects.prior import Range, Severity
-from cutvib_ss.effects.scales import port_scale, rail_stiffness
+from cutvib_ss.effects.scales import port_scale, rail_stiffness, resonances_at
 from cutvib_ss.model.elements import Guide, SmoothElement, SprungMass
 from cutvib_ss.model.rail import EndSupports, RailAttachment
 from cutvib_ss.parameters import Tolerances
@@ -208,11 +208,8 @@ class UnknownPole(Effect):
     @classmethod
     def ranges(cls, model: Model, place: str, motion: float | None = None) -> Mapping[str, Range]:
         given, scale = super().ranges(model, place, motion), port_scale(model, place)
-        frequency, own = given["frequency"], scale.natural_freq
-        if model.head is None and own > 0.0:
-            frequency = replace(frequency, low=min(frequency.low, 0.1 * own), high=max(frequency.high, 10.0 * own))
         mass = replace(given["mass"], low=1e-3 * scale.mass, high=scale.mass)
-        return {**given, "mass": mass, "frequency": frequency}
+        return {**given, "mass": mass, "frequency": resonances_at(model, place, given["frequency"])}
 
     @property
     def site(self) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from cutvib_ss.effects.base import Effect, Measured, Model, Range, Severity, parameter, ports_of
 from cutvib_ss.effects.port_element import PortElement
-from cutvib_ss.effects.scales import port_scale
+from cutvib_ss.effects.scales import port_scale, resonances_at
 from cutvib_ss.model.elements import SprungMass
 
 
@@ -41,10 +41,7 @@ class LocalResonator(PortElement):
             return {**given, "mass": replace(given["mass"], high=max(given["mass"].high, own))}
         scale = port_scale(model, place)
         mass = replace(given["mass"], low=1e-3 * scale.mass, high=scale.mass)
-        own, frequency = scale.natural_freq, given["frequency"]
-        if own > 0.0:
-            frequency = replace(frequency, low=min(frequency.low, 0.1 * own), high=max(frequency.high, 10.0 * own))
-        return {**given, "mass": mass, "frequency": frequency}
+        return {**given, "mass": mass, "frequency": resonances_at(model, place, given["frequency"])}
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutvib_ss.effects.base import Model
+from cutvib_ss.effects.base import Model, Range
 from cutvib_ss.model.machine import Machine
 
 FREE_FREQUENCY = 77.0
@@ -49,6 +49,14 @@ def port_scale(model: Model, place: str, motion: float | None = None) -> PortSca
         stiffness = stiffness if spring is None else spring[0]
     # A body that nothing holds has no motion of its own under a slow force: a millimetre stands for it.
     return PortScale(mass, stiffness, motion or (force / stiffness if stiffness > 0.0 else 1e-3))
+
+
+def resonances_at(model: Model, place: str, frequency: Range) -> Range:
+    """The range of a resonance's frequency; on a structure widened to a decade on either side of what the place does by itself."""
+    own = port_scale(model, place).natural_freq if model.head is None else 0.0
+    if own <= 0.0:
+        return frequency
+    return replace(frequency, low=min(frequency.low, 0.1 * own), high=max(frequency.high, 10.0 * own))
 
 
 def rail_stiffness(model: Machine) -> float:

@@ -264,6 +264,8 @@ def rounded_part(record: Record, width: float) -> FloatArray:
 
     The lines are those of `estimate`. Zero where no steps are coarse.
     """
+    if not coarser(record, [blow_start(h.force) for h in record.histories]):
+        return np.zeros((len(record.channels), min(h.force.size for h in record.histories) // 2 + 1))
     freq, data, variance, _, _ = _from_blows(record, "H1", 0.0, NOISE_BINS)
     by_steps = _rounding_variance(record, "H1", 0.0, NOISE_BINS, data, variance) + np.zeros(data.shape)
     lines = max(1, round(width / float(freq[1])))
