@@ -11,7 +11,7 @@ from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Entry, Records, measured_at, merged
 from cutvib_ss.diagnosis.result import Comparison
 from cutvib_ss.diagnosis.simulation import unforced_problem
-from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
+from cutvib_ss.diagnosis.unknown_by_level import ByLevelProblem
 from cutvib_ss.effects.base import Model
 from cutvib_ss.measurement.records import FORCE
 
@@ -34,7 +34,7 @@ def compared_responses(nominal: Model, none: Fit, chosen: Fit, entries: Sequence
         (chosen.model, end.blow_at(chosen.x), end, chosen.x),
     ]
     seen: set[tuple[object, ...]] = set()
-    apart = bool(chosen.model.nonlinear)
+    apart = not chosen.hypothesis.linear
     for e in entries:
         here = _alike(e, apart)
         if here in seen:
@@ -44,7 +44,7 @@ def compared_responses(nominal: Model, none: Fit, chosen: Fit, entries: Sequence
         measured = merged(same)[0].entry(0).response
         computed = []
         for model, blow_at, problem, x in sides:
-            if isinstance(problem, UnknownForceProblem) and x is not None:
+            if isinstance(problem, ByLevelProblem) and x is not None:
                 model = problem.model_of(x, merged(same[:1])[0])
             shown = cross_validation.predicted(same[0], model, blow_at, problem, x).data
             computed.append(measured.computed(shown[None, :, None]))

@@ -42,7 +42,7 @@ from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Diagnosis, FittedParameter, GapFigures, Where
 from cutvib_ss.diagnosis.search import search, search_linear
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.unknown_element import UnknownForce, ports_of, unknown_places
+from cutvib_ss.diagnosis.unknown_element import ByLevel, unknown_places
 from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model, parameter_fields
@@ -163,9 +163,9 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     none, causes = ranked[0], ranked[1:]
     problem = Problem(nominal, records.merged, Hypothesis())
     known = considered(nominal, observed.band, observed.channels)
-    # At each site an element of every amplitude, and where the level matters as many restoring forces at each port.
-    forces = any(isinstance(e, UnknownForce) for r in ranked for e in r.fit.hypothesis.effects)
-    sites = [*unknown_places(nominal, observed.channels), *(ports_of(nominal).values() if forces else ())]
+    # At each site an element of every amplitude, and where the level matters as many that depend on it.
+    kinds = {isinstance(e, ByLevel) for r in ranked for e in r.fit.hypothesis.effects}
+    sites = [place for each in {False, *kinds} for place in unknown_places(nominal, observed.channels, each)]
     variants = {**known, **{("unknown", p): len(SETTINGS.unknown_amplitudes) * sites.count(p) for p in sites}}
     counts = Counts(len(known), len(set(sites)))
     workers.say("judging causes on held-out records")

@@ -145,7 +145,7 @@ def fit_pairs(
     near = first if not first.hypothesis.linear and first.reduced < SETTINGS.search_enough else None
     seen: set[tuple[str, ...]] = set()
     out: list[Ranked] = []
-    for linear, of_lines in ((True, records.coarse), (False, records.for_laws)):
+    for linear, of_lines in ((True, records.still.coarse), (False, records.for_laws)):
         wide, sharp = (
             of_lines(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error),
             of_lines(SETTINGS.search_coarse_lines, 0.0),

@@ -87,6 +87,9 @@ def judged_on_held_out(
         rules.ask(r)
     if bare and rules.odds[bare.name] >= SETTINGS.verdict_hardly:
         rules.no_cause_leaves_noise(bare)
+    for r in rules.fitted:
+        if kind_of(r.fit.hypothesis) == UNKNOWN and rules.odds[r.name] >= SETTINGS.verdict_hardly:
+            rules.mainly_known(r)
     return rules.odds
 
 
@@ -167,6 +170,18 @@ class _HeldOutRules:
         if known and self.held(known).log_density > self.held(unknown).log_density:
             # Evidence says that its form is not the known one, prediction that it is: neither is sure.
             _give(self.odds, unknown, known, 0.5)
+
+    def mainly_known(self, unknown: Ranked) -> None:
+        """Pass on the probability of an unknown element to a known cause with it beside, which closes most of the excess alone."""
+        place = unknown.fit.hypothesis.place
+        sums = [x for x in self.fitted if kind_of(x.fit.hypothesis) == "sums" and _of_one_part(x.fit.hypothesis)]
+        both = _best(x for x in sums if x.fit.hypothesis.causes[-1] == (UNKNOWN, place))
+        if both is None:
+            return
+        first = _best(x for x in self.fitted if x.fit.hypothesis.causes == both.fit.hypothesis.causes[:1])
+        # The smooth function of the element holds what the cause does as well; that the cause is there, the cause shows.
+        if first and self.closed(first, unknown) > 0.5:
+            _give(self.odds, unknown, both)
 
     def of_one_place(self, both: Ranked, first: Ranked) -> None:
         """Pass on the probability of a known cause beside something unknown at its place: there is one part, of another form."""

@@ -197,6 +197,11 @@ class Records:
     def _alone(self) -> Records:
         return self if len(self.simulable) == len(self.entries) else Records(self.simulable)
 
+    @cached_property
+    def still(self) -> Records:
+        """The same as if the machine had not moved within a session: merged, to tell from afar what is alike at every level."""
+        return replace(self, moving=False) if self.moving else self
+
     @property
     def leaking(self) -> bool:
         """Whether windowed blocks of a continuous recording leak, so that only a replayed simulation shows what they show."""

@@ -28,7 +28,7 @@ from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
-from cutvib_ss.diagnosis.unknown_search import unknown_elements, unknown_forces
+from cutvib_ss.diagnosis.unknown_search import unknown_by_level, unknown_elements
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.results import FloatArray
@@ -135,11 +135,12 @@ def search(
         workers.say("fitting elements of unknown form")
         # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
         best = _best(ranked, none)
+        few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
         ranked += unknown_elements(
             nominal, records, few, observed, ranked if left else (), None if left else best, workers
         )
         if dependent and left:
-            ranked += unknown_forces(nominal, records, few, observed, none, workers)
+            ranked += unknown_by_level(nominal, records, few, observed, none, workers)
     return (none, *_once(ranked))
 
 

@@ -21,8 +21,8 @@ from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import By, Group, Records, merged, site
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.sweeps import SweptRecord, swept
-from cutvib_ss.diagnosis.unknown_element import UnknownForce
-from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
+from cutvib_ss.diagnosis.unknown_by_level import ByLevelProblem
+from cutvib_ss.diagnosis.unknown_element import ByLevel
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
@@ -316,8 +316,8 @@ def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray)
 
 def unforced_problem(nominal: Model, records: Records, hypothesis: Hypothesis) -> Problem:
     """The unknowns of a hypothesis without the forces of single records: to draw models and calibration errors from a fit."""
-    if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
-        return UnknownForceProblem(nominal, records.groups("record"), hypothesis)
+    if any(isinstance(e, ByLevel) for e in hypothesis.effects):
+        return ByLevelProblem(nominal, records.groups("record"), hypothesis)
     return Problem(nominal, records.merged, hypothesis)
 
 
@@ -326,8 +326,8 @@ def problem_for(
 ) -> Problem:
     """The problem of a hypothesis on some records; its groups hold all, one session, or one record each."""
     problem: Problem
-    if any(isinstance(e, UnknownForce) for e in hypothesis.effects):
-        problem = UnknownForceProblem(nominal, records.groups("record"), hypothesis)
+    if any(isinstance(e, ByLevel) for e in hypothesis.effects):
+        problem = ByLevelProblem(nominal, records.groups("record"), hypothesis)
     elif hypothesis.linear and not records.leaking and not apart:
         problem = Problem(nominal, records.groups(by), hypothesis)
     else:

@@ -3,7 +3,7 @@ What is not known: a dynamic stiffness at a port or along the rail, an error of 
 
 Each is a complex Gaussian process over log frequency (`model.elements.SmoothElement`), with coefficients N(0, 1). The dynamic
 stiffness acts in parallel at the port, the error multiplies the channel's responses by 1 + e(ω). What is smooth holds no resonance:
-a dynamic stiffness at a port may have poles beside it.
+a dynamic stiffness at a port may have poles beside it. Those of a port or a channel may depend on the level (`ByLevel`).
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to,
 from cutvib_ss.effects.prior import Range, Severity
 from cutvib_ss.effects.scales import port_scale, rail_stiffness, resonances_at
 from cutvib_ss.model.elements import Guide, SmoothElement, SprungMass
+from cutvib_ss.model.paths import Path
 from cutvib_ss.model.rail import EndSupports, RailAttachment
 from cutvib_ss.parameters import Tolerances
 
@@ -69,17 +70,21 @@ class _Unknown(Effect):
     def apply(self, model: Any) -> Any:
         return applied(model, attached_to(model, self.port, self.element), self)  # type: ignore[attr-defined]
 
+    def paths(self, applied: Any) -> tuple[Path, ...]:
+        """Where a model that it was applied to holds it; several times where it is the error of all channels."""
+        return (("attachments", len(applied.attachments) - 1, "element"),)
+
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        at = ("attachments", len(applied.attachments) - 1, "element", "coefficients")
-        return {name: (((*at, k), 1.0),) for k, name in enumerate(_NAMES)}
+        at = self.paths(applied)
+        return {name: tuple(((*path, "coefficients", k), 1.0) for path in at) for k, name in enumerate(_NAMES)}
 
     def by_size(self) -> dict[str, float]:
         # It has no form that could err.
         return {}
 
 
-class _Force(_Unknown):
-    """What `UnknownForce` does: the same with a value of each coefficient for every level."""
+class ByLevel(_Unknown):
+    """What `UnknownForce` and `UnknownSensor` do: the same with a value of each coefficient for every level."""
 
     linear: ClassVar[bool] = False
 
@@ -104,10 +109,12 @@ class _AlongRail(_Unknown):
         rail = replace(model.rail, attachments=(*model.rail.attachments, point))
         return applied(model, replace(model, rail=rail), self)
 
+    def paths(self, applied: Any) -> tuple[Path, ...]:
+        return (("rail", "attachments", len(applied.rail.attachments) - 1, "element"),)
+
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        at = ("rail", "attachments", len(applied.rail.attachments) - 1)
-        coefficients = {name: (((*at, "element", "coefficients", k), 1.0),) for k, name in enumerate(_NAMES)}
-        return {**coefficients, "position": (((*at, "position"), 1.0),)}
+        [at] = self.paths(applied)
+        return {**super().moves(applied), "position": (((*at[:-1], "position"), 1.0),)}
 
 
 class _Give(_Unknown):
@@ -125,9 +132,8 @@ class _Give(_Unknown):
         ends = model.rail.supports or EndSupports(own.stiff, own.stiff)
         return applied(model, replace(model, rail=replace(model.rail, supports=replace(ends, give=self.element))), self)
 
-    def moves(self, applied: Any) -> Mapping[str, Carried]:
-        at = ("guide",) if self.place == "head_base" else ("rail", "supports")
-        return {name: (((*at, "give", "coefficients", k), 1.0),) for k, name in enumerate(_NAMES)}
+    def paths(self, applied: Any) -> tuple[Path, ...]:
+        return (("guide", "give") if self.place == "head_base" else ("rail", "supports", "give"),)
 
 
 class _OfChannel(_Unknown):
@@ -149,10 +155,9 @@ class _OfChannel(_Unknown):
             chain = chain.with_channel(name, replace(chain.channel(name), error=self.element))
         return applied(model, replace(model, chain=chain), self)
 
-    def moves(self, applied: Any) -> Mapping[str, Carried]:
+    def paths(self, applied: Any) -> tuple[Path, ...]:
         names = channels_of(self.effect, self.port, applied)  # type: ignore[attr-defined]
-        at = [("chain", "channels", name, "error", "coefficients") for name in names]
-        return {name: tuple(((*a, k), 1.0) for a in at) for k, name in enumerate(_NAMES)}
+        return tuple(("chain", "channels", name, "error") for name in names)
 
 
 def _coefficient() -> Any:
@@ -167,13 +172,6 @@ def _made(name: str, base: type, doc: str, *more: Any) -> Any:
 
 
 UnknownElement: Any = _made("UnknownElement", _Unknown, "A smooth dynamic stiffness of unknown form at a port.")
-UnknownForce: Any = make_dataclass(
-    "UnknownForce",
-    [],
-    bases=(_Force, UnknownElement),
-    frozen=True,
-    namespace={"__module__": __name__, "__doc__": "A restoring force of unknown form at a port."},
-)
 UnknownAlongRail: Any = _made(
     "UnknownAlongRail",
     _AlongRail,
@@ -187,6 +185,17 @@ UnknownGive: Any = _made(
     ("stiff", float, 1e12),
 )
 UnknownChannelError: Any = _made("UnknownChannelError", _OfChannel, "A smooth error of unknown form of a channel.")
+
+
+def _by_level(name: str, base: type, doc: str) -> Any:
+    about = {"__module__": __name__, "__doc__": doc}
+    return make_dataclass(name, [], bases=(ByLevel, base), frozen=True, namespace=about)
+
+
+UnknownForce: Any = _by_level("UnknownForce", UnknownElement, "A restoring force of unknown form at a port.")
+UnknownSensor: Any = _by_level(
+    "UnknownSensor", UnknownChannelError, "A channel whose error depends on the level, in a form that is not known."
+)
 
 
 @dataclass(frozen=True)
@@ -236,21 +245,22 @@ def ports_of(model: Model) -> Mapping[str, str]:
     return {place: place for place in model.places}
 
 
-def unknown_places(model: Model, channels: Sequence[str]) -> tuple[str, ...]:
-    """The place of each unknown element, restoring forces apart, that is tried: a place as often as it has sites."""
-    of_rail = ("rail", "head_base", "rail_ends") if model.has_position else ()
+def unknown_places(model: Model, channels: Sequence[str], by_level: bool = False) -> tuple[str, ...]:
+    """The place of each unknown element, or of each that depends on the level, that is tried: a place as often as it has sites."""
+    of_rail = ("rail", "head_base", "rail_ends") if model.has_position and not by_level else ()
     return (*ports_of(model).values(), *of_rail, *("measurement",) * len(channel_choices(tuple(channels))))
 
 
 def unknown_candidates(
-    model: Model, band: tuple[float, float], channels: Sequence[str] = (), kind: Any = UnknownElement
+    model: Model, band: tuple[float, float], channels: Sequence[str], by_level: bool = False
 ) -> tuple[Candidate, ...]:
-    """An unknown element, or restoring force, at each site, of the middle amplitude; along the rail from several starts."""
-    sites = [(e,) for e in _at_ports(model, band, kind)]
-    if kind is UnknownElement and model.has_position:
+    """
+    An unknown element at each site, or one that depends on the level, of the middle amplitude; along the rail from several starts.
+    """
+    sites = [(e,) for e in _at_ports(model, band, UnknownForce if by_level else UnknownElement)]
+    if not by_level and model.has_position:
         sites += [_along_rail(model, band), *((e,) for e in _giving(model, band))]
-    if kind is UnknownElement:
-        sites += [(e,) for e in _of_channels(model, band, channels)]
+    sites += [(e,) for e in _of_channels(model, band, channels, UnknownSensor if by_level else UnknownChannelError)]
     middle = SETTINGS.unknown_amplitudes[len(SETTINGS.unknown_amplitudes) // 2]
     return tuple(
         Candidate(f"unknown {starts[0].site}", tuple(replace(e, scale=middle * e.scale) for e in starts))
@@ -318,9 +328,9 @@ def _giving(model: Model, band: tuple[float, float]) -> Iterator[Any]:
         yield UnknownGive(place, place, 1.0 / (_WEAK * stiffness), *band, stiff=_RIGID * stiffness)
 
 
-def _of_channels(model: Model, band: tuple[float, float], channels: Sequence[str]) -> Iterator[Any]:
+def _of_channels(model: Model, band: tuple[float, float], channels: Sequence[str], kind: Any) -> Iterator[Any]:
     """An unknown error of each channel and of all, beyond the stated tolerance."""
     tolerance = model.tolerance.calibration or Tolerances().calibration
     size = SETTINGS.unknown_channel * tolerance / min(SETTINGS.unknown_amplitudes)
     for channel in channel_choices(tuple(channels)):
-        yield UnknownChannelError("measurement", channel, size, *band)
+        yield kind("measurement", channel, size, *band)

@@ -15,7 +15,7 @@ from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import (
-    UnknownForce,
+    ByLevel,
     UnknownPole,
     of_other_amplitudes,
     unknown_candidates,
@@ -45,14 +45,23 @@ def unknown_elements(
         return found
     by_evidence = sorted(linear, key=lambda r: -r.fit.log_evidence)
     site = _unknown_of(max(found, key=lambda r: r.fit.log_evidence).fit)
+    first = by_evidence[0].fit
+    beside = [_beside(first, h) for h in alone]
+    found += best_unknown(nominal, records, few, beside, first.x[: first.first_effect], workers)
     # A known cause of another form than the catalogue's is that cause and something unknown at its own place.
-    there = [r for r in by_evidence[1:] if r.fit.hypothesis.place == site.place]
-    for r in (by_evidence[0], *there[:1]):
-        own, x = r.fit.hypothesis, r.fit.x[: r.fit.first_effect]
-        elements = alone if r is by_evidence[0] else [h for h in alone if _site(h) == site.site]
-        beside = [replace(own, effects=(*own.effects, *h.effects)) for h in elements]
-        found += best_unknown(nominal, records, few, beside, x, workers)
+    there = next((r.fit for r in by_evidence if r.fit.hypothesis.place == site.place), None)
+    if there is None:
+        return found
+    beside = [_beside(there, h) for h in alone if _site(h) == site.site]
+    if not any(r.fit.hypothesis.causes == beside[0].causes for r in found):
+        found += best_unknown(nominal, records, few, beside, there.x[: there.first_effect], workers)
     return found
+
+
+def _beside(known: Fit, unknown: Hypothesis) -> Hypothesis:
+    """A known cause with something unknown beside it."""
+    own = known.hypothesis
+    return replace(own, effects=(*own.effects, *unknown.effects))
 
 
 def best_unknown(
@@ -84,7 +93,7 @@ def best_unknown(
         there = steps(rival.fit.hypothesis, rival.fit.x)
         fits = [f for f in fits if there is None or cost(f) - cost(there) < SETTINGS.search_close]
     own = {_unknown_of(f).site: f for f in reversed(fits)}
-    fewer = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
+    fewer = records.still.coarse(SETTINGS.fit_fewer_lines, 0.0)
     sharp = _refitted(nominal, fewer, [f for f in fits if f is own[_unknown_of(f).site]], workers)
     if not sharp:
         return []
@@ -111,9 +120,10 @@ def _with_poles(nominal: Model, records: Records, alone: Fit) -> Fit | None:
             scan = Scan(nominal, records, best.hypothesis, best.x, {}, apart=False)
         except CutvibError:
             break
-        both = refit(
-            nominal, records, scan.promise(starts).hypothesis, best.x[: best.first_effect], SETTINGS.search_most_steps
-        )
+        promised = scan.promise(starts)
+        if promised.gain < SETTINGS.search_leads * (best.chi2 - best.count):
+            break
+        both = refit(nominal, records, promised.hypothesis, best.x[: best.first_effect], SETTINGS.search_most_steps)
         if both is None or both.log_evidence <= best.log_evidence:
             break
         best = both
@@ -138,7 +148,7 @@ def _name(f: Fit) -> str:
     """What tells a fit with an unknown element from others."""
     names = []
     for e in f.hypothesis.effects:
-        kind = "unknown force" if isinstance(e, UnknownForce) else e.effect
+        kind = "unknown by level" if isinstance(e, ByLevel) else e.effect
         size = f"{e.frequency:.3g} Hz" if isinstance(e, UnknownPole) else f"{getattr(e, 'scale', 0.0):.3g}"
         names.append(f"{kind} {getattr(e, 'site', e.place)} {size}")
     return " + ".join(names)
@@ -155,9 +165,9 @@ def _site(h: Hypothesis) -> str:
     return str(element.site)
 
 
-def unknown_forces(
+def unknown_by_level(
     nominal: Model, records: Records, few: Records, observed: Observations, none: Ranked, workers: Workers
 ) -> list[Ranked]:
-    """An unknown restoring force at each port."""
-    hypotheses = [Hypothesis(c.starts) for c in unknown_candidates(nominal, observed.band, kind=UnknownForce)]
-    return best_unknown(nominal, records, few, hypotheses, none.fit.x, workers)
+    """An unknown restoring force at each port, and an unknown error of each channel that depends on the level."""
+    candidates = unknown_candidates(nominal, observed.band, observed.channels, by_level=True)
+    return best_unknown(nominal, records, few, [Hypothesis(c.starts) for c in candidates], none.fit.x, workers)

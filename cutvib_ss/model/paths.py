@@ -31,8 +31,8 @@ def with_value(model: ModelT, path: Path, value: float) -> ModelT:
     return with_values(model, {path: value})
 
 
-def with_values(model: ModelT, values: Mapping[Path, float]) -> ModelT:
-    """A copy of a model with several numbers changed at once."""
+def with_values(model: ModelT, values: Mapping[Path, Any]) -> ModelT:
+    """A copy of a model with several numbers, or whole parts, changed at once."""
     rebuilt: ModelT = _rebuilt(model, {path: (path, value) for path, value in values.items()})
     return rebuilt
 

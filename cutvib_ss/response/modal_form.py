@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +35,11 @@ class ModalForm:
     # How the channels move with a shaker's base, where they read absolute motion; the sum over the modes is relative
     # to it
     base_shares: tuple[float, ...] = ()
+
+    @cached_property
+    def at_lines(self) -> dict[tuple[float, int], Any]:
+        """What a transform makes of it at its lines, by clock and length (`stepping`)."""
+        return {}
 
     @cached_property
     def orders(self) -> tuple[int, ...]:
@@ -78,10 +84,29 @@ def modal_form(
     system = system_with(machine, position, viscous_at, (*reads, *at, input))
     rows = np.array([row_of(system, r) for r in (*reads, *at)])
     first = machine.drive(system) if input == "force" else row_of(system, input)
-    forces = np.array([first, *(row_of(system, p) for p in at)]).T
-    m = modal_basis(system, classical_above)
+    forces = np.array([first, *(row_of(system, p) for p in at)])
     shares = tuple(machine.base_share(n) for n in names)
-    return ModalForm(m.poles, m.drives @ forces, rows @ m.shapes, read, names, at, m.from_state, system.dofs, shares)
+    matrices = tuple(a.tobytes() for a in (system.mass, system.damping, system.stiffness, rows, forces))
+    return _form(matrices, system.dofs, classical_above, read, names, at, shares)
+
+
+@lru_cache(maxsize=32)
+def _form(
+    matrices: tuple[bytes, ...],
+    dofs: tuple[str, ...],
+    classical_above: float,
+    quantities: tuple[Quantity, ...],
+    outputs: tuple[str, ...],
+    ports: tuple[str, ...],
+    shares: tuple[float, ...],
+) -> ModalForm:
+    """The modal sum of a system of given matrices, rows of the outputs and rows of the inputs."""
+    # A restoring force is simulated on one machine with many values of its own: all share its modes.
+    mass, damping, stiffness, rows, forces = (np.frombuffer(m).reshape(-1, len(dofs)) for m in matrices)
+    m = modal_basis(SecondOrder(mass, damping, stiffness, dofs, {}), classical_above)
+    return ModalForm(
+        m.poles, m.drives @ forces.T, rows @ m.shapes, quantities, outputs, ports, m.from_state, dofs, shares
+    )
 
 
 def base_motion(acceleration: FloatArray, fs: float, order: int, periodic: bool = False) -> FloatArray:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,6 +43,8 @@ _BLOCK = 200_000
 """Fine instants of several blows that are treated together."""
 _CHUNK = 1 << 15
 """Instants of a free response that are computed at once."""
+_KEPT = 1 << 19
+"""Lines times modes from which a modal sum does not keep them: 16 MB."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,36 @@ def _initial(form: ModalForm, initial: ArrayLike | None, blows: int) -> ComplexA
     return modes
 
 
+class _Lines(NamedTuple):
+    """A modal sum at the lines of a transform of histories."""
+
+    size: int  # Length of the transform
+    rate: float  # Of the weight e^(-rate t) on the histories [1/s]
+    s: ComplexArray
+    receptance: ComplexArray  # Shape (output, input, line)
+    at_start: tuple[ComplexArray, ComplexArray]  # 1/(s - p) and 1/(s̄ - p), weighted for the mean over all lines
+
+
+def _lines(form: ModalForm, fs: float, run: int) -> _Lines:
+    """The lines for histories of so many samples; a form keeps them, unless they are many."""
+    if (fs, run) in form.at_lines:
+        kept: _Lines = form.at_lines[fs, run]
+        return kept
+    size = 2 * int(fft.next_fast_len((run + _TAPER + 1) // 2, real=True))
+    slowest = float(np.min(-form.poles.real))
+    rate = max(0.0, _WRAP * fs / size - slowest)
+    s = np.asarray(rate + 2j * np.pi * fs / size * np.arange(size // 2 + 1), dtype=np.complex128)
+    # The modal sum is made of the first and of the conjugate of the second.
+    upper, lower = (1.0 / (z - form.poles[:, None]) for z in (s, s.conj()))
+    # Mode k at the first sample is the mean over all lines, the conjugate ones too, of drive · force/(s - p_k).
+    ends = np.ones(s.size)
+    ends[[0, -1]] = 0.5
+    made = _Lines(size, rate, s, form.summed(upper, lower), ((ends / size * upper).T, (ends / size * lower).T))
+    if s.size * form.poles.size < _KEPT:
+        form.at_lines[fs, run] = made
+    return made
+
+
 class _Run:
     """One call of `step`: what its parts share."""
 
@@ -108,18 +141,8 @@ class _Run:
         self.initial, self.fastest = initial, 2 * np.pi * dynamic_below
         self.force = np.hstack([force, force[:, -1:] * _fade(_TAPER)])
         self.run = self.samples + _TAPER
-        self.size = 2 * int(fft.next_fast_len((self.run + _TAPER + 1) // 2, real=True))
-        slowest = float(np.min(-form.poles.real))
-        self.rate = max(0.0, _WRAP * fs / self.size - slowest)
-        lines = np.arange(self.size // 2 + 1)
-        self.s = np.asarray(self.rate + 2j * np.pi * fs / self.size * lines, dtype=np.complex128)
-        # 1/(s - p) and 1/(s̄ - p): the modal sum is made of the first and of the conjugate of the second.
-        upper, lower = (1.0 / (s - form.poles[:, None]) for s in (self.s, self.s.conj()))
-        self.receptance = form.summed(upper, lower)
-        # Mode k at the first sample is the mean over all lines, the conjugate ones too, of drive · force/(s - p_k).
-        ends = np.ones(self.s.size)
-        ends[[0, -1]] = 0.5
-        self.at_start = [(ends / self.size * part).T for part in (upper, lower)]
+        lines = _lines(form, fs, self.run)
+        self.size, self.rate, self.s, self.receptance, self.at_start = lines
 
     def _weight(self, samples: int, fine: int) -> FloatArray:
         return np.asarray(np.exp(-self.rate / (self.fs * fine) * np.arange(samples)))

@@ -81,6 +81,23 @@ def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: floa
     assert found["other"] == 0.0
 
 
+@pytest.mark.parametrize(("closed", "kept"), [(0.9, "both"), (0.3, "unknown")])
+def test_what_is_unknown_at_the_place_of_a_cause_that_closes_most_is_that_cause_in_another_form(
+    closed: float, kept: str
+) -> None:
+    mass = AddedMass("joint1", 0.1)
+    every = [
+        NONE,
+        ranked("mass", 10.0, mass),
+        ranked("unknown", 90.0, UNKNOWN),
+        ranked("both", 80.0, mass, UNKNOWN),
+        ranked("elsewhere", 80.0, MASS, UNKNOWN),
+    ]
+    odds = {"none": 0.0, "mass": 0.0, "unknown": 1.0, "both": 0.0, "elsewhere": 0.0}
+    seen = held(none=TUNED, mass=Leaves(squares=1.0 - closed, log_density=-100.0), unknown=Leaves())
+    assert judged_on_held_out(every, odds, seen, 1.0)[kept] == 1.0
+
+
 @pytest.mark.parametrize(("chance", "kept"), [(1.0, 1.0), (0.2, 1.0), (0.01, 0.632), (1e-4, 0.558), (0.0, 0.556)])
 def test_a_linear_answer_whose_drift_orders_with_the_level_gives_way(chance: float, kept: float) -> None:
     odds = {"none": 0.7, "main": 0.3, "other": 0.0}

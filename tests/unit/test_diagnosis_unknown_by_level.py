@@ -1,4 +1,4 @@
-"""An unknown restoring force at a port: recovered by level, derivatives, and told from one that is the same at all levels."""
+"""What is unknown and depends on the level: recovered by level, derivatives, and told from what is the same at all levels."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from cutvib_ss.diagnosis.linearity import confounded
 from cutvib_ss.diagnosis.ranking import some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.simulation import problem_for
-from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce
-from cutvib_ss.diagnosis.unknown_force import UnknownForceProblem
+from cutvib_ss.diagnosis.unknown_by_level import ByLevelProblem
+from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce, UnknownSensor
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from tests.unit.record_example import entry_of
@@ -44,9 +44,14 @@ def element(kind: type) -> Hypothesis:
     return Hypothesis((kind("joint2", "joint2", 0.03 * machine.head.k2, 100.0, 300.0),))
 
 
-def test_derivatives_are_differences() -> None:
-    problem = problem_for(published_machine(), records({10.0: 0.0, 100.0: 0.05}), element(UnknownForce))
-    assert isinstance(problem, UnknownForceProblem)
+def sensor(channel: str) -> Hypothesis:
+    return Hypothesis((UnknownSensor("measurement", channel, 0.1, 100.0, 300.0),))
+
+
+@pytest.mark.parametrize("hypothesis", [element(UnknownForce), sensor("tool_x"), sensor("all")])
+def test_derivatives_are_differences(hypothesis: Hypothesis) -> None:
+    problem = problem_for(published_machine(), records({10.0: 0.0, 100.0: 0.05}), hypothesis)
+    assert isinstance(problem, ByLevelProblem)
     x = 0.3 * np.random.default_rng(0).standard_normal(problem.size)
     p = problem.predictions(x)[0]
     slopes = problem._slopes(x, p)
@@ -70,6 +75,18 @@ def test_it_takes_up_what_differs_by_level_and_nothing_else_does() -> None:
         stiffness.append(attached.dynamic_stiffness(np.array([2j * np.pi * 215.0]))[0])
     own = published_machine().head.k2
     assert (stiffness[1] - stiffness[0]).real == pytest.approx(0.05 * own, rel=0.1)
+
+
+def test_a_sensor_that_saturates_is_told_from_a_restoring_force() -> None:
+    apart = records({10.0: 0.0, 100.0: 0.0})
+    saturating = [
+        replace(e, response=replace(e.response, data=e.response.data * (1.0 if e.level == 10.0 else 0.92)))
+        for e in apart.entries
+    ]
+    measured = Records(tuple(saturating))
+    own, force = (fit(published_machine(), measured, h) for h in (sensor("tool_x"), element(UnknownForce)))
+    assert own.reduced < 1.1
+    assert own.log_evidence > force.log_evidence + 100.0
 
 
 def test_where_levels_agree_it_pays_for_its_freedom() -> None:

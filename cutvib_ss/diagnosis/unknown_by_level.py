@@ -1,11 +1,12 @@
 """
-An unknown restoring force at a port: a dynamic stiffness that is smooth over frequency and over the level of the motion.
+What is unknown and depends on the level: a restoring force at a port, or an error of a channel, smooth over frequency and level.
 
     z(ω, a) = scale Σ_kl (a_kl + i b_kl) g_k(ln ω) h_l(ln a),   coefficients N(0, 1)
 
-with g and h the shapes of reduced-rank Gaussian processes: the describing function of any force across the port, to first order
-in what it does within a record. Of a sine the level a is the amplitude of the response line by line, of a blow its peak force. A
-known restoring force has to do better than this with two or three parameters, or its form is wrong.
+with g and h the shapes of reduced-rank Gaussian processes: the describing function of any force across the port, or of a sensor
+that is not linear, to first order in what it does within a record. Of a sine the level a is the amplitude of the response line by
+line, of a blow its peak force. A known restoring force has to do better than this with two or three parameters, or its form is
+wrong.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Effect, Model
-from cutvib_ss.model.elements import SMOOTH_LENGTH, SmoothElement, smooth_process
+from cutvib_ss.model.elements import SMOOTH_LENGTH, smooth_process
+from cutvib_ss.model.paths import Path, part_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
@@ -30,8 +32,8 @@ if TYPE_CHECKING:
     from cutvib_ss.diagnosis.records import Group
 
 
-class UnknownForceProblem(Problem):
-    """An unknown restoring force on records apart, one a group: coefficients (shape over frequency, shape over the level)."""
+class ByLevelProblem(Problem):
+    """Something unknown that depends on the level, records apart, one a group: coefficients (shape over frequency, over level)."""
 
     apart = True
 
@@ -63,13 +65,6 @@ class UnknownForceProblem(Problem):
         """Shape (coefficient of `SmoothElement`, level shape)."""
         return x[self.first_effect :].reshape(-1, self.n_levels)
 
-    @staticmethod
-    def _own(model: Model) -> SmoothElement:
-        """The unknown element of a model."""
-        element = model.attachments[-1].element
-        assert isinstance(element, SmoothElement)
-        return element
-
     def model_of(self, x: FloatArray, group: Group) -> Model:
         """The model at the level of a record."""
         shapes = self._levels(group)
@@ -77,11 +72,16 @@ class UnknownForceProblem(Problem):
             shapes = shapes[:, :1]
         values = self._coefficients(x) @ shapes
         model = self.applied(x)
-        parts = model.attachments
-        element = replace(
-            self._own(model), coefficients=tuple(float(v[0]) if v.size == 1 else tuple(v.tolist()) for v in values)
-        )
-        return replace(model, attachments=(*parts[:-1], replace(parts[-1], element=element)))
+        paths = self._paths(model)
+        coefficients = tuple(float(v[0]) if v.size == 1 else tuple(v.tolist()) for v in values)
+        element = replace(part_at(model, paths[0]), coefficients=coefficients)
+        return with_values(model, dict.fromkeys(paths, element))
+
+    def _paths(self, model: Model) -> tuple[Path, ...]:
+        """Where a model holds what is unknown."""
+        [own] = self.hypothesis.effects
+        found: tuple[Path, ...] = own.paths(model)  # type: ignore[attr-defined]
+        return found
 
     def effects(self, x: FloatArray) -> tuple[Effect, ...]:
         """The element at the middle of the levels."""
@@ -102,8 +102,8 @@ class UnknownForceProblem(Problem):
         if self.n_blow:
             out.append(SETTINGS.record_blow_at_std * p.by_blow_at())
         # The shapes vary little between a line and the circles around the poles beside it.
-        at = (("attachments", len(p.model.attachments) - 1, "element", "stiffness"), 1.0)
-        unit = p.derivative((at,))
-        for row in self._own(p.model).shapes(p.s):
+        paths = self._paths(p.model)
+        unit = p.derivative(tuple(((*path, "unit"), 1.0) for path in paths))
+        for row in part_at(p.model, paths[0]).shapes(p.s):
             out += [shape * row * unit for shape in shapes]
         return out
