@@ -136,9 +136,7 @@ def search(
         # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
         best = _best(ranked, none)
         few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
-        ranked += unknown_elements(
-            nominal, records, few, observed, ranked if left else (), None if left else best, workers
-        )
+        ranked += unknown_elements(nominal, records, few, observed, ranked, None if left else best, workers)
         if dependent and left:
             ranked += unknown_by_level(nominal, records, few, observed, none, workers)
     return (none, *_once(ranked))

@@ -55,7 +55,7 @@ class Settings:
 
     # Likelihood
     likelihood_drift_sizes: Weighted = _of(
-        ((3e-5, 0.10), (1e-4, 0.10), (3e-4, 0.15), (1e-3, 0.25), (3e-3, 0.25), (1e-2, 0.12), (3e-2, 0.02), (1e-1, 0.01)),
+        ((3e-5, 0.10), (1e-4, 0.10), (3e-4, 0.15), (1e-3, 0.25), (3e-3, 0.25), (1e-2, 0.12), (3e-2, 0.03)),
         "relative std, probability", "Prior of the drift between sessions", "differences between sessions are forgiven",
         "machines repeat to 0.1-2 %, rarely worse")
     likelihood_within_sizes: Weighted = _of(

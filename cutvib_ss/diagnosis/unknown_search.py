@@ -36,7 +36,10 @@ def unknown_elements(
     rival: Ranked | None,
     workers: Workers,
 ) -> list[Ranked]:
-    """An unknown element at each site, alone and beside the best linear cause; at the best site beside the best cause there."""
+    """
+    An unknown element at each site, alone and, without a rival that leaves noise, beside the best linear cause; at the best site
+    beside the best cause there.
+    """
     candidates = unknown_candidates(nominal, observed.band, observed.channels)
     alone = [Hypothesis((e,)) for c in candidates for e in c.starts]
     linear = [r for r in ranked if r.refined and r.fit.hypothesis.linear and len(r.fit.hypothesis.effects) == 1]
@@ -45,9 +48,10 @@ def unknown_elements(
         return found
     by_evidence = sorted(linear, key=lambda r: -r.fit.log_evidence)
     site = _unknown_of(max(found, key=lambda r: r.fit.log_evidence).fit)
-    first = by_evidence[0].fit
-    beside = [_beside(first, h) for h in alone]
-    found += best_unknown(nominal, records, few, beside, first.x[: first.first_effect], workers)
+    if rival is None:
+        first = by_evidence[0].fit
+        beside = [_beside(first, h) for h in alone]
+        found += best_unknown(nominal, records, few, beside, first.x[: first.first_effect], workers)
     # A known cause of another form than the catalogue's is that cause and something unknown at its own place.
     there = next((r.fit for r in by_evidence if r.fit.hypothesis.place == site.place), None)
     if there is None:
