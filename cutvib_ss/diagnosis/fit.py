@@ -100,32 +100,8 @@ def fit(
     within their ranges by projection. Evidence: χ²/2 + Σ prior²/2 + ½ ln det(JᵀWJ + P), the even priors being one in unit
     coordinates.
     """
-    # Beside a widened noise drift and discrepancy are nothing.
-    spread = not records.widened
-    problems = _problems(nominal, records, hypothesis, spread)
-    problem = problems[0]
-    search = Climb(
-        problems, problem.start(warm), spread, _beside(problem, records), None if near is None else near.spread
-    )
-    if warm is not None and near is None:
-        # Few lines with a widened noise may have led away from a model that is right as it was given.
-        search.try_from(problem.start(None))
-    if hypothesis.linear and not records.rough and near is None:
-        search.start_from(_from_afar(nominal, records, hypothesis, search))
-        if not problem.apart and max_iterations > SETTINGS.fit_scout_steps:
-            search.continue_from(_on_fewer_lines(nominal, records, hypothesis, search, max_iterations, tolerance))
-    alone = None
-    if near is not None and near.hypothesis.causes == hypothesis.causes and not hypothesis.linear:
-        alone = problem_for(nominal, records, near.corrected.hypothesis).start(near.corrected.x)
-    if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
-        # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
-        # Neighbouring lines tell much the same.
-        few = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
-        fewer = _problems(nominal, few, hypothesis, False)
-        plain = Climb(fewer, search.at.x, False, _beside(fewer[0], few))
-        plain.climb(max_iterations, tolerance)
-        search.start_from(plain)
-        alone = plain.at.x
+    search, alone = _started(nominal, records, hypothesis, warm, max_iterations, tolerance, near)
+    problem = search.problems[0]
     # From beside the optimum once is enough.
     redrawn = not problem.apart and near is None
     passes = SETTINGS.fit_passes if redrawn and max_iterations > SETTINGS.fit_scout_steps else 1
@@ -147,6 +123,45 @@ def fit(
     elif search.spread and alone is not None:
         closest = _closest_simulated(search, alone, max_iterations, tolerance)
     return made if np.array_equal(closest, made.x) else _with_closest(made, problem, closest)
+
+
+def _started(
+    nominal: Model,
+    records: Records,
+    hypothesis: Hypothesis,
+    warm: FloatArray | None,
+    steps: int,
+    tolerance: float,
+    near: Fit | None,
+) -> tuple[Climb, FloatArray | None]:
+    """Where the climb begins; beside a restoring force also unknowns of the model by itself, without a discrepancy."""
+    # Beside a widened noise drift and discrepancy are nothing.
+    spread = not records.widened
+    problems = _problems(nominal, records, hypothesis, spread)
+    problem = problems[0]
+    search = Climb(
+        problems, problem.start(warm), spread, _beside(problem, records), None if near is None else near.spread
+    )
+    if warm is not None and near is None:
+        # Few lines with a widened noise may have led away from a model that is right as it was given.
+        search.try_from(problem.start(None))
+    if hypothesis.linear and not records.rough and near is None:
+        search.start_from(_from_afar(nominal, records, hypothesis, search))
+        if not problem.apart and steps > SETTINGS.fit_scout_steps:
+            search.continue_from(_on_fewer_lines(nominal, records, hypothesis, search, steps, tolerance))
+    alone = None
+    if near is not None and near.hypothesis.causes == hypothesis.causes and not hypothesis.linear:
+        alone = problem_for(nominal, records, near.corrected.hypothesis).start(near.corrected.x)
+    if not hypothesis.linear and search.spread and steps > SETTINGS.fit_scout_steps:
+        # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
+        # Neighbouring lines tell much the same.
+        few = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
+        fewer = _problems(nominal, few, hypothesis, False)
+        plain = Climb(fewer, search.at.x, False, _beside(fewer[0], few))
+        plain.climb(steps, tolerance)
+        search.start_from(plain)
+        alone = plain.at.x
+    return search, alone
 
 
 def _problems(nominal: Model, records: Records, hypothesis: Hypothesis, spread: bool) -> tuple[Problem, ...]:
