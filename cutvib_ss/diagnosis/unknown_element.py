@@ -252,7 +252,7 @@ def unknown_places(model: Model, channels: Sequence[str], by_level: bool = False
 
 
 def unknown_candidates(
-    model: Model, band: tuple[float, float], channels: Sequence[str], by_level: bool = False
+    model: Model, band: tuple[float, float], channels: Sequence[str] = (), by_level: bool = False
 ) -> tuple[Candidate, ...]:
     """
     An unknown element at each site, or one that depends on the level, of the middle amplitude; along the rail from several starts.

@@ -90,7 +90,7 @@ def modal_form(
     return _form(matrices, system.dofs, classical_above, read, names, at, shares)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=16)
 def _form(
     matrices: tuple[bytes, ...],
     dofs: tuple[str, ...],
