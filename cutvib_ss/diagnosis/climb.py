@@ -262,6 +262,7 @@ class Climb:
         here, tried = np.concatenate([x, self.at.drift.ravel()]), damping
         for harder in (1e1, 1e2, 1e3, 1e4):
             step = np.clip(start + _step(matrix, gradient, tried, start, low, high), low, high) - start
+            # Damped so far that even the quadratic gains nothing by it.
             if tried > damping and 2.0 * gradient @ step - step @ matrix @ step < SETTINGS.fit_gain:
                 break
             there = np.concatenate([x + step[:n], self._drifted(step[n:]).ravel()])
