@@ -91,9 +91,10 @@ class Climb:
         spread: bool,
         beside: Beside,
         near: Spread | None = None,
+        rival: float = np.inf,
     ) -> None:
         problem = problems[-1]
-        self.problem, self.spread, self.beside = problem, spread, beside
+        self.problem, self.spread, self.beside, self.rival = problem, spread, beside, rival
         # Sessions in another order would have other columns.
         self.problems = [p if p.sessions == problem.sessions else problem for p in problems]
         self.sizes = Sizes() if near is None else near.sizes
@@ -114,6 +115,11 @@ class Climb:
         except CutvibError:
             # Drifts of another fit, to first order, may be more than the model takes.
             self.at = self.evaluated(x, np.zeros_like(drift))
+
+    @property
+    def beaten(self) -> bool:
+        """Whether it stands farther behind its rival than a start on few lines may."""
+        return self.at.objective - self.rival > SETTINGS.search_far
 
     def start_from(self, other: Climb) -> None:
         """Go on from where another search of the same sessions stands."""
@@ -234,7 +240,7 @@ class Climb:
 
     def climb(self, max_iterations: int, tolerance: float) -> None:
         """Steps until they gain little."""
-        damping, trail = 1e-3, Trail()
+        damping, trail, pace = 1e-3, Trail(), np.inf
         for k in range(max_iterations):
             if self.at.quadratic is None:
                 self._linearise(self.at)
@@ -243,16 +249,21 @@ class Climb:
             if self.at.quadratic is None:
                 break
             before = self.at.objective
-            damping = self._step(damping, self.at.quadratic, trail)
+            # What each of the steps left has to gain to lead to what has been found already.
+            needed = (before - self.rival) / (max_iterations - k)
+            damping = self._step(damping, self.at.quadratic, trail, max(SETTINGS.fit_gain, needed))
             gain = before - self.at.objective
             # A residual of many times the noise needs no exact optimum.
             far = self.at.chi2 * self.sizes.noise > SETTINGS.fit_hopeless * self.count
             least = max(tolerance, SETTINGS.fit_hopeless_gain) if far else tolerance
             if gain < SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0):
                 break
+            if max(gain, pace) < needed:
+                break
+            pace = gain
 
-    def _step(self, damping: float, quadratic: Quadratic, trail: Trail) -> float:
-        """One step: to where the last ones lead, or damped until it gains; the damping of the next."""
+    def _step(self, damping: float, quadratic: Quadratic, trail: Trail, worth: float) -> float:
+        """One step: to where the last ones lead, or damped until it gains or is not worth trying; the damping of the next."""
         n, x = self.at.x.size, self.at.x
         matrix, gradient = quadratic.system(self.sizes)
         beside = np.full(matrix.shape[0] - n, np.inf)
@@ -263,7 +274,7 @@ class Climb:
         for harder in (1e1, 1e2, 1e3, 1e4):
             step = np.clip(start + _step(matrix, gradient, tried, start, low, high), low, high) - start
             # Damped so far that even the quadratic gains nothing by it.
-            if tried > damping and 2.0 * gradient @ step - step @ matrix @ step < SETTINGS.fit_gain:
+            if tried > damping and 2.0 * gradient @ step - step @ matrix @ step < worth:
                 break
             there = np.concatenate([x + step[:n], self._drifted(step[n:]).ravel()])
             ahead = trail.ahead(here, there - here, weight) if tried == damping else None

@@ -91,16 +91,19 @@ def fit(
     max_iterations: int = 40,
     tolerance: float = 1e-5,
     near: Fit | None = None,
+    rival: float = np.inf,
 ) -> Fit:
     """
     Maximum of the posterior of a hypothesis, and its evidence.
+
+    A climb whose pace does not lead to the objective of a `rival` on the same records ends where it is.
 
     Levenberg-Marquardt on the normal equations: 40 unknowns against 10⁴ to 10⁵ data make their forming the only cost, and a
     general least squares solver's factorisation of the full Jacobian twenty times more expensive. Effects' unknowns are kept
     within their ranges by projection. Evidence: χ²/2 + Σ prior²/2 + ½ ln det(JᵀWJ + P), the even priors being one in unit
     coordinates.
     """
-    search, alone = _started(nominal, records, hypothesis, warm, max_iterations, tolerance, near)
+    search, alone = _started(nominal, records, hypothesis, warm, max_iterations, tolerance, near, rival)
     problem = search.problems[0]
     # From beside the optimum once is enough.
     redrawn = not problem.apart and near is None
@@ -120,7 +123,7 @@ def fit(
     closest = search.at.x
     if hypothesis.linear:
         closest = _closest(search, search.at.quadratic, made.spread.offsets)
-    elif search.spread and alone is not None:
+    elif search.spread and alone is not None and not search.beaten:
         closest = _closest_simulated(search, alone, max_iterations, tolerance)
     return made if np.array_equal(closest, made.x) else _with_closest(made, problem, closest)
 
@@ -133,6 +136,7 @@ def _started(
     steps: int,
     tolerance: float,
     near: Fit | None,
+    rival: float,
 ) -> tuple[Climb, FloatArray | None]:
     """Where the climb begins; beside a restoring force also unknowns of the model by itself, without a discrepancy."""
     # Beside a widened noise drift and discrepancy are nothing.
@@ -140,7 +144,7 @@ def _started(
     problems = _problems(nominal, records, hypothesis, spread)
     problem = problems[0]
     search = Climb(
-        problems, problem.start(warm), spread, _beside(problem, records), None if near is None else near.spread
+        problems, problem.start(warm), spread, _beside(problem, records), None if near is None else near.spread, rival
     )
     if warm is not None and near is None:
         # Few lines with a widened noise may have led away from a model that is right as it was given.

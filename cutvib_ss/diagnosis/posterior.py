@@ -127,13 +127,17 @@ class _HeldOutRules:
         if not known and _of_one_part(r.fit.hypothesis):
             self.of_one_place(r, first)
         elif held(r).log_density >= held(first).log_density:
-            if known and held(r).reduced > SETTINGS.verdict_noise:
+            if known and self.is_doubtful(r):
                 self.second_is_not_proven(r, first)
         elif known:
             self.by_both_leads(r, first)
         else:
             # What it predicts, the known part alone predicts better.
             _give(self.odds, r, first)
+
+    def is_doubtful(self, both: Ranked) -> bool:
+        """Whether two known causes leave more than noise, or less only because their model errs by more than is believed."""
+        return self.held(both).reduced > SETTINGS.verdict_noise or _of_another_form(both, self.held)
 
     def closed(self, first: Ranked, both: Ranked) -> float:
         """Part of the excess that the first of two parts closes alone."""
@@ -243,6 +247,12 @@ def _of_one_part(h: Hypothesis) -> bool:
     return known.place == unknown.place and (not unknown.measurement or len(channels) == 1)
 
 
+def _of_another_form(r: Ranked, held: Callable[[Ranked], HeldOut]) -> bool:
+    """Whether causes only stand because their model errs by more than is believed."""
+    beyond = bool(r.fit.at_end) and not r.fit.hypothesis.linear
+    return beyond or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit
+
+
 def _best(ranked: Iterable[Ranked]) -> Ranked | None:
     """That of most evidence."""
     return max(ranked, key=lambda r: r.fit.log_evidence, default=None)
@@ -269,10 +279,7 @@ def of_known_form(
     out = dict(odds)
     known = [r for r in ranked if kind_of(r.fit.hypothesis) in ("known", "sums") and r.refined]
     for r in known:
-        if out[r.name] < SETTINGS.verdict_hardly:
-            continue
-        beyond = bool(r.fit.at_end) and not r.fit.hypothesis.linear
-        if beyond or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit:
+        if out[r.name] >= SETTINGS.verdict_hardly and _of_another_form(r, held):
             out[r.name] *= SETTINGS.verdict_form
     nearest = _best(r for r in known if r.fit.hypothesis.causes[-1][0] != UNKNOWN)
     for r in ranked:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
+import numpy as np
+
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -57,10 +59,13 @@ def on_all_lines(
         promising = cost(start) - rival[0] < SETTINGS.search_close and wanted and not hopeless
         (chosen if promising else left_out).append((candidate, start))
     steps = [SETTINGS.search_most_steps if f.hypothesis.linear else SETTINGS.search_most_law_steps for _, f in chosen]
-    starts = [f for _, f in chosen]
-    fits = workers.map(
-        partial(refit, nominal, records, near=near), [f.hypothesis for f in starts], [f.x for f in starts], steps
-    )
+    fits: list[Fit | None] = []
+    # The first is one for the others to come up to.
+    for some_of in (slice(1), slice(1, None)):
+        starts = [f for _, f in chosen[some_of]]
+        reached = min((cost(f) for f in fits if f is not None), default=np.inf)
+        again = partial(refit, nominal, records, near=near, rival=min(reached, -2.0 * rival[1]))
+        fits += workers.map(again, [f.hypothesis for f in starts], [f.x for f in starts], steps[some_of])
     ranked = [Ranked(c.name, f, True) for (c, _), f in zip(chosen, fits, strict=True) if f is not None]
     best = max((r.fit.log_evidence for r in ranked), default=rival[1])
     # Few lines and a widened noise understate how far behind a cause is, by as much as for the rival.
@@ -74,11 +79,17 @@ def on_all_lines(
 
 
 def refit(
-    nominal: Model, records: Records, hypothesis: Hypothesis, x: FloatArray, steps: int, near: Fit | None = None
+    nominal: Model,
+    records: Records,
+    hypothesis: Hypothesis,
+    x: FloatArray,
+    steps: int,
+    near: Fit | None = None,
+    rival: float = np.inf,
 ) -> Fit | None:
     """A fit on all lines; None where it runs away."""
     try:
-        return fit(nominal, records, hypothesis, x, steps, near=near)
+        return fit(nominal, records, hypothesis, x, steps, near=near, rival=rival)
     except CutvibError:
         return None
 

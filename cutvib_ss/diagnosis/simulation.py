@@ -40,6 +40,7 @@ class Simulated:
     model: Model  # The model
     group: Group  # The records, a row each
     data: ComplexArray  # The prediction
+    first: ComplexArray  # The same as the first blow of each record alone shows it
     # Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port
     stiffness: ComplexArray
     # Sine sweeps among the records, by row: they are balanced in their harmonics instead of stepped in time
@@ -53,11 +54,13 @@ def simulated(
     steps: float = SETTINGS.simulation_steps,
     force_scale: FloatArray | None = None,
     offset: float = 0.0,
+    first_blow: bool = False,
 ) -> Simulated:
     """
     Run each record's force through a model in time, and its estimator on the responses.
 
-    `offset` is a constant force [N] that acts beside the recorded one all through a continuous recording.
+    `offset` is a constant force [N] that acts beside the recorded one all through a continuous recording. With `first_blow` only
+    the first of several blows is run, which is all that a difference needs.
     """
     elements = model.nonlinear
     # Stepped are the channels' own quantities, and a window is applied in time: the chain does the rest.
@@ -65,11 +68,12 @@ def simulated(
     windowed, steady = (c.at(group.channels, none, s) for c in (model.chain, replace(model.chain, decay_rate=0.0)))
     outputs = tuple(dict.fromkeys(steady.signals))
     data = np.zeros(group.data.shape, dtype=np.complex128)
+    first = np.zeros_like(data)
     stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
     still = SETTINGS.simulation_static_above * float(group.freq[-1])
     sweeps = {row: swept(model, group, row) for row in range(len(data)) if group.entries[row][0].sine is not None}
     for row, sweep in sweeps.items():
-        data[row] = sweep.data
+        data[row] = first[row] = sweep.data
     forms: dict[tuple[float | None, str], ModalForm] = {}
     for rows in _batches(group, wanted):
         position = position_at(group.positions[rows[0]])
@@ -88,6 +92,9 @@ def simulated(
         # All records at a position in one call: they share the modal sum.
         scales = np.ones(len(data)) if force_scale is None else force_scale
         windows = [_window(model, r) for r in replays]
+        if first_blow:
+            replays = [r if r.block else r.only(1) for r in replays]
+            windows = [(gain, w[: len(r.forces)]) for r, (gain, w) in zip(replays, windows, strict=True)]
         size = {row: scales[row] * gain for row, (gain, _) in zip(rows, windows, strict=True)}
         forces = np.concatenate(
             [size[row] * np.stack(r.forces) + offset * _begun(r) for row, r in zip(rows, replays, strict=True)]
@@ -96,16 +103,19 @@ def simulated(
         if model.chain.decay_rate:
             for part in (run.responses, run.motions, run.forces):
                 part *= np.concatenate([w for _, w in windows])[:, None, :]
-        first = 0
+        begun = 0
         for row, replay in zip(rows, replays, strict=True):
-            own = slice(first, first + len(replay.forces))
-            first = own.stop
-            shown = replay.simulated(list(run.responses[own] / size[row]))
+            own = slice(begun, begun + len(replay.forces))
+            begun = own.stop
+            responses = list(run.responses[own] / size[row])
             chain = steady if replay.block else windowed
-            data[row] = chain.shown(np.array([shown[outputs.index(name)] for name in chain.signals]))
+            order = [outputs.index(name) for name in chain.signals]
+            data[row] = first[row] = chain.shown(replay.simulated(responses)[order])
+            if len(responses) > 1 and not replay.block:
+                first[row] = chain.shown(replay.only(1).simulated(responses[:1])[order])
             if elements:
                 stiffness[row] = _equivalent(replay, run.motions[own], run.forces[own])
-    return Simulated(model, group, data, stiffness, sweeps)
+    return Simulated(model, group, data, first, stiffness, sweeps)
 
 
 def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:
@@ -248,8 +258,9 @@ class SimulatedProblem(Problem):
         moved[i] += step if i < self.n_tuning or x[i] + step <= 1.0 else -step
         index = self._fitted(p)
         scales = None if index is None else self._force_scales(x)[index]
-        there = simulated(self.applied(moved), p.group, None, self.steps, scales, self.offset_of(x))
-        change: ComplexArray = (there.data - p.data) / (moved[i] - x[i])
+        # Blows of one record are alike: how one of them changes tells enough of the way.
+        there = simulated(self.applied(moved), p.group, None, self.steps, scales, self.offset_of(x), first_blow=True)
+        change: ComplexArray = (there.data - p.first) / (moved[i] - x[i])
         return change
 
     def _difference(self, i: int) -> float:

@@ -125,7 +125,7 @@ def _with_poles(nominal: Model, records: Records, alone: Fit) -> Fit | None:
         except CutvibError:
             break
         promised = scan.promise(starts)
-        if promised.gain < SETTINGS.search_leads * (best.chi2 - best.count):
+        if promised.gain < SETTINGS.search_leads * (best.reduced - 1.0) * best.count:
             break
         both = refit(nominal, records, promised.hypothesis, best.x[: best.first_effect], SETTINGS.search_most_steps)
         if both is None or both.log_evidence <= best.log_evidence:

@@ -35,7 +35,8 @@ def check_record(record: Record, machine: MachineLike, where: str) -> tuple[Reco
     A record without what cannot be used, and a word on everything that was noticed.
 
     A double hit is kept: the force's spectrum is as it was measured, and H1 holds for any force. An overloaded blow is
-    dropped where another is left, since its histories are not what happened.
+    dropped where another is left, since its histories are not what happened; a channel that is overloaded in all of them is
+    left out where there are others.
     """
     warnings: list[str] = []
     if record.kind != "frf":
@@ -179,6 +180,7 @@ def _drop_loose_channels(record: Record, where: str, warnings: list[str]) -> Rec
 
 
 def _drop_overloads(record: Record, where: str, warnings: list[str]) -> Record:
+    record = _drop_overloaded_channels(record, where, warnings)
     found = {id(history): _overloaded(history) for history in record.histories}
     good = tuple(history for history in record.histories if not found[id(history)])
     for history in record.histories:
@@ -187,6 +189,18 @@ def _drop_overloads(record: Record, where: str, warnings: list[str]) -> Record:
             fate = "dropped" if good else "kept for want of another; record again"
             warnings.append(f"{where}: {history.name}: {names} overloaded (clipped): {fate}")
     return _with(record, good or record.histories)
+
+
+def _drop_overloaded_channels(record: Record, where: str, warnings: list[str]) -> Record:
+    """Without the channels that no blow shows as they were, where others do."""
+    always = set.intersection(*(set(_overloaded(h)) for h in record.histories)) - {FORCE}
+    if not always or always == set(record.channels):
+        return record
+    names = [name for name in record.channels if name in always]
+    warnings.append(
+        f"{where}: {', '.join(names)} overloaded (clipped) in every blow: left out; lower the gain and record again"
+    )
+    return _left(record, names)
 
 
 def _with(record: Record, histories: tuple[History, ...]) -> Record:

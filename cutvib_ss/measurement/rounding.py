@@ -42,7 +42,7 @@ ORDERING = 0.15
 """Share from which what blows lose goes with their force as a law would: at noise of 0.12 steps it does, at 0.3 it does not."""
 
 _MOST_STEPS = 4096  # within the largest value: more lose 1e-4 of a response, and 1e-2 of a mode of a hundredth of it
-_FEWEST_SIZES = 4  # that values take: fewer are a made-up signal
+_FEWEST_SIZES = 4  # that values take without a step left out between them: others are a made-up signal
 _FEWEST_OF_FORCE = 9  # steps within the largest force: of fewer nothing is left when three are made one
 _MOST_OF_FORCE = 1024  # more lose 1e-3 of what follows a blow
 _SAID = 256  # steps within the largest value, below which it is worth a word
@@ -104,7 +104,9 @@ def steps_of(values: FloatArray, before: int = 0) -> Steps:
     largest = float(moved[-1])
     gaps = np.diff(np.concatenate([[0.0], moved]))
     gaps = gaps[gaps > _SAME * largest]
-    if gaps.size < _FEWEST_SIZES or float(np.min(gaps)) * _MOST_STEPS < largest:
+    if not gaps.size or float(np.min(gaps)) * _MOST_STEPS < largest:
+        return NONE
+    if gaps.size < _FEWEST_SIZES and float(np.ptp(gaps)) > _NEAR * float(np.min(gaps)):
         return NONE
     size = float(np.mean(gaps[gaps < 1.5 * np.min(gaps)]))
     for limit in (4, 16, _SMALL, 512, _MOST_STEPS):

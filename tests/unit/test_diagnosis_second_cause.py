@@ -35,6 +35,8 @@ class OnlyEvidence:
     hypothesis: Hypothesis
     log_evidence: float
     of_no_size: tuple[Effect, ...] = ()
+    at_end: tuple[str, ...] = ()
+    beyond_belief: bool = False
     nothing_when_used: tuple[Effect, ...] = ()
 
     @property
@@ -79,6 +81,17 @@ def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: floa
     assert sum(found.values()) == pytest.approx(1.0)
     # Nothing is taken from what was not in question.
     assert found["other"] == 0.0
+
+
+def test_a_second_cause_is_not_named_where_both_stand_only_by_an_error_of_the_model() -> None:
+    strained = Ranked("both", cast(Fit, replace(cast(OnlyEvidence, BOTH.fit), beyond_belief=True)), True)
+    seen = held(none=TUNED, main=Leaves(squares=0.01), both=Leaves(), beside=Leaves())
+    found = judged_on_held_out([NONE, MAIN, OTHER, strained, BESIDE], ODDS, seen, 1.0)
+    assert max(found, key=lambda name: found[name]) == "main"
+    # The factor of a fit on the noise is such an error, too.
+    widened = held(none=TUNED, main=Leaves(squares=0.01), both=Leaves(against_stated=2.5), beside=Leaves())
+    found = judged_on_held_out(EVERY, ODDS, widened, 1.0)
+    assert max(found, key=lambda name: found[name]) == "main"
 
 
 @pytest.mark.parametrize(("closed", "kept"), [(0.9, "both"), (0.3, "unknown")])

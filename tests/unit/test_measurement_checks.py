@@ -151,6 +151,23 @@ def test_overloaded_blow_is_kept_where_there_is_no_other():
     assert "force overloaded (clipped): kept for want of another" in warnings[0]
 
 
+def test_channel_overloaded_in_every_blow_is_left_out_where_there_are_others():
+    record = _two_channels(impact(3, noise=0.05))
+    for k, h in enumerate(record.histories):
+        clean = h.responses[0] * 0.5 + 0.3 * np.random.default_rng(k).standard_normal(h.force.size)
+        clipped = np.clip(h.responses[0], -8, 8) if k != 2 else np.clip(h.responses[0], -6, 6)
+        record = _with_history(record, k, responses=np.vstack([clean, clipped]))
+    checked, warnings = check_record(record, TwoChannels(), "r.csv")
+    assert checked.channels == ("a",)
+    assert len(checked.histories) == 3
+    assert "r.csv: b overloaded (clipped) in every blow: left out; lower the gain and record again" in warnings
+    # One clean blow, and the channel is kept with that.
+    clean = np.vstack([record.histories[1].responses[0], impact(3, noise=0.05).histories[1].responses[0]])
+    checked, _ = check_record(_with_history(record, 1, responses=clean), TwoChannels(), "r.csv")
+    assert checked.channels == ("a", "b")
+    assert [h.name for h in checked.histories] == ["blow 2"]
+
+
 def test_overloaded_recording_is_named():
     rng = np.random.default_rng(3)
     force = rng.standard_normal(4000)

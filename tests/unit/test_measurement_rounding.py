@@ -66,6 +66,13 @@ def test_step_is_read_off_the_values(as_recorded, step):
     assert found.largest == pytest.approx(np.max(np.abs(_rounded(_RINGING, step))) / step, rel=1e-3)
 
 
+@pytest.mark.parametrize(("step", "largest"), [(30.0, 1), (12.0, 2), (7.0, 3)])
+def test_a_channel_that_moves_by_a_step_or_two_has_steps_all_the_same(step, largest):
+    found = steps_of(_rounded(_RINGING, step))
+    assert found.coarse
+    assert (found.size, found.largest) == (pytest.approx(step), pytest.approx(largest))
+
+
 def test_values_that_are_counts_are_steps():
     assert steps_of(np.round(_RINGING * 10)).size == pytest.approx(1.0)
 
@@ -220,3 +227,13 @@ def test_part_of_a_response_that_coarse_steps_spoil():
     assert np.sum(error[kept]) < 0.05**2 * np.sum(power[kept])
     assert np.sum(error[spoilt]) > 0.05**2 * np.sum(power[spoilt])
     assert not spoilt[np.argmax(np.where(told, power, 0.0))]
+
+
+@pytest.mark.parametrize("steps", [1.6, 2.6])
+def test_nothing_is_left_of_a_response_that_moves_by_a_step_or_two(steps):
+    fine = _struck(np.random.default_rng(8), 3, 0.0)
+    largest = max(float(np.max(np.abs(h.responses))) for h in fine.histories)
+    part = rounded_part(_digitised(fine, largest / steps, 0.05), 10.0)
+    freq = estimate(fine).freq
+    told = (freq > 20.0) & (freq < 200.0)
+    assert np.mean(part[0, told] > 0.05**2) > 0.8
