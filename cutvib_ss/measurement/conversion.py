@@ -167,6 +167,9 @@ def _response(raw: RawResponse, layout: Layout, where: str) -> RawResponse:
     values: ComplexArray = raw.values * factor
     _check_finite(values, where, "line")
     coherence = raw.coherence
+    if coherence is not None and not np.any(values):
+        # Of a channel that never moved it is 0/0; `checks` leaves such a channel out.
+        coherence = np.zeros(values.shape)
     if coherence is not None:
         _check_finite(coherence, f"{where}: coherence", "line")
         low, high = float(np.min(coherence)), float(np.max(coherence))

@@ -191,6 +191,10 @@ def test_blows_with_different_channels_or_rates(tmp_path):
 _FRF_HEAD = "freq [Hz],tool_x re [{0}],tool_x im [{0}],tool_x coherence"
 
 
+def _never_moved(table):
+    table[:, 1:3], table[:, 3] = 0.0, np.nan
+
+
 @pytest.mark.parametrize(
     ("csv", "words"),
     [
@@ -212,6 +216,8 @@ _FRF_HEAD = "freq [Hz],tool_x re [{0}],tool_x im [{0}],tool_x coherence"
         (_frf_csv("freq [rpm],tool_x re [g/N],tool_x im [g/N],tool_x coherence"), ["`freq [Hz]`"]),
         ("\n".join(_frf_csv().split("\n")[:3]) + "\n", ["2 frequency lines"]),
         (_frf_csv(change=lambda t: t.__setitem__((slice(None), slice(1, 3)), 0.0)), ["zero throughout"]),
+        # Coherence of a channel that never moved is 0/0: the channel is what has to be named.
+        (_frf_csv(change=_never_moved), ["zero throughout"]),
         (_csv(), ["`freq [Hz]`"]),
     ],
 )
