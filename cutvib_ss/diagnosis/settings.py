@@ -99,8 +99,9 @@ class Settings:
         "longer", _TIME)
     discrepancy_variance_left: float = _of(0.02, "1", "Variance that its pivots may leave", "fewer pivots", _NUMERICAL)
     discrepancy_most_pivots: int = _of(40, "pivots", "Number of its pivots at most", "longer", _TIME)
-    calibration_shapes: int = _of(5, "shapes",
-        "Smooth shapes that a calibration error is made of: a constant and half cosines",
+    calibration_shapes: int = _of(8, "shapes",
+        "Polynomials that a calibration error is made of: what a first-order corner or a resonance outside of the band leaves of "
+        "1 % is 0.01 %",
         "errors that vary faster over the band", _JUDGEMENT)
     predictive_small_drift: float = _of(1e-4, "relative std", "Drift that moves a response in proportion", "fewer iterations",
         _NUMERICAL)

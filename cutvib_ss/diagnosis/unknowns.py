@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from functools import lru_cache
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from cutvib_ss.effects.base import Model, Range
 from cutvib_ss.model.paths import Path, value_at
@@ -50,19 +52,27 @@ def from_unknown(x: float, r: Range) -> tuple[float, float]:
 
 def calibration_shapes(freq: FloatArray, band: tuple[float, float], count: int) -> FloatArray:
     """
-    Smooth shapes over the band whose sum with unit normal coefficients has unit variance.
+    Smooth shapes over the band whose sum with unit normal coefficients has unit variance, shape (shape, frequency).
 
-    Over an axis half-way between frequency and its logarithm: a sensor errs by its amplifier's corner below the band and by its
-    resonance above it. On frequency alone a phase that bends in the lowest octaves passes for a delay.
+    Legendre polynomials over an axis half-way between frequency and its logarithm, of standard deviation 1/(1 + k²) at order k: a
+    sensor errs by its amplifier's corner below the band and by its resonance above it, and what has its poles outside of the band
+    is met geometrically (Trefethen 2019, Approximation Theory and Approximation Practice, chapter 8). On frequency alone a phase
+    that bends in the lowest octaves passes for a delay; with cosines, which are level at both ends, what bends there does.
     """
+    return _calibration_shapes(np.asarray(freq, dtype=np.float64).tobytes(), band, count)
+
+
+@lru_cache(maxsize=64)
+def _calibration_shapes(lines: bytes, band: tuple[float, float], count: int) -> FloatArray:
+    freq = np.frombuffer(lines)
     if count == 0:
         return np.zeros((0, freq.size))
     low, high = band
     corner = max(low, 0.02 * (high - low))
     logarithmic = np.log1p((freq - low) / corner) / np.log1p((high - low) / corner)
-    u = 0.5 * ((freq - low) / (high - low) + logarithmic)
     order = np.arange(count)
-    weight = 1.0 / (1.0 + order.astype(float) ** 2)
-    shapes = np.cos(np.pi * np.outer(order, u)) * weight[:, None]
-    total = np.sqrt(np.mean(np.sum(shapes**2, axis=0)))
-    return np.asarray(shapes / total, dtype=np.float64)
+    weight = np.sqrt(2.0 * order + 1.0) / (1.0 + order**2)
+    shapes = legendre.legvander((freq - low) / (high - low) + logarithmic - 1.0, count - 1).T * weight[:, None]
+    shapes /= np.sqrt(np.mean(np.sum(shapes**2, axis=0)))
+    shapes.flags.writeable = False
+    return np.asarray(shapes)

@@ -102,11 +102,13 @@ def test_a_guessed_force_is_found_with_the_law():
     problem = problem_for(MACHINE, seen, found.hypothesis)
     assert len(problem.force_scaled) == 2
     assert found.reduced < 1.05
-    # The law's size and all forces together cannot be told apart; their ratio can.
-    x = found.x[found.first_effect - 2 : found.first_effect]
-    assert SETTINGS.simulation_force_scale * (x[0] - x[1]) == pytest.approx(np.log(scales[0] / scales[1]), abs=0.02)
-    assert found.hypothesis.effects[0].stiffness3 == pytest.approx(4e9, rel=0.35)
-    assert abs(found.hypothesis.effects[0].stiffness3 - 4e9) < 4 * found.stds["0.stiffness3"]
+    # The law's size and all forces together cannot be told apart: motion goes with force, the cubic part with its square. The
+    # ratio of the forces can, and the stiffness times the square of their mean.
+    x = SETTINGS.simulation_force_scale * found.x[found.first_effect - 2 : found.first_effect]
+    assert x[0] - x[1] == pytest.approx(np.log(scales[0] / scales[1]), abs=0.02)
+    size = np.log(found.hypothesis.effects[0].stiffness3 / 4e9)
+    assert size + 2 * x.mean() == pytest.approx(np.log(scales).sum(), abs=0.05)
+    assert abs(size) < 3 * 2 * SETTINGS.simulation_force_scale / np.sqrt(2)
 
 
 def test_the_corrected_model_with_a_law_is_the_closest_without_its_discrepancy():
@@ -182,7 +184,9 @@ def test_the_second_cause_promises_most():
     # What is left is how far the sampled blow is from the closed form.
     assert together.reduced < 2.0
     assert base.reduced > 10.0
-    assert together.hypothesis.effects[1].delay == pytest.approx(2e-4, rel=0.02)
+    # A sensor's phase, which may err by a hundredth, leaves a part of a delay open.
+    assert together.stds["1.delay"] < 0.05 * 2e-4
+    assert abs(together.hypothesis.effects[1].delay - 2e-4) < 3 * together.stds["1.delay"]
 
 
 def test_a_clearance_is_found_from_values_far_from_it():
