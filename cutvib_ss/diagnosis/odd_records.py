@@ -2,7 +2,8 @@
 Records that fit with no others: a loose cable, a clipped channel, the wrong range.
 
 One such record makes every cause fail, and asks for one that acts in that record alone. A record is odd where the tuned model, a
-linear cause, two of them, or an element of unknown form leave no more than noise of all others and many times that of this one.
+linear cause, two of them, or an element of unknown form leave no more than noise of all others and many times that of a channel of
+this one.
 What shows in several records is the machine's.
 """
 
@@ -23,8 +24,8 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
 
 ODD = (
-    "{}: left out, for it does not fit with the others: {:.3g} times its noise is left by what leaves no more than noise of "
-    "them; look for a loose cable, a clipped or wrong range, or measure it again"
+    "{}: left out, for it does not fit with the others: {:.3g} times the noise of a channel is left by what leaves no more than "
+    "noise of them; look for a loose cable, a clipped or wrong range, or measure it again"
 )
 
 
@@ -74,12 +75,13 @@ def _known_beside(e: Entry, others: Sequence[Entry]) -> bool:
 
 
 def _left(nominal: Model, records: Records, fitted: Fit) -> Callable[[Entry], float]:
-    """What gives the χ² a datum of a record under a fit, drift and discrepancy of their sizes allowed."""
+    """What gives the χ² a datum of a record's worst channel under a fit, drift and discrepancy of their sizes allowed."""
     problem = Problem(nominal, records.groups(), fitted.hypothesis)
     blow_at = problem.blow_at(fitted.x)
 
     def left(e: Entry) -> float:
         shown = cross_validation.predicted(e, fitted.model, blow_at, problem, fitted.x)
-        return float(np.mean(cross_validation.judged(e, shown, problem, fitted).chi2)) * fitted.spread.sizes.noise
+        # Of its worst channel: a cable is loose in one.
+        return float(np.max(cross_validation.judged(e, shown, problem, fitted).chi2)) * fitted.spread.sizes.noise
 
     return left

@@ -297,7 +297,7 @@ class Settings:
     search_left_of_gap: float = _of(2e-4, "gap", "Added to it", "fewer pairs", _TIME)
     search_leads: float = _of(0.1, "excess", "That a single cause has to take away before a second is tried on top",
         "fewer pairs", "else neither is known")
-    search_odd: float = _of(10.0, "χ² a datum", "Of one record under what leaves no more than noise of all others: "
+    search_odd: float = _of(10.0, "χ² a datum", "Of one channel of a record under what leaves no more than noise of all others: "
         "from there it is left out", "fewer records are left out", "a law that shows that much in one shows in its neighbours")
     search_odd_share: float = _of(0.125, "records", "That are left out, at most", "more records may be left out",
         "what shows in more of them may be the machine")
