@@ -268,23 +268,33 @@ def of_known_form(
     ranked: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
 ) -> dict[str, float]:
     """
-    Probabilities in which an answer is not sure that only stands because its model errs by more than is believed.
+    Probabilities in which an answer whose form nothing here has is not sure.
 
     Where a parameter of a restoring force ends at what the motion allows, or discrepancies or tuned values lie beyond
     what is believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, the form is not known, and
     no more is the cause. What such answers lose lies on something unknown: with it the probabilities sum to one. A linear cause
-    ends where another takes over: a resonance far above the band is a mass. Where an unknown element, too, leaves far more than
-    noise, it may as well be a known cause in a form that nothing here has, and the nearest one has the rest.
+    ends where another takes over: a resonance far above the band is a mass.
+
+    An unknown element has no form that could err, but a known cause in a form that the catalogue lacks fits no other hypothesis
+    either: no evidence tells the two apart, and priors have to. The nearest known cause has the rest of an unknown element,
+    and of a known cause beside one the nearest pair of that cause with another known one, where it leaves no more than noise.
     """
     out = dict(odds)
-    known = [r for r in ranked if kind_of(r.fit.hypothesis) in ("known", "sums") and r.refined]
-    for r in known:
-        if out[r.name] >= SETTINGS.verdict_hardly and _of_another_form(r, held):
-            out[r.name] *= SETTINGS.verdict_form
-    nearest = _best(r for r in known if r.fit.hypothesis.causes[-1][0] != UNKNOWN)
-    for r in ranked:
-        if nearest is None or kind_of(r.fit.hypothesis) != UNKNOWN or out[r.name] < SETTINGS.verdict_hardly:
+    likely = [r for r in ranked if odds[r.name] >= SETTINGS.verdict_hardly and r.fit.hypothesis.causes]
+    strained = [r for r in likely if kind_of(r.fit.hypothesis) != UNKNOWN and r.refined and _of_another_form(r, held)]
+    for r in strained:
+        out[r.name] *= SETTINGS.verdict_form
+    named = [r for r in ranked if r.refined and UNKNOWN not in dict(r.fit.hypothesis.causes)]
+    for r in [r for r in likely if r not in strained]:
+        *first, (last, _) = r.fit.hypothesis.causes
+        if last != UNKNOWN:
             continue
-        if held(r).against_stated > SETTINGS.verdict_misfit:
+        if not first:
+            nearest = _best(x for x in named if x.fit.hypothesis.causes)
+        else:
+            nearest = _best(
+                x for x in named if len(x.fit.hypothesis.causes) > 1 and first[0] in x.fit.hypothesis.causes
+            )
+        if nearest and (not first or held(nearest).reduced <= SETTINGS.verdict_noise):
             _give(out, r, nearest, 1.0 - SETTINGS.verdict_form)
     return out

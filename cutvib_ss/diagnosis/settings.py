@@ -149,7 +149,8 @@ class Settings:
     verdict_size: float = _of(1.96, "standard deviations", "That a cause's size has to lie from nothing", "fewer causes are named",
         "a normal posterior's 95 % interval holds nothing below")
     verdict_form: float = _of(0.6, "probability",
-        "That an answer keeps whose model errs by more than is believed, by a parameter, its discrepancies or on held-out records",
+        "That an answer keeps whose model errs by more than is believed, by a parameter, its discrepancies or on held-out records, "
+        "and an unknown element, which may be a known cause in another form",
         "more such answers are sure",
         "a right model needs both in one campaign of a thousand, by their priors; the rest is judgement")
     verdict_hardly: float = _of(0.01, "probability", "Below which a cause is not looked at again", "longer", _TIME)

@@ -210,7 +210,7 @@ def test_a_known_cause_beside_something_unknown_at_its_place_is_one_part_of_anot
     for closed, left, kept, after in (
         (0.9, 3.0, 1.0, SETTINGS.verdict_form),
         (0.9, 1.2, 1.0, 1.0),
-        (0.2, 3.0, 0.0, 0.0),
+        (0.2, 3.0, 0.0, 1.0 - SETTINGS.verdict_form),
     ):
         main = Leaves(squares=1.0 - closed, against_stated=left)
         seen = held(none=TUNED, main=main, unknown=Leaves(), beside=Leaves())
@@ -304,14 +304,24 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
     assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds, fails) == odds
 
 
-def test_something_unknown_that_leaves_far_more_than_noise_may_be_a_known_cause_in_another_form() -> None:
+def test_something_unknown_may_be_a_known_cause_in_another_form() -> None:
     none, near, far = sized("none", 3e-5, 1e-3), sized("near", 3e-5, 1e-3, MASS), sized("far", 3e-5, 1e-3, MASS)
     far = replace(far, fit=replace(cast(WithSizes, far.fit), log_evidence=-100.0))
-    other = sized("unknown", 3e-5, 1e-3, UNKNOWN)
-    odds = {"none": 0.0, "near": 0.0, "far": 0.0, "unknown": 1.0}
-    for left, kept in ((1.5, 1.0), (5.0, SETTINGS.verdict_form)):
-        found = of_known_form([none, near, far, other], odds, held(unknown=Leaves(against_stated=left)))
-        assert found == pytest.approx({"none": 0.0, "near": 1.0 - kept, "far": 0.0, "unknown": kept})
+    unknown = sized("unknown", 3e-5, 1e-3, UNKNOWN)
+    kept = SETTINGS.verdict_form
+    found = of_known_form([none, near, far, unknown], {"none": 0.0, "near": 0.0, "far": 0.0, "unknown": 1.0}, held())
+    assert found == pytest.approx({"none": 0.0, "near": 1.0 - kept, "far": 0.0, "unknown": kept})
+    # Without a known cause to compare with it stands alone.
+    assert of_known_form([none, unknown], {"none": 0.0, "unknown": 1.0}, held()) == {"none": 0.0, "unknown": 1.0}
+
+
+@pytest.mark.parametrize(("left", "kept"), [(1.05, SETTINGS.verdict_form), (1.3, 1.0)])
+def test_something_unknown_beside_a_cause_may_be_a_second_known_one_that_leaves_noise(left: float, kept: float) -> None:
+    pair, other = sized("pair", 3e-5, 1e-3, MASS, CUBIC), sized("other", 3e-5, 1e-3, CUBIC, replace(MASS, place="head"))
+    beside, main = sized("beside", 3e-5, 1e-3, MASS, UNKNOWN), sized("main", 3e-5, 1e-3, MASS)
+    odds = {"beside": 1.0, "pair": 0.0, "other": 0.0, "main": 0.0}
+    found = of_known_form([main, pair, other, beside], odds, held(pair=Leaves(reduced=left), beside=Leaves()))
+    assert found == pytest.approx({"beside": kept, "pair": 1.0 - kept, "other": 0.0, "main": 0.0})
 
 
 def test_a_cause_that_stands_in_for_others_is_not_enough() -> None:

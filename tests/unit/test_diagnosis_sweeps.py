@@ -74,7 +74,11 @@ def test_a_force_that_varies_is_taken_line_by_line():
     entry = record(upper(force), SineTest(force, "up"))
     right = fitted(entry)
     assert right.reduced < 1.3
-    assert right.hypothesis.effects[0].stiffness3 == pytest.approx(K3, rel=0.02)
+    # Line by line the values scatter by 2.5 % by the fit's own account, and so they do.
+    deviation = right.stds["0.stiffness3"]
+    assert deviation < 0.03 * K3
+    assert right.hypothesis.effects[0].stiffness3 == pytest.approx(K3, abs=2 * deviation)
+    assert right.corrected.hypothesis.effects[0].stiffness3 == pytest.approx(K3, rel=0.02)
     # Taken for constant it is another law's record.
     constant = fitted(replace(entry, sine=SineTest(np.full(FREQ.size, 5.0), "up")))
     assert constant.reduced > 10 * right.reduced
