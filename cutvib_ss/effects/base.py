@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, replace
 from itertools import product
+from math import inf
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
 from cutvib_ss.effects.prior import Measured as Measured
@@ -62,7 +63,9 @@ class Effect(ABC):
 
     def __post_init__(self) -> None:
         for f in parameter_fields(type(self)):
-            check_number(f"{self.effect}: {f.name}", getattr(self, f.name), f.metadata["range"].minimum)
+            # An infinite default stands for a part that does not give.
+            if getattr(self, f.name) != f.default or f.default != inf:
+                check_number(f"{self.effect}: {f.name}", getattr(self, f.name), f.metadata["range"].minimum)
 
     @classmethod
     @abstractmethod
@@ -221,9 +224,9 @@ def port_of(place: str, model: Model) -> str:
     return model.port_at(place)
 
 
-def attached_to(model: ModelT, port: str, element: Element) -> ModelT:
-    """A model with one more element in parallel at a port."""
-    return replace(model, attachments=(*model.attachments, Attachment(port, element)))
+def attached_to(model: ModelT, port: str, element: Element, toward: str = "", angle: float = 0.0) -> ModelT:
+    """A model with one more element in parallel at a port, or turned toward another one by an angle [rad]."""
+    return replace(model, attachments=(*model.attachments, Attachment(port, element, toward, angle)))
 
 
 def channels_of(effect: str, channel: str, model: Model) -> tuple[str, ...]:

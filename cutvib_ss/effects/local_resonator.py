@@ -9,14 +9,14 @@ from typing import ClassVar
 import numpy as np
 
 from cutvib_ss.effects.base import Effect, Measured, Model, Range, Severity, parameter, ports_of
-from cutvib_ss.effects.port_element import PortElement
+from cutvib_ss.effects.port_element import OBLIQUE, ObliqueElement
 from cutvib_ss.effects.scales import port_scale, resonances_at
 from cutvib_ss.model.elements import SprungMass
 
 
 @dataclass(frozen=True)
-class LocalResonator(PortElement):
-    """A sprung mass in X (Eq. 24 with the signs of an element in parallel)."""
+class LocalResonator(ObliqueElement):
+    """A sprung mass, in X or at an angle to it (Eq. 24 with the signs of an element in parallel)."""
 
     effect: ClassVar[str] = "local_resonator"
     severity = Severity("zero", ("mass",))
@@ -27,6 +27,8 @@ class LocalResonator(PortElement):
     mass: float = parameter("kg", 0.002, 5.0)  # Mass [kg]
     frequency: float = parameter("Hz", 10.0, 600.0)  # Natural frequency of the mass on its spring [Hz]
     damping_ratio: float = parameter("1", 0.002, 0.2)  # Damping ratio
+    # Direction from X toward Z on the cutting machine [rad]
+    angle: float = parameter("rad", 0.0, OBLIQUE, "normal", default=0.0, minimum=None)
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

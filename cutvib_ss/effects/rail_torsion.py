@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from cutvib_ss.effects.base import Carried, Measured, Severity, parameter
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Severity, parameter, parameter_fields
 from cutvib_ss.effects.machine_effect import MachineEffect, Starts
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import Torsion
@@ -42,17 +43,26 @@ class RailTorsion(MachineEffect):
     torsion_frequency: float = parameter("Hz", 30.0, 800.0)  # First natural frequency of torsion, without the head [Hz]
     # Damping ratio of the first torsion mode; of the others in proportion to their frequencies
     damping_ratio: float = parameter("1", 0.001, 0.1)
+    # Stiffness with which each end is held against twist over that of the whole rail, GJ/L. Infinite by default: held. Ends far
+    # softer than the rail let it rock as one.
+    fixing: float = parameter("1", 0.02, 50.0, default=math.inf, limits=True)
 
     @classmethod
     def starts_on(cls, machine: Machine, measured: Measured) -> Starts:
         first = machine.rail.parameters.first_frequency
         twists = [(e, f) for f in (3.0, 4.5, 6.5, 9.0, 12.0) for e in (0.03, -0.03, 0.09, -0.09)]
         yield "", tuple(cls("rail", e, 0.5, f * first, 0.02) for e, f in twists)
+        yield "on soft ends", tuple(cls("rail", e, 0.5, f * first, 0.02, 0.5) for e, f in twists)
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        return (
+            (what, cls(place, **cls.example, **more).at) for what, more in (("", {}), ("soft ends", {"fixing": 0.5}))
+        )
 
     def changed_machine(self, machine: Machine) -> Machine:
-        torsion = Torsion(self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio)
+        torsion = Torsion(self.eccentricity, self.inertia, self.torsion_frequency, self.damping_ratio, self.fixing)
         return replace(machine, rail=replace(machine.rail, torsion=torsion))
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        names = ("eccentricity", "inertia", "torsion_frequency", "damping_ratio")
-        return {name: ((("rail", "torsion", name), 1.0),) for name in names}
+        return {f.name: ((("rail", "torsion", f.name), 1.0),) for f in parameter_fields(type(self))}

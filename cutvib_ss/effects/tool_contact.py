@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from cutvib_ss.effects.base import Effect, Measured, Model, Range, Severity, parameter, ports_of
-from cutvib_ss.effects.port_element import PortElement
+from cutvib_ss.effects.port_element import OBLIQUE, ObliqueElement
 from cutvib_ss.effects.scales import port_scale
 from cutvib_ss.model.elements import SpringDamperMass
 
@@ -17,8 +17,8 @@ STIFFEST = 100.0
 
 
 @dataclass(frozen=True)
-class ToolContact(PortElement):
-    """A spring and damper from the tool to ground in X."""
+class ToolContact(ObliqueElement):
+    """A spring and damper from the tool to ground, in X or at an angle to it."""
 
     effect: ClassVar[str] = "tool_contact"
     severity = Severity("zero", ("stiffness", "damping"))
@@ -28,6 +28,8 @@ class ToolContact(PortElement):
 
     stiffness: float = parameter("N/m", 0.0, 1e6, "linear")  # Stiffness [N/m]
     damping: float = parameter("N s/m", 0.0, 300.0, "linear", default=0.0)  # Damping [N s/m]
+    # Direction from X toward Z on the cutting machine [rad]
+    angle: float = parameter("rad", 0.0, OBLIQUE, "normal", default=0.0, minimum=None)
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

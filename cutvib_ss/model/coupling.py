@@ -67,7 +67,7 @@ class Assembly:
         """The system with its elements; the k-th one's own coordinates are named ``attached<k>_…``."""
         system = self.core
         for k, a in enumerate(viscous_attachments(self.elements, viscous_at)):
-            system = system.attach([a.port], a.element.second_order(), ["end"], prefix=f"attached{k + 1}_")
+            system = system.attach([a.row(system.ports)], a.element.second_order(), ["end"], prefix=f"attached{k + 1}_")
         return system
 
     @cached_property

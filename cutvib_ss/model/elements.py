@@ -7,7 +7,7 @@ parameters and to s, and - where it has one - its finite second-order form. Zero
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import atan, pi, sqrt
@@ -306,10 +306,26 @@ def viscous_equivalent(element: Element, s: complex) -> Element:
 
 @dataclass(frozen=True)
 class Attachment:
-    """An element at a port."""
+    """An element at a port, or along a direction between two of them."""
 
     port: str  # Name of the port
     element: Element  # What is attached there
+    toward: str = ""  # Port toward which its direction is turned; none by default
+    angle: float = 0.0  # By how much [rad]
+
+    def row(self, rows: Mapping[str, FloatArray]) -> FloatArray:
+        """Its row among those of the ports."""
+        row = rows[self.port]
+        return np.cos(self.angle) * row + np.sin(self.angle) * rows[self.toward] if self.toward else row
+
+    def turned(self, rows: Mapping[str, FloatArray]) -> FloatArray:
+        """Derivative of its row to the angle."""
+        return replace(self, angle=self.angle + np.pi / 2).row(rows) if self.toward else 0.0 * rows[self.port]
+
+    def moved(self, d_rows: Mapping[str, FloatArray]) -> FloatArray | None:
+        """Derivative of its row by those of the ports, of which some may be left out; None where it does not move."""
+        own = [d_rows[p] for p in (self.port, self.toward) if p in d_rows]
+        return self.row({p: d_rows.get(p, np.zeros_like(own[0])) for p in (self.port, self.toward)}) if own else None
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.elements import Element, SmoothElement, SpringDamperMass, YieldingElement, viscous_equivalent
 from cutvib_ss.model.pinned_modes import PinnedModes, euler_bernoulli, timoshenko
 from cutvib_ss.model.second_order import SecondOrder
-from cutvib_ss.model.twist import TWIST_MODES, twist_shapes, twist_stiffness
+from cutvib_ss.model.twist import TWIST_MODES, twist_modes
 from cutvib_ss.parameters import RailParameters, check_number, check_position
 from cutvib_ss.results import FloatArray
 
@@ -85,8 +85,12 @@ class Torsion:
     # Damping ratio of the first torsion mode; damping goes with the rate of strain, so that of mode s is s times as
     # large
     damping_ratio: float
+    # Stiffness with which each end is held against twist over that of the whole shaft; infinite: held
+    fixing: float = np.inf
 
     def __post_init__(self) -> None:
+        if self.fixing != np.inf:
+            check_number("fixing", self.fixing, 0.0, strict=True)
         check_number("eccentricity", self.eccentricity)
         check_number("inertia", self.inertia, 0.0, strict=True)
         check_number("torsion_frequency", self.torsion_frequency, 0.0, strict=True)
@@ -201,7 +205,7 @@ def rail_rows(model: Rail, positions: ArrayLike, order: int = 0, twist: bool = F
                 "one coordinate of the rail's twist belongs to the place of the head and has no derivatives along the rail"
             )
         assert model.torsion is not None
-        shapes = twist_shapes(y) / np.sqrt(model.torsion.inertia / 2)
+        shapes = twist_modes(model.torsion.fixing).shapes(y) / np.sqrt(model.torsion.inertia / 2)
         rows[:, -shapes.shape[1] :] = shapes
         return rows
     modes, scale = model.modes, np.sqrt(2.0 / model.parameters.mass)
@@ -266,7 +270,7 @@ def rail(model: Rail, points: Mapping[str, float]) -> SecondOrder:
     if model.torsion:
         t = np.arange(n - len(twists), n)
         wt = 2 * np.pi * model.torsion.torsion_frequency
-        squares = twist_stiffness()
+        squares = twist_modes(model.torsion.fixing).stiffness
         damping[t, t] = 2 * model.torsion.damping_ratio * wt * squares
         stiffness[t, t] = wt**2 * squares
 

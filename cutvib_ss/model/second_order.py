@@ -232,10 +232,10 @@ class SecondOrder:
         return scale, w0, (factor, linalg.cho_solve(factor, k), linalg.cho_solve(factor, c))
 
     def attach(
-        self, ports: Sequence[str], other: SecondOrder, other_ports: Sequence[str], prefix: str = ""
+        self, ports: Sequence[str | FloatArray], other: SecondOrder, other_ports: Sequence[str], prefix: str = ""
     ) -> SecondOrder:
         """
-        Join another system rigidly: each of its ports moves with one of this system's, forces opposite and equal.
+        Join another system rigidly: each of its ports moves with one of this system's, or a row, forces opposite and equal.
 
         With u the eliminated coordinates, u = P q, so that q_other = T (q, i) and M = M_self + Tᵀ M_other T: the primal
         assembly of dynamic substructuring, which leaves no constraint and no spurious pole.
@@ -255,7 +255,7 @@ class SecondOrder:
         )
 
     def _transform(
-        self, ports: Sequence[str], other: SecondOrder, other_ports: Sequence[str]
+        self, ports: Sequence[str | FloatArray], other: SecondOrder, other_ports: Sequence[str]
     ) -> tuple[FloatArray, list[int]]:
         """T, from the joined coordinates to the other system's, and which of those remain."""
         gone = []
@@ -268,7 +268,7 @@ class SecondOrder:
         n, extra = len(self.dofs), len(kept)
         transform = np.zeros((len(other.dofs), n + extra))
         for index, port in zip(gone, ports, strict=True):
-            transform[index, :n] = self.port(port)
+            transform[index, :n] = self.port(port) if isinstance(port, str) else port
         transform[kept, n + np.arange(extra)] = 1.0
         return transform, kept
 

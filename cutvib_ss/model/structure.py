@@ -253,7 +253,7 @@ class Structure(BaseModel):
         r[: carried.size] = carried
         for i, dof in enumerate(system.dofs[carried.size :], start=carried.size):
             k = int(dof.removeprefix("attached").split("_")[0]) - 1
-            r[i] = self.system.port(self.attachments[k].port) @ carried
+            r[i] = self.attachments[k].row(self.system.ports) @ carried
         forces: FloatArray = -(system.mass @ r)
         return forces
 

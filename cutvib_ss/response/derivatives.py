@@ -171,7 +171,7 @@ class ResponseDerivatives:
         out = np.zeros((carried.size, self.s.size), dtype=np.complex128)
         for a, at in zip(assembly.elements, assembly.paths, strict=True):
             if path == ("s",) or path[: len(at)] == at:
-                p = self.receptance.row(a.port)
+                p = self.receptance.foot(a)
                 out -= np.multiply.outer(p * (p @ carried), _apparent_mass_change(a.element, str(path[-1]), self.s))
         return out
 
@@ -186,7 +186,9 @@ class ResponseDerivatives:
             d_rows = changes.rows
             parts += [((1.0, s, s * s)[power], part) for power, part in changes.stiffness]
         for a, at in zip(assembly.elements, assembly.paths, strict=True):
-            p, dp = self.receptance.row(a.port), d_rows.get(a.port)
+            p, dp = self.receptance.foot(a), a.moved(d_rows)
+            if path == (*at[:-1], "angle"):
+                dp = a.turned(self.receptance.rows)
             if path == ("s",) or path[: len(at)] == at:
                 parts.append((a.element.derivative(str(path[-1]), s), p))
             if dp is not None:

@@ -21,7 +21,7 @@ from typing import TypeAlias
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.elements import Element, SpringDamperMass, SprungMass
+from cutvib_ss.model.elements import Attachment, Element, SpringDamperMass, SprungMass
 from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.rail import rail_point
 from cutvib_ss.response.batched import CLOSED_FORM, dot, inverse, mixed
@@ -50,7 +50,7 @@ class ModelReceptance:
         polynomial = np.stack([system.stiffness, system.damping, system.mass], axis=-1)
         e = mixed(polynomial, np.array([np.ones_like(s), s, s * s]))
         for a in self.assembly.elements:
-            p = self.row(a.port)
+            p = self.foot(a)
             own = np.ix_(np.flatnonzero(p), np.flatnonzero(p))
             e[own] += a.element.dynamic_stiffness(s) * np.multiply.outer(p, p)[own][:, :, None]
         self._free = [i for i in range(n) if i not in interface]
@@ -87,6 +87,11 @@ class ModelReceptance:
             along = "" if self.assembly.rail is None else ", eta1 ..., rail_left, rail_right, rail@0.25 ..."
             raise ParameterError(f"no port {port!r}; there are {', '.join(known)}{along}")
         return self.rows[port]
+
+    def foot(self, attachment: Attachment) -> FloatArray:
+        """The row of an element's foot over the head's degrees of freedom, shape (n,)."""
+        self.row(attachment.port)
+        return attachment.row(self.rows)
 
     @cached_property
     def rail(self) -> RailReceptance:
@@ -190,7 +195,7 @@ class ModelReceptance:
         assert carried is not None
         load: ComplexArray = -(self.system.mass @ carried)[:, None] + 0 * self.s
         for a in self.assembly.elements:
-            p = self.row(a.port)
+            p = self.foot(a)
             load -= np.multiply.outer(p * (p @ carried), apparent_mass(a.element, self.s))
         return load
 

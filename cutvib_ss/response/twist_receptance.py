@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from cutvib_ss.model.rail import Torsion
-from cutvib_ss.model.twist import twist_shapes, twist_stiffness
+from cutvib_ss.model.twist import twist_modes
 from cutvib_ss.response.batched import mixed
 from cutvib_ss.results import ComplexArray, FloatArray
+
+_STEP = 1e-5
+"""Relative step of the difference by which the fixing of the ends is moved."""
 
 
 class TwistReceptance:
@@ -20,10 +24,10 @@ class TwistReceptance:
     """
 
     def __init__(self, torsion: Torsion, positions: FloatArray, s: ComplexArray) -> None:
-        self.torsion, self.s = torsion, s
+        self.torsion, self.positions, self.s = torsion, positions, s
         self.w = 2 * np.pi * torsion.torsion_frequency
-        self._squares = twist_shapes(positions) ** 2
-        self._stiffness = twist_stiffness()
+        modes = twist_modes(torsion.fixing)
+        self._squares, self._stiffness = modes.shapes(positions) ** 2, modes.stiffness
         elastic = self.w * self.w + 2 * torsion.damping_ratio * self.w * s
         below = np.multiply.outer(self._stiffness, elastic) + s * s
         self._flexibility: ComplexArray = np.reciprocal(torsion.inertia / 2 * below)
@@ -44,6 +48,11 @@ class TwistReceptance:
         t, s, w = self.torsion, self.s, self.w
         if name == "inertia":
             return -self.value / t.inertia
+        if name == "fixing":
+            # Shapes and stiffnesses of all modes move with it.
+            ends = [replace(t, fixing=t.fixing * (1.0 + step)) for step in (_STEP, -_STEP)]
+            above, below = (TwistReceptance(end, self.positions, s).value for end in ends)
+            return (above - below) / (2.0 * _STEP * t.fixing)
         by_elastic, by_inertia = -t.inertia / 2 * self._sums
         if name == "s":
             both: ComplexArray = 2 * t.damping_ratio * w * by_elastic + 2 * s * by_inertia

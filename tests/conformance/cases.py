@@ -24,16 +24,16 @@ from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
 
 CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "rail_torsion": (("rail",), ("eccentricity", "inertia", "torsion_frequency", "damping_ratio")),
+    "rail_torsion": (("rail",), ("eccentricity", "inertia", "torsion_frequency", "damping_ratio", "fixing")),
     "support_compliance": (("rail_ends",), ("k_left", "k_right", "c_left", "c_right")),
     "end_fixity": (("rail_ends",), ("k_left", "k_right")),
     "rail_added_mass": (("rail",), ("position", "mass", "damping")),
     "rail_shear": (("rail",), ("shear_ratio",)),
     "modal_truncation": (("rail",), ("n_modes",)),
     "guide_compliance": (("head_base",), ("stiffness", "damping", "sensor_side")),
-    "local_resonator": (("tool", "head"), ("mass", "frequency", "damping_ratio")),
+    "local_resonator": (("tool", "head"), ("mass", "frequency", "damping_ratio", "angle")),
     "added_mass": (("tool", "head"), ("mass",)),
-    "tool_contact": (("tool",), ("stiffness", "damping")),
+    "tool_contact": (("tool",), ("stiffness", "damping", "angle")),
     "parameter_shift": (("joint1", "joint2", "head", "tool", "rail"), ("parameter", "factor")),
     "structural_damping": (("joint1", "joint2"), ("loss_factor", "form", "reference_frequency")),
     "cubic_stiffness": (("joint1", "joint2"), ("stiffness3",)),

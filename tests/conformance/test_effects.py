@@ -121,11 +121,11 @@ def test_ranges_can_be_searched(kind: type[Effect]) -> None:
     searched = [{f.name: f.metadata["range"] for f in parameter_fields(kind)}]
     searched += [kind.ranges(model, place) for model in MODELS.values() for place in kind.places(model)]
     for ranges in searched:
-        assert set(ranges) == set(searched[0])
+        assert set(ranges) <= set(searched[0])
         for r in ranges.values():
             assert r.unit
             assert r.low < r.high
-            assert r.scale == "linear" or r.low > 0.0
+            assert r.scale != "log" or r.low > 0.0
             assert r.minimum is None or r.minimum <= r.low
 
 
@@ -239,8 +239,10 @@ def test_moves_is_the_derivative_to_the_parameters(case: Case, under: str) -> No
     moved = effect.moved_by(model, applied)
     names = [f.name for f in parameter_fields(type(effect))]
     assert set(moved) == set(names)
-    for name in names:
+    for name in effect.ranges(model, effect.place):
         value = getattr(effect, name)
+        if value == np.inf:  # not fitted
+            continue
         numeric = by_difference(lambda v, name=name: with_parameter(effect, name, v).apply(model), value)
         # Underneath may lie an effect that has taken the shifted damper away.
         assert under == "loaded" or np.abs(numeric).max() > 0.0

@@ -119,7 +119,7 @@ def test_circles_of_a_model_close_by_serve():
 
 
 @pytest.mark.parametrize(
-    "effect", [LocalResonator("head", 1.0, 200.0, 0.02), WindowDamping("measurement", 3.0)], ids=lambda e: e.effect
+    "effect", [LocalResonator("head", 1.0, 200.0, 0.02, 0.4), WindowDamping("measurement", 3.0)], ids=lambda e: e.effect
 )
 def test_effects_are_seen_through_the_estimator(effect):
     machine, g = published_machine(), group()
