@@ -229,11 +229,12 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
         power = np.where(e.precision > 0.0, np.abs(e.data - shown.data) ** 2 / total, 0.0).sum(axis=1)
         chi2, drifts, density = power / np.maximum(told, 1), 0.0, -float(np.sum(power))
     else:
-        blow_at = problem.blow_at(fitted.x)
 
         def show(x: FloatArray) -> tuple[Predicted, ComplexArray]:
             there = (
-                shown if np.array_equal(x, fitted.x) else predicted(e, _model_for(e, problem, x), blow_at, problem, x)
+                shown
+                if np.array_equal(x, fitted.x)
+                else predicted(e, _model_for(e, problem, x), problem.blow_at(x), problem, x)
             )
             return there.seen, (e.data - there.data) * np.where(e.precision > 0.0, np.sqrt(2.0 / total), 0.0)
 

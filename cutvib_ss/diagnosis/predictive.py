@@ -85,72 +85,129 @@ class Spread:
         """
         One record under the posterior predictive.
 
-        The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. The drift of
-        a session that was not fitted is taken where the record has it, and pays its prior.
+        The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. Where drift
+        of the session or of the record is not known yet, a record may tell more of it, and of the unknowns, than is small: they
+        are taken where the record has them, by Gauss-Newton steps, and pay their prior.
         """
         own = self.with_record(name, record, hits)
-        lay, scale = own.layout, own.layout.scale(own.sizes)
-        drift, _ = weights(problem)
-        moved = np.array(lay.drifting, dtype=int)
-        z = np.zeros(lay.size)
-        mean = own.offsets.copy()
-        at = slice(0, 0)
-        if name in lay.sessions:
-            first = lay.unknowns + lay.per_session * lay.sessions.index(name)
-            at = slice(first, first + moved.size)
-            z[at], mean[at] = mean[at], 0.0
-        new = name not in self.layout.sessions and own.sizes.drift > SETTINGS.predictive_small_drift
-        last = z[at].copy()
-        for iteration in range(SETTINGS.predictive_iterations if new else 1):
-            there = x.copy()
-            there[moved] += drift[moved] * own.sizes.drift * z[at] if at.stop else 0.0
+        columns = _drifts(own.layout, name, record, own.sizes)
+        seen = (name in self.layout.sessions, record in self.layout.records)
+        new = any(not seen[k] and size > SETTINGS.predictive_small_drift for k, _, size in columns)
+        seeing = _Seeing(own, problem, x, [(at, size) for _, at, size in columns], show)
+        moved = np.zeros(own.layout.size)
+        best = seeing.at(moved)
+        step = best.step if new else moved
+        for _ in range(SETTINGS.predictive_iterations if new else 0):
             try:
-                shown, residual = show(there)
+                there = seeing.at(seeing.within(best.moved + step))
             except CutvibError:
-                # No model drifts so far: it stays where it was.
-                if iteration == 0:
-                    raise
-                z[at] = last
+                step = step / 2.0
+                continue
+            gained = best.left - there.left
+            if gained > 0.0:
+                best, step = there, there.step
+            else:
+                step = step / 2.0
+            if abs(gained) < SETTINGS.predictive_gain * there.left:
                 break
-            last = z[at].copy()
-            chunks = list(Directions(problem, there, [shown], like=lay).chunks())
-            if iteration < SETTINGS.predictive_iterations - 1 and new:
-                matrix, pulled = own.precision.copy(), np.zeros(lay.size)
-                for _, _, c, index, part in chunks:
-                    flat = real_rows(part) * scale[index, None]
-                    matrix[np.ix_(index, index)] += flat @ flat.T / own.sizes.noise
-                    pulled[index] += flat @ (real_rows(residual[None, c])[0] - mean[index] @ flat) / own.sizes.noise
-                pulled[at] -= z[at]
-                z[at] += solved(matrix, pulled)[at]
-                z[at] = np.clip(z[at], -SETTINGS.likelihood_farthest_drift, SETTINGS.likelihood_farthest_drift)
-        out = np.empty(residual.shape[0])
-        known = 0.0 if not new else float(z[at] @ z[at])
-        drifts = []
-        squares, count = known, 0
-        together, drawn = own.precision.copy(), np.zeros(lay.size)
-        for _, _, c, index, part in chunks:
+        return seeing.judged(best)
+
+
+class _Seen(NamedTuple):
+    """A record from where some columns have moved to."""
+
+    moved: FloatArray  # By how much, from their posterior mean
+    shown: Predicted
+    residual: ComplexArray
+    chunks: list[tuple[int, np.ndarray, FloatArray]]  # Channel, columns, and their derivatives in sizes as real rows
+    weighted: list[ComplexArray]  # The same as they came
+    left: float  # Squares of the residual and of the priors, the columns that are left at their best to first order
+    step: FloatArray  # To that best, of the columns that are followed
+
+
+@dataclass(frozen=True)
+class _Seeing:
+    """What is needed to look at one record from where columns have moved to."""
+
+    own: Spread
+    problem: Problem
+    x: FloatArray
+    drifts: list[tuple[np.ndarray, float]]  # Columns of session and record, and the size of their drift
+    show: Callable[[FloatArray], tuple[Predicted, ComplexArray]]
+
+    @property
+    def followed(self) -> np.ndarray:
+        """Columns that are moved for good, the others to first order."""
+        return np.concatenate([np.arange(self.own.layout.unknowns), *(at for at, _ in self.drifts)])
+
+    def within(self, moved: FloatArray) -> FloatArray:
+        """Moved columns within the bounds of the unknowns, drifts within what their size allows."""
+        out, n, most = moved.copy(), self.own.layout.unknowns, SETTINGS.likelihood_farthest_drift
+        low, high = self.problem.bounds()
+        out[:n] = np.clip(self.x + out[:n], np.minimum(low, self.x), np.maximum(high, self.x)) - self.x
+        for at, _ in self.drifts:
+            out[at] = np.clip(self.own.offsets[at] + out[at], -most, most) - self.own.offsets[at]
+        return out
+
+    def at(self, moved: FloatArray) -> _Seen:
+        """The record from there."""
+        own, lay = self.own, self.own.layout
+        scale, noise = lay.scale(own.sizes), own.sizes.noise
+        weight, tuned = weights(self.problem)[0], np.array(lay.drifting, dtype=int)
+        there, mean = self.x + moved[: lay.unknowns], own.offsets.copy()
+        for at, size in self.drifts:
+            there[tuned] += weight[tuned] * size * (own.offsets[at] + moved[at])
+            mean[at] = 0.0
+        shown, residual = self.show(there)
+        matrix, pulled, squares = own.precision.copy(), -own.precision @ moved, float(moved @ own.precision @ moved)
+        chunks, parts = [], []
+        for _, _, c, index, part in Directions(self.problem, there, [shown], like=lay).chunks():
             flat = real_rows(part) * scale[index, None]
-            moving = (index >= lay.unknowns) & (index < lay.first_nominal)
-            variance = shown.group.variance[0, c] / 2
-            variance = np.where(np.isfinite(variance), variance, 0.0)
-            drifts.append(
-                float(np.mean(np.sum(np.abs(part[moving, 0] * scale[index[moving], None]) ** 2, axis=0) * variance))
-            )
             r = real_rows(residual[None, c])[0] - mean[index] @ flat
-            inner, pulled = own.precision.copy(), np.zeros(lay.size)
-            gram = flat @ flat.T / own.sizes.noise
+            matrix[np.ix_(index, index)] += flat @ flat.T / noise
+            pulled[index] += flat @ r / noise
+            squares += float(r @ r) / noise
+            chunks.append((c, index, flat))
+            parts.append(part)
+        best = solved(matrix, pulled)
+        step = np.zeros(lay.size)
+        step[self.followed] = best[self.followed]
+        return _Seen(moved, shown, residual, chunks, parts, squares - float(pulled @ best), step)
+
+    def judged(self, seen: _Seen) -> Left:
+        """What is left of each channel by itself, and of all together."""
+        own, lay = self.own, self.own.layout
+        mean, noise, scale = own.offsets.copy(), own.sizes.noise, lay.scale(own.sizes)
+        for at, _ in self.drifts:
+            mean[at] = 0.0
+        known, back = float(seen.moved @ own.precision @ seen.moved), own.precision @ seen.moved
+        out, drifts, count, together = np.empty(seen.residual.shape[0]), [], 0, own.precision.copy()
+        for (c, index, flat), part in zip(seen.chunks, seen.weighted, strict=True):
+            moving = (index >= lay.unknowns) & (index < lay.first_nominal)
+            variance = seen.shown.group.variance[0, c] / 2
+            variance = np.where(np.isfinite(variance), variance, 0.0)
+            drifting = np.abs(part[moving, 0] * scale[index[moving], None]) ** 2
+            drifts.append(float(np.mean(np.sum(drifting, axis=0) * variance)))
+            r = real_rows(seen.residual[None, c])[0] - mean[index] @ flat
+            gram, inner, pulled = flat @ flat.T / noise, own.precision.copy(), -back
             inner[np.ix_(index, index)] += gram
-            pulled[index] = flat @ r / own.sizes.noise
             together[np.ix_(index, index)] += gram
-            drawn += pulled
-            squares += float(r @ r) / own.sizes.noise
+            pulled[index] += flat @ r / noise
+            out[c] = (r @ r / noise + known - float(pulled @ solved(inner, pulled))) / r.size
             count += r.size
-            if new:
-                pulled[at] -= z[at]
-            gain = pulled @ solved(inner, pulled)
-            out[c] = (r @ r / own.sizes.noise + known - gain) / r.size
-        if new:
-            drawn[at] -= z[at]
-        squares -= float(drawn @ solved(together, drawn))
-        wider = log_determinant(together) - log_determinant(own.precision) + count * float(np.log(own.sizes.noise))
-        return Left(out, float(np.mean(drifts)), -0.5 * (squares + wider))
+        wider = log_determinant(together) - log_determinant(own.precision) + count * float(np.log(noise))
+        return Left(out, float(np.mean(drifts)), -0.5 * (seen.left + wider))
+
+
+def _drifts(
+    lay: Layout, name: tuple[float | str, ...], record: int, sizes: Sizes
+) -> list[tuple[int, np.ndarray, float]]:
+    """Columns of the drift of a session (0) and of a record (1) that have any, with the size of each."""
+    out = []
+    for k, (own, among, first, size) in enumerate(
+        ((name, lay.sessions, lay.unknowns, sizes.drift), (record, lay.records, lay.first_within, sizes.within))
+    ):
+        if own in among:
+            start = first + lay.per_session * among.index(own)
+            out.append((k, start + np.arange(len(lay.drifting)), size))
+    return out

@@ -105,7 +105,9 @@ class Settings:
         "errors that vary faster over the band", _JUDGEMENT)
     predictive_small_drift: float = _of(1e-4, "relative std", "Drift that moves a response in proportion", "fewer iterations",
         _NUMERICAL)
-    predictive_iterations: int = _of(6, "iterations", "In which a larger drift of a held-out session is found", "longer",
+    predictive_iterations: int = _of(12, "iterations", "In which a larger drift of a held-out session or record is found, at most",
+        "longer", _NUMERICAL)
+    predictive_gain: float = _of(1e-3, "relative", "Gain of an iteration below which it is the last", "larger errors of the drift",
         _NUMERICAL)
 
     # Priors and the verdict
