@@ -98,7 +98,9 @@ class Climb:
         # Sessions in another order would have other columns.
         self.problems = [p if p.sessions == problem.sessions else problem for p in problems]
         self.sizes = Sizes() if near is None else near.sizes
-        self.known = Known(problem.nominal.tolerance.drift, beside.known)
+        alone = len(problem.drifting_within) == len(problem.sessions)
+        within = self.sizes.within if near is not None and alone else None
+        self.known = Known(problem.nominal.tolerance.drift, beside.known, within)
         self.count = problem.count + beside.data
         self.precision = problem.prior_precision()
         self.low, self.high = problem.bounds()

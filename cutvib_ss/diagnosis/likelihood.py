@@ -154,6 +154,9 @@ class Known:
 
     drift: float | None = None
     noise: bool = True
+    within: float | None = (
+        None  # Drift of records beside their sessions, where sessions of one record tell nothing of it
+    )
 
 
 def grids(layout: Layout, known: Known) -> dict[str, tuple[tuple[float, float], ...]]:
@@ -169,6 +172,8 @@ def grids(layout: Layout, known: Known) -> dict[str, tuple[tuple[float, float], 
             grid = ((max(known.drift, 1e-9), 1.0),)
         elif f.name == "within" and not layout.records:
             grid = ((Sizes().within, 1.0),)
+        elif f.name == "within" and known.within is not None:
+            grid = ((known.within, 1.0),)
         elif (f.name == "nominal" and not layout.nominal) or (f.name == "cause" and not layout.pivots):
             grid = ((getattr(Sizes(), f.name), 1.0),)
         out[f.name] = grid
