@@ -139,7 +139,8 @@ def slow_frequencies(predictions: Sequence[Predicted]) -> list[float]:
     """Frequencies of the modes that have not died out when the blocks of some predictions end [Hz]."""
     circles = [p.circles for p in predictions if isinstance(p, Prediction)]
     points = [c.points.reshape(-1, SETTINGS.tail_points).mean(axis=1) for c in circles if c.points.size]
-    return [float(z.imag) / (2 * np.pi) for z in np.concatenate(points)] if points else []
+    # What moves as a rigid body has no period.
+    return [float(z.imag) / (2 * np.pi) for z in np.concatenate(points) if z.imag > abs(z) / 2] if points else []
 
 
 def still_inside(circles: Circles, values: ComplexArray) -> bool:
@@ -153,6 +154,9 @@ def still_inside(circles: Circles, values: ComplexArray) -> bool:
     centre = points.mean(axis=1)
     radius = np.abs(points[:, 0] - centre)
     for k in range(count):
+        if abs(centre[k].imag) < 1e-9 * radius[k]:
+            # Rigid motion stays where it is.
+            continue
         samples = values[owner[k], :, k * SETTINGS.tail_points : (k + 1) * SETTINGS.tail_points]
         best = samples[np.argmax(np.abs(samples).sum(axis=1))] * weights[k]
         total = best.sum()
@@ -169,6 +173,7 @@ def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray)
     turn = np.exp(2j * np.pi * (np.arange(SETTINGS.tail_points) + 0.5) / SETTINGS.tail_points)
     ending = np.flatnonzero(np.isfinite(rest))
     alive = light_poles(model, positions[ending]) if ending.size else []
+    free = any(q != "acceleration" for q in group.quantities) and _moves_as_one(model)
     for i, light in zip(ending, alive, strict=True):
         # A window that was never taken out shifts the poles of what is measured.
         poles, time = light - model.chain.decay_rate, rest[i]
@@ -179,6 +184,13 @@ def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray)
             radius = SETTINGS.tail_radius * min(sigma - pole.real, nearest)
             points.append(pole + radius * turn)
             weights.append(radius * turn / SETTINGS.tail_points)
+            owner.append(np.full(SETTINGS.tail_points, i))
+        if free:
+            # It is its own mirror image. On a wide circle e^(zT) would need more points.
+            nearest = float(np.min(np.abs(light), initial=abs(s[0])))
+            radius = min(SETTINGS.tail_radius * nearest, 1.0 / time)
+            points.append(radius * turn - model.chain.decay_rate)
+            weights.append(0.5 * radius * turn / SETTINGS.tail_points)
             owner.append(np.full(SETTINGS.tail_points, i))
     if not points:
         nothing = np.zeros(0, dtype=np.complex128)
@@ -218,6 +230,19 @@ def _blow_between(group: Group, row: int, start: float, z: ComplexArray, s: Comp
     at_poles = pulses.transform(z)
     # A force is real: what it is at the mirror images of the poles is conjugate.
     return np.asarray(np.concatenate([at_poles, at_poles.conj()]) @ shares)
+
+
+def _moves_as_one(model: Model) -> bool:
+    """Whether a structure has a rigid motion, up to the rounding of its matrices: it goes on moving after a blow."""
+    if model.has_position:
+        return False
+    system = model.second_order(None, viscous_at=30.0)
+    squares = linalg.eigvalsh(system.stiffness, system.mass, check_finite=False)
+    return bool(squares[0] < _RIGID * squares[-1])
+
+
+_RIGID = 1e-12
+"""Of the largest square of a natural frequency: what twelve digits of a stiffness leave of none."""
 
 
 def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:

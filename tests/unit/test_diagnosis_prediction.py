@@ -14,6 +14,8 @@ from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.paths import value_at, with_value
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from tests.unit.record_example import entry_of
 
 CHANNELS = ("tool_x", "tool_z", "base_x")
@@ -154,3 +156,27 @@ def test_blows_of_finite_length_in_short_blocks_are_seen_as_they_are_simulated()
     # Between the resonances an impulse without a clock is off by far more.
     assert np.abs(seen - stepped).max() < 1e-3 * np.abs(stepped).max()
     assert np.median(np.abs(impulse - stepped)) > 4.0 * np.median(np.abs(seen - stepped))
+
+
+@pytest.mark.parametrize(("quantity", "order"), [("displacement", 0), ("velocity", 1), ("acceleration", 2)])
+def test_what_nothing_holds_goes_on_moving_after_the_blow(quantity, order):
+    """Two masses of 1 kg on a spring between them: after a unit impulse on one it moves by t/2 + e^(-σt) sin(ωt)/2ω."""
+    sigma, w, time_left = 2.0, 2 * np.pi * 20.0, 1.9
+    k, c = (w**2 + sigma**2) / 2.0, sigma
+    link = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    system = SecondOrder(np.eye(2), c * link, k * link, ("q1", "q2"), {"p1": np.array([1.0, 0.0])})
+    free = Structure(system, {"y": Channel("p1", quantity)}, "p1")
+    freq = np.arange(1.0, 60.0, 0.5)
+    entry = entry_of(
+        0, None, 60.0, np.ones((1, freq.size), complex), np.ones((1, freq.size)), freq, ("y",), (quantity,),
+        block=time_left + 0.1, blow_at=0.1,
+    )  # fmt: skip
+    (g,) = merged([entry])
+    s = 2j * np.pi * freq
+    # Transforms of both motions over the rest of the block; of an acceleration the impulse itself.
+    end = np.exp(-s * time_left)
+    exact = {0: (1 - end * (1 + s * time_left)) / s**2 / 2, 1: (1 - end) / s / 2, 2: np.ones(s.size)}[order]
+    for pole in (-sigma + 1j * w, -sigma - 1j * w):
+        exact = exact + pole**order * (1 - np.exp((pole - s) * time_left)) / (s - pole) / (4j * pole.imag)
+    found = Prediction(free, g).data[0, 0]
+    assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
