@@ -263,11 +263,14 @@ def _rough(
 def _scouted(nominal: Model, few: Records, starts: Sequence[Effect]) -> Fit | None:
     """A candidate from the best of its starts, which are in order of promise; None where the model takes none."""
     # All start from the untuned model: the tuning of a model that lacks the cause leads away.
-    tries = [
-        f
-        for e in starts[: SETTINGS.search_starts_climbed]
-        if (f := first_steps(nominal, few, Hypothesis((e,)), None, SETTINGS.search_start_steps)) is not None
-    ]
+    tries: list[Fit] = []
+    for k, e in enumerate(starts[: SETTINGS.search_starts_most]):
+        left = min((f.reduced for f in tries), default=np.inf)
+        if k >= SETTINGS.search_starts_climbed and left < SETTINGS.search_enough:
+            # Far from the truth first order tells little of which start is best; these leave nothing beside the widened noise.
+            break
+        if (f := first_steps(nominal, few, Hypothesis((e,)), None, SETTINGS.search_start_steps)) is not None:
+            tries.append(f)
     if not tries:
         return None
     best = min(tries, key=cost)

@@ -268,6 +268,7 @@ class Settings:
         _TIME)
     search_start_steps: int = _of(3, "steps", "From each start", "longer", _TIME)
     search_starts_climbed: int = _of(3, "starts", "Of a cause from which steps are taken", "longer", _TIME)
+    search_starts_most: int = _of(8, "starts", "The same while they leave more than the widened noise", "longer", _TIME)
     search_later_steps: int = _of(10, "steps", "On few lines, from the best start of a cause", "longer", _TIME)
     search_law_steps: int = _of(6, "steps", "The same of a law", "longer", _TIME)
     search_most_steps: int = _of(40, "steps", "On all lines", "longer", _TIME)
