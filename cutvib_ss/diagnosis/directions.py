@@ -208,13 +208,14 @@ class Directions:
             gradient[index] += flat @ real_rows(residuals[i][None, rows, c])[0]
         return matrix, gradient
 
-    def correlation(self, residuals: Sequence[ComplexArray], coefficients: FloatArray) -> float:
+    def correlation(self, residuals: Sequence[ComplexArray], coefficients: FloatArray, reduced: float) -> float:
         """
         How many residuals tell the same thing, the directions taken out with their coefficients; 1 where they are white.
 
         Along frequency that is the integrated correlation 1 + 2 Σ ρ, summed up to the first lag at which ρ does not stand out
-        (Sokal 1997, on autocorrelation times). What is correlated along frequency is an error of the model, and all responses
-        show the same one: 1 + 2 N Σ ρ, with N the number of responses, as if they were one cluster (Liang and Zeger 1986).
+        (Sokal 1997, on autocorrelation times). Beyond the noise as stated what is correlated along frequency is an error of the
+        model, and all responses show the same one: 1 + 2 N Σ ρ, with N the number of responses, as if they were one cluster (Liang
+        and Zeger 1986). Noise is each response's own. `reduced` is χ² a datum against the noise as stated.
         """
         sums: dict[int, float] = {}
         for i, rows, c, index, part in self.chunks():
@@ -224,12 +225,13 @@ class Directions:
                 sums[lag] = sums.get(lag, 0.0) + power * r.shape[-1] / (r.shape[-1] - lag)
         count = sum(g.data.size for g in self.groups)
         responses = sum(g.data.shape[0] * g.data.shape[1] for g in self.groups)
+        alike = 1.0 + (responses - 1.0) * max(1.0 - 1.0 / max(reduced, 1e-300), 0.0)
         total = 1.0
         for lag in range(1, len(sums)):
             rho = sums[lag] / max(sums[0], 1e-300)
             if rho < max(SETTINGS.likelihood_correlated, 2.0 / np.sqrt(count)):
                 break
-            total += 2.0 * responses * rho
+            total += 2.0 * alike * rho
         return total
 
     def flat(self) -> FloatArray:

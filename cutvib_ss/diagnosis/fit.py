@@ -72,6 +72,11 @@ class Fit:
         return tuple(out)
 
     @property
+    def tuned_away(self) -> bool:
+        """Whether some tuned value lies far out of its tolerance."""
+        return bool(np.any(np.abs(self.x[: self.n_tuning]) > SETTINGS.fit_tuned_away))
+
+    @property
     def beyond_belief(self) -> bool:
         """
         Whether it stands only because the model errs by more than is believed.
@@ -225,7 +230,8 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         scale = quadratic.layout.scale(search.sizes)
         step[problem.size :] -= quadratic.offsets[problem.size :] / scale[problem.size :]
         directions = Directions(search.at.problem, search.at.each, search.at.predictions, like=quadratic.layout)
-        correlation = directions.correlation(search.at.residuals, step * scale)
+        reduced = search.at.chi2 * search.sizes.noise / search.count
+        correlation = directions.correlation(search.at.residuals, step * scale, reduced)
     stds = {}
     for i, (k, name, r) in enumerate(problem.parameters):
         j = problem.first_effect + i

@@ -70,18 +70,24 @@ def chance_of_order(spread: Spread, records: Records) -> float:
     """
     Chance that drift of the records of a session orders with their level as much as a fit says; 1 where it cannot be told.
 
+    Where every session has a level of its own, that is the drift of the sessions.
+
     A machine that moves while it is measured does not ask how hard it is struck; a restoring force moves what all records of a
     level show to the same side. By Student's t of each value's slope over the logarithm of the level, sessions apart, times the
     number of values.
     """
     lay = spread.layout
     by_record = {e.record: e for e in records.entries}
-    of = [by_record[r] for r in lay.records]
+    of, first = [by_record[r] for r in lay.records], lay.first_within
+    names: list[tuple[float | str, ...]] = [session_of(e) for e in of]
+    if not of and confounded(records):
+        levels = {session_of(e): e for e in records.entries}
+        of, first = [levels[name] for name in lay.sessions if name in levels], lay.unknowns
+        names = [() for _ in of]
     if not of or any(e.level is None for e in of):
         return 1.0
-    names = [session_of(e) for e in of]
     free = len(of) - len(set(names)) - 1
-    start = lay.first_within + lay.per_session * np.arange(len(of))
+    start = first + lay.per_session * np.arange(len(of))
     drift = np.array([spread.offsets[k : k + lay.per_session] for k in start])
     level = np.log([[float(e.level or 1.0)] for e in of])
     for name in set(names):

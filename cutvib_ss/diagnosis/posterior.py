@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+from scipy import special, stats
 
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut, share
@@ -112,9 +112,8 @@ class _HeldOutRules:
             self.odds[r.name] = 0.0
         if known and r.fit.of_no_size:
             self.without_what_may_be_nothing(r, r.fit)
-        elif known and r.fit.corrected.of_no_size:
+        elif known and r.fit.corrected.of_no_size and self.without_what_may_be_nothing(r, r.fit.corrected, 0.5):
             # With its discrepancy it is something, without it nothing: either there is no cause, or one that nothing here has.
-            self.without_what_may_be_nothing(r, r.fit.corrected, 0.5)
             self.odds[r.name] = 0.0
         if self.bare and (known or kind_of(r.fit.hypothesis) == UNKNOWN):
             self.by_both_leads(r, self.bare)
@@ -143,18 +142,26 @@ class _HeldOutRules:
         """Part of the excess that the first of two parts closes alone."""
         return share(self.held(self.bare) if self.bare else None, self.held(first), self.held(both))
 
-    def without_what_may_be_nothing(self, r: Ranked, fit: Fit, part: float = 1.0) -> None:
-        """Pass on the probability of causes of which one may be nothing in a fit: its evidence is that of its discrepancy."""
+    def without_what_may_be_nothing(self, r: Ranked, fit: Fit, part: float = 1.0) -> bool:
+        """Pass on the probability of causes of which one may be nothing in a fit, unless it is there: the rest is discrepancy."""
         certain = [e for e in fit.hypothesis.effects if e not in fit.of_no_size]
         causes = Hypothesis(tuple(certain)).causes
         less = _best(x for x in self.fitted if x.fit.hypothesis.causes == causes)
-        if less:
+        # The strength and the stiffness of a restoring force are known along a ridge that does not pass through nothing: there its
+        # deviation says little, and what it predicts of other records decides.
+        if less is not None:
+            predicted = self.held(r).log_density - self.held(less).log_density
+            if not r.fit.hypothesis.linear and predicted > _by_chance(len(r.fit.stds)):
+                return False
             _give(self.odds, r, less, part)
+        return True
 
     def by_both_leads(self, r: Ranked, simpler: Ranked) -> None:
         """Share the probability of a hypothesis with a simpler one that predicts held-out records better."""
         predicted = self.held(r).log_density - self.held(simpler).log_density
-        if predicted >= 0.0:
+        # What a value tuned far out of its tolerance predicts, its shift predicts as well: the lead is the prior's, and what more
+        # parameters cost by chance says nothing against it.
+        if predicted >= (-_by_chance(len(r.fit.stds)) if simpler.fit.tuned_away else 0.0):
             return
         # The lead was estimated twice, by evidence and by prediction, and the two disagree in its sign: the mean of both decides,
         # and the hypothesis keeps half at most.
@@ -238,6 +245,11 @@ def that_drift_by_chance(
             ordered = SETTINGS.level_trend + (1.0 - SETTINGS.level_trend) * float(special.entr(p)) * np.e
             out[r.name] *= 1.0 / (1.0 + SETTINGS.priors["unknown"] / (SETTINGS.priors["none"] * ordered))
     return out
+
+
+def _by_chance(parameters: int) -> float:
+    """Log density that so many parameters more gain or lose by chance, in nineteen of twenty campaigns."""
+    return 0.5 * float(stats.chi2.ppf(SETTINGS.verdict_set, parameters)) if parameters else 0.0
 
 
 def _of_one_part(h: Hypothesis) -> bool:

@@ -29,6 +29,7 @@ from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknown_search import unknown_by_level, unknown_elements
+from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.results import FloatArray
@@ -250,6 +251,7 @@ def _rough(
         tried = workers.map(scan.each, [c.starts for c in found])
         best = [max(max(gains) for gains in rows) for rows in tried]
         chosen |= set(np.argsort(best)[::-1][:count].tolist())
+    chosen |= {i for i, c in enumerate(found) if _tuned_away(nominal, none.fit, c.starts[0])}
     ordered = [
         [found[i].starts[k] for k in sorted(range(len(tried[i])), key=lambda k: -tried[i][k][0])]
         for i in range(len(found))
@@ -258,6 +260,14 @@ def _rough(
     fits = workers.map(partial(_scouted, nominal, few), [ordered[i] for i in kept])
     pairs = [(found[i], f) for i, f in zip(kept, fits, strict=True) if f is not None]
     return sorted(pairs, key=lambda pair: cost(pair[1]))
+
+
+def _tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:
+    """Whether a cause moves a value that the tuned model has far out of its tolerance: no residual is left to show it."""
+    away = np.abs(none.x[: none.n_tuning]) > SETTINGS.fit_tuned_away
+    strained = {path for (path, _), far in zip(tuning_paths(nominal), away, strict=True) if far}
+    moved = effect.moved_by(nominal, effect.apply(nominal)) if strained else {}
+    return any(path in strained for carried in moved.values() for path, _ in carried)
 
 
 def _scouted(nominal: Model, few: Records, starts: Sequence[Effect]) -> Fit | None:

@@ -160,6 +160,9 @@ class Settings:
         _TIME)
 
     # One fit
+    fit_tuned_away: float = _of(3.0, "tolerances",
+        "By which a tuned value is off where causes that move it are fitted in any case", "longer",
+        "one of 370 right models has a given value that far out")
     fit_strained: float = _of(5.0, "tolerances",
         "Of a tuned value beside a restoring force, from which another cause stands behind it", "second causes are rarer",
         "one normal value in a million; tolerances are stated roughly, and right restoring forces were seen with 4")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import cast
 
@@ -38,6 +38,8 @@ class OnlyEvidence:
     at_end: tuple[str, ...] = ()
     beyond_belief: bool = False
     nothing_when_used: tuple[Effect, ...] = ()
+    tuned_away: bool = False
+    stds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def corrected(self) -> OnlyEvidence:
@@ -187,6 +189,17 @@ def test_a_cause_that_trails_on_held_out_records_is_not_sure(cause: Effect) -> N
         found = judged_on_held_out([NONE, main], odds, held(none=TUNED, main=Leaves(log_density=density)), 10.0)
         assert found["main"] == pytest.approx(probability)
         assert sum(found.values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("away", "density", "kept"), [(False, -1001.0, 0.174), (True, -1001.0, 0.95), (True, -1004.0, 0.045)]
+)
+def test_a_shift_that_predicts_what_a_value_out_of_tolerance_does_keeps_its_lead(away, density, kept) -> None:
+    bare = Ranked("none", cast(Fit, OnlyEvidence(Hypothesis(), 0.0, tuned_away=away)), True)
+    shift = Ranked("main", cast(Fit, OnlyEvidence(Hypothesis((MASS,)), 8.0, stds={"0.mass": 0.1})), True)
+    seen = held(none=TUNED, main=Leaves(log_density=density))
+    found = judged_on_held_out([bare, shift], {"none": 0.05, "main": 0.95}, seen, 1.0)
+    assert found["main"] == pytest.approx(kept, abs=0.02)
 
 
 @pytest.mark.parametrize(
