@@ -14,7 +14,7 @@ from cutvib_ss.diagnosis.linearity import blows_order, chance_of_order, level_st
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import Records, merged
+from cutvib_ss.diagnosis.records import Records, merged, session_of
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.measurement.records import Campaign, History, Record
 from cutvib_ss.model.machine import published_machine
@@ -183,6 +183,23 @@ def test_drift_that_orders_with_the_level_is_told_from_drift_that_does_not(order
     # One level a session tells nothing.
     apart = tuple(replace(e, session=str(e.record)) for e in entries)
     assert chance_of_order(spread, Records(apart)) == 1.0
+
+
+@pytest.mark.parametrize(("ordered", "random", "found"), [(1.0, 0.02, True), (0.0, 1.0, False)])
+def test_drift_of_sessions_that_have_a_level_each_is_told_too(ordered, random, found):
+    """Six sessions of one record; the drift of two stiffnesses and of a channel's gain."""
+    rng, levels, ones = np.random.default_rng(2), np.geomspace(5.0, 100.0, 6), np.ones((1, FREQ.size))
+    entries = tuple(
+        entry_of(k, None, level, ones, ones, FREQ, ("a",), ("acceleration",), session=str(k))
+        for k, level in enumerate(levels)
+    )
+    layout = Layout(2, tuple(session_of(e) for e in entries), ("a",), (0, 1), (), (), 1)
+    drift = random * rng.standard_normal((6, layout.per_session))
+    drift[:, 0] += ordered * np.log(levels)
+    offsets = np.zeros(layout.size)
+    offsets[layout.unknowns : layout.unknowns + drift.size] = drift.ravel()
+    spread = Spread(layout, Sizes(), offsets, np.eye(layout.size))
+    assert (chance_of_order(spread, Records(entries)) < 0.05) is found
 
 
 # --- figures by position and channel ----------------------------------------------------------------------------------

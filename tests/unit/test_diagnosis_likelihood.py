@@ -103,6 +103,22 @@ def test_a_structure_that_drifts_between_records_has_no_gap() -> None:
     assert fit(stated, Records(drifting), Hypothesis()).chi2 > 5 * found.count
 
 
+def test_noise_that_is_correlated_is_each_response_s_own_and_an_error_of_the_model_one_of_all() -> None:
+    structure = example_structure()
+    records = Records(entries(structure, 0.0))
+    found = fit(structure, records, Hypothesis())
+    problem = Problem(structure, records.merged, Hypothesis())
+    predictions = problem.predictions(found.x)
+    directions = Directions(problem, [found.x] * len(problem.groups), predictions, True)
+    slow = np.cos(np.arange(FREQ.size) / 4.0)
+    residuals = [np.broadcast_to(slow, g.data.shape).astype(complex) for g in problem.groups]
+    nothing = np.zeros(directions.layout.size)
+    noise, error = (directions.correlation(residuals, nothing, reduced) for reduced in (0.8, 1e6))
+    responses = sum(g.data.shape[0] * g.data.shape[1] for g in problem.groups)
+    assert noise > 2.0
+    assert error - 1.0 == pytest.approx(responses * (noise - 1.0), rel=1e-3)
+
+
 def test_a_record_of_another_session_is_judged_with_the_drift_it_may_have() -> None:
     structure = example_structure()
     *known, last = entries(structure, 5e-3, seed=4)
