@@ -65,7 +65,14 @@ def a_value(effect: type[Effect], model: Machine | Structure, place: str) -> dic
 
 
 def every_effect(model: Machine | Structure) -> list[Effect]:
-    return [cls(place=place, **a_value(cls, model, place)) for cls in EFFECTS.values() for place in cls.places(model)]
+    found = []
+    for cls in EFFECTS.values():
+        for place in cls.places(model):
+            values = a_value(cls, model, place)
+            if isinstance(model, Structure):
+                values.pop("angle", None)  # its ports have one direction
+            found.append(cls(place=place, **values))
+    return found
 
 
 def test_an_empty_file_is_the_published_machine(tmp_path: Path) -> None:
