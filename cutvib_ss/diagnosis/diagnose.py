@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
-from cutvib_ss.diagnosis import cross_validation, where
+from cutvib_ss.diagnosis import answer, cross_validation, where
+from cutvib_ss.diagnosis.answer import Shown
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.compared_responses import compared_responses
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.directions import Sizes
 from cutvib_ss.diagnosis.fit import Fit
-from cutvib_ss.diagnosis.held_out import HeldOut, share
+from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import chance_of_order, confounded, level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
-from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.odd_records import ODD, odd_records
@@ -39,13 +37,13 @@ from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.repeatability import repeatability
-from cutvib_ss.diagnosis.result import Cause, Diagnosis, FittedParameter, GapFigures, Where
+from cutvib_ss.diagnosis.result import Cause, Diagnosis, NextTest, Where
 from cutvib_ss.diagnosis.search import search, search_linear
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import ByLevel, unknown_places
 from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
-from cutvib_ss.effects.base import Model, parameter_fields
+from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError, ParameterError
 from cutvib_ss.measurement.records import Campaign
 
@@ -158,88 +156,38 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     if odd:
         # No single known cause left noise of the others, but two together do, or something unknown.
         searched = _searched(campaign, nominal, _without(campaign, searched.observed, odd), hold_out, seed, workers)
-    observed, records, judged, ranked = searched
-    fitted = list(records.entries)
-    none, causes = ranked[0], ranked[1:]
+    observed, records, _, ranked = searched
+    none, fitted = ranked[0], list(records.entries)
     problem = Problem(nominal, records.merged, Hypothesis())
-    known = considered(nominal, observed.band, observed.channels)
-    # At each site an element of every amplitude, and where the level matters as many that depend on it.
-    kinds = {isinstance(e, ByLevel) for r in ranked for e in r.fit.hypothesis.effects}
-    sites = [place for each in {False, *kinds} for place in unknown_places(nominal, observed.channels, each)]
-    variants = {**known, **{("unknown", p): len(SETTINGS.unknown_amplitudes) * sites.count(p) for p in sites}}
-    counts = Counts(len(known), len(set(sites)))
     workers.say("judging causes on held-out records")
-    best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)
-    heat = temperature(judged(best))
-    odds = judged_on_held_out(ranked, probabilities(ranked, counts, variants, heat), judged, heat)
-    odds = of_known_form(ranked, odds, judged)
-    odds = that_drift_by_chance(ranked, odds, lambda r: chance_of_order(r.fit.spread, records))
-    shown = sorted(causes, key=lambda r: -odds[r.name])
-    before = cross_validation.judge_as_given(nominal, observed, none.fit)
-    tuned = judged(none)
-    held = {"none": tuned}
-    no_gap = odds["none"] > SETTINGS.verdict_sure
-    for r in shown[: 1 if no_gap else SETTINGS.verdict_judged]:
-        if odds[r.name] > 1e-3 or (r is shown[0] and not no_gap):
-            held[r.name] = judged(r)
-    nameless = kind_of(shown[0].fit.hypothesis) == "unknown"
-    other = next(
-        (
-            r
-            for r in shown
-            if not _same_cause(r, shown[0]) and (nameless or r.name in held or r.fit.hypothesis.linear) and r.refined
-        ),
-        None,
-    )
-    if no_gap:
-        other = next((r for r in shown if r.name in held), None)
-    elif other is not None and other.name not in held:
-        # However improbable, so that the reader sees what the choice is worth.
-        held[other.name] = judged(other)
-    first = none if odds["none"] >= max(odds[r.name] for r in causes) else shown[0]
-    after = held[first.name]
-    tuned_blow = problem.blow_at(none.fit.x)
-    levels = where.level_dependence(fitted, none.fit.model, tuned_blow)
-    by_level = bool(levels > SETTINGS.level_excess) or level_stands_out(records, none.fit.model, tuned_blow)
-    located, interference = Located(), None
-    if by_level or none.reduced > SETTINGS.search_enough:
-        workers.say("locating the fault without a hypothesis")
-        located = locate(nominal, none.fit, fitted, tuned_blow, by_level)
-        interference = mains(nominal, none.fit, records)
-        located = located if interference is None else with_mains_interference(located, interference)
-    elsewhere = located.best if located.best != "none" else first.fit.hypothesis.place
+    counts, variants = _considered(nominal, searched)
+    odds = _odds(searched, counts, variants)
+    shown = _shown(nominal, searched, odds)
+    by_level, located, interference = _located(nominal, searched, problem, workers)
+    elsewhere = located.best if located.best != "none" else shown.first.fit.hypothesis.place
     rest = Cause("unknown", elsewhere, max(1.0 - sum(odds.values()), 0.0))
-    rows = _causes(none, shown, odds, rest, held, before, observed, after)
-    interval = cross_validation.shrinkage_interval(before, after.records, seed)
-    result = verdict(rows, interval[0] > 0.0, bool(first.fit.at_end))
-    chosen = none.fit if result == "no_gap" else after.ranked.fit
-    figures = _figures(observed, before, tuned, held[none.name] if result == "no_gap" else after, seed)
-    remaining = [r for r in ranked if odds[r.name] > 0.02][:4]
-    test = None
-    if result == "ambiguous" and len(remaining) > 1:
-        test = next_test(
-            [r.fit.model for r in remaining], [r.name for r in remaining], fitted, [odds[r.name] for r in remaining]
-        )
+    rows = answer.causes(shown, odds, rest, observed.per_unit)
+    interval = cross_validation.shrinkage_interval(shown.before, shown.after.records, seed)
+    result = verdict(rows, interval[0] > 0.0, bool(shown.first.fit.at_end))
+    chosen = none.fit if result == "no_gap" else shown.first.fit
     workers.say("computing what the result means")
-    places = _places(ranked, odds, rest)
+    places = answer.places(ranked, odds, rest)
     bands_hz = _bands(problem, none.fit, chosen.spread.sizes)
-    second = other if first is shown[0] or no_gap else shown[0]
-    sides = Sides(before, tuned.records, after.records, None if second is None else held[second.name].records)
     return Diagnosis(
         verdict=result,
-        gap=figures,
+        gap=answer.figures(observed, shown, result, seed),
         where=Where(
             place="none" if result == "no_gap" else places[0][0] if places[0][0] != "none" else places[1][0],
             places=places,
             bands_hz=bands_hz,
-            by_position=where.by_position(tuned.records, observed.per_unit, after.records),
-            by_channel=where.by_channel(tuned.records, observed.channels, observed.per_unit, after.records),
+            by_position=where.by_position(shown.tuned.records, observed.per_unit, shown.after.records),
+            by_channel=where.by_channel(shown.tuned.records, observed.channels, observed.per_unit, shown.after.records),
             level_dependent=by_level,
             place_set=place_set(places),
         ),
         causes=rows,
         ambiguity_set=ambiguity_set(rows),
-        next_test=test,
+        next_test=_next_test(searched, odds) if result == "ambiguous" else None,
         title=campaign.title,
         warnings=(
             *campaign.warnings,
@@ -252,14 +200,91 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         nominal=nominal,
         corrected_machine=chosen.corrected.model,
         comparisons=compared_responses(nominal, none.fit.corrected, chosen.corrected, fitted),
-        evidence=tuple(evidence_of(r, held[r.name].records if r.name in held else ()) for r in ranked),
+        evidence=tuple(evidence_of(r, shown.held[r.name].records if r.name in shown.held else ()) for r in ranked),
         reduced_chi2=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
         data_count=problem.count,
-        sizes=_sizes(chosen),
+        sizes=answer.sizes(chosen),
         limits=limits(nominal, chosen, records, observed, counts),
         repeatability=repeatability(fitted),
-        findings=found(nominal, chosen.corrected, records, result, observed, bands_hz, located, sides, seed),
+        findings=found(nominal, chosen.corrected, records, result, observed, bands_hz, located, shown.sides, seed),
     )
+
+
+def _considered(nominal: Model, searched: _Searched) -> tuple[Counts, dict[tuple[str, str], int]]:
+    """How many causes and places share the priors, and how many variants each cause has."""
+    observed = searched.observed
+    known = considered(nominal, observed.band, observed.channels)
+    # At each site an element of every amplitude, and where the level matters as many that depend on it.
+    kinds = {isinstance(e, ByLevel) for r in searched.ranked for e in r.fit.hypothesis.effects}
+    sites = [place for each in {False, *kinds} for place in unknown_places(nominal, observed.channels, each)]
+    unknown = {("unknown", p): len(SETTINGS.unknown_amplitudes) * sites.count(p) for p in sites}
+    return Counts(len(known), len(set(sites))), {**known, **unknown}
+
+
+def _odds(searched: _Searched, counts: Counts, variants: dict[tuple[str, str], int]) -> dict[str, float]:
+    """Probability of every hypothesis by name, each held against records that its fit has not seen."""
+    ranked, judged = searched.ranked, searched.judged
+    heat = temperature(judged(max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)))
+    odds = judged_on_held_out(ranked, probabilities(ranked, counts, variants, heat), judged, heat)
+    odds = of_known_form(ranked, odds, judged)
+    return that_drift_by_chance(ranked, odds, lambda r: chance_of_order(r.fit.spread, searched.records))
+
+
+def _shown(nominal: Model, searched: _Searched, odds: Mapping[str, float]) -> Shown:
+    """The answer and its rivals on held-out records."""
+    none, *causes = searched.ranked
+    judged = searched.judged
+    by_odds = sorted(causes, key=lambda r: -odds[r.name])
+    likeliest = by_odds[0]
+    held = {none.name: judged(none)}
+    no_gap = odds[none.name] > SETTINGS.verdict_sure
+    for r in by_odds[: 1 if no_gap else SETTINGS.verdict_judged]:
+        if odds[r.name] > 1e-3 or (r is likeliest and not no_gap):
+            held[r.name] = judged(r)
+    if no_gap:
+        other = next((r for r in by_odds if r.name in held), None)
+    else:
+        nameless = kind_of(likeliest.fit.hypothesis) == "unknown"
+        rivals = (r for r in by_odds if r.refined and not _same_cause(r, likeliest))
+        other = next((r for r in rivals if nameless or r.name in held or r.fit.hypothesis.linear), None)
+        if other is not None:
+            # However improbable, so that the reader sees what the choice is worth.
+            held[other.name] = judged(other)
+    first = none if odds[none.name] >= odds[likeliest.name] else likeliest
+    return Shown(
+        none=none,
+        causes=tuple(by_odds),
+        first=first,
+        second=other if first is likeliest or no_gap else likeliest,
+        before=cross_validation.judge_as_given(nominal, searched.observed, none.fit),
+        held=held,
+    )
+
+
+def _located(
+    nominal: Model, searched: _Searched, problem: Problem, workers: Workers
+) -> tuple[bool, Located, float | None]:
+    """Whether the level matters, where the fault lies without a hypothesis, and the mains whose interference it is."""
+    records, none = searched.records, searched.ranked[0]
+    fitted, blow_at = list(records.entries), problem.blow_at(none.fit.x)
+    levels = where.level_dependence(fitted, none.fit.model, blow_at)
+    by_level = bool(levels > SETTINGS.level_excess) or level_stands_out(records, none.fit.model, blow_at)
+    if not by_level and none.reduced <= SETTINGS.search_enough:
+        return by_level, Located(), None
+    workers.say("locating the fault without a hypothesis")
+    located = locate(nominal, none.fit, fitted, blow_at, by_level)
+    interference = mains(nominal, none.fit, records)
+    return by_level, located if interference is None else with_mains_interference(located, interference), interference
+
+
+def _next_test(searched: _Searched, odds: Mapping[str, float]) -> NextTest | None:
+    """The record that would tell the likeliest hypotheses apart best."""
+    remaining = [r for r in searched.ranked if odds[r.name] > 0.02][:4]
+    if len(remaining) < 2:
+        return None
+    told = [f"{r.fit.hypothesis.effect} at {r.fit.hypothesis.place}" for r in remaining]
+    entries = list(searched.records.entries)
+    return next_test([r.fit.model for r in remaining], told, entries, [odds[r.name] for r in remaining])
 
 
 def _ordered(fit: Fit, records: Records) -> bool:
@@ -276,104 +301,6 @@ def _same_cause(one: Ranked, two: Ranked) -> bool:
     """Whether two candidates are variants of one cause."""
     a, b = one.fit.hypothesis, two.fit.hypothesis
     return (a.effect, a.place) == (b.effect, b.place)
-
-
-def _causes(
-    none: Ranked,
-    shown: Sequence[Ranked],
-    odds: dict[str, float],
-    rest: Cause,
-    held: dict[str, HeldOut],
-    before: Sequence[cross_validation.Judged],
-    observed: Observations,
-    accepted: HeldOut,
-) -> tuple[Cause, ...]:
-    """All hypotheses as rows, variants of one cause together, and "unknown"."""
-    start = cross_validation.mean_error(before)
-    rows: dict[tuple[str, str], Cause] = {}
-    for r in (none, *shown):
-        key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
-        if key in rows:
-            # A variant (another channel, another parameter) of a cause that stands there with its best one.
-            rows[key] = replace(rows[key], probability=rows[key].probability + odds[r.name])
-            continue
-        after = cross_validation.mean_error(held[r.name].records) if r.name in held else float("nan")
-        rows[key] = Cause(
-            effect=key[0],
-            place=key[1],
-            probability=odds[r.name],
-            parameters=_parameters(r.fit.corrected),
-            after=after / observed.per_unit,
-            shrinkage=1.0 - after / start,
-            reduced_chi2=held[r.name].reduced if r.name in held else float("nan"),
-            share=float("nan")
-            if key[0] in ("none", "unknown")
-            else share(held.get("none"), held.get(r.name), accepted),
-        )
-    unknown = [c for c in rows.values() if c.effect == "unknown"]
-    # One row for an unknown element, at the place where it is likeliest; what no hypothesis holds is unknown too.
-    unknown.append(rest)
-    best = max(unknown, key=lambda c: c.probability)
-    out = [c for c in rows.values() if c.effect != "unknown"]
-    out.append(replace(best, probability=sum(c.probability for c in unknown), parameters={}))
-    return tuple(sorted(out, key=lambda c: -c.probability))
-
-
-def _parameters(fit: Fit) -> dict[str, FittedParameter]:
-    out: dict[str, FittedParameter] = {}
-    causes = fit.hypothesis.causes
-    for k, e in enumerate(fit.hypothesis.effects):
-        before = [x for x in fit.hypothesis.effects[:k] if (x.effect, x.place) == (e.effect, e.place)]
-        again = f"_{len(before) + 1}" if before else ""
-        for f in parameter_fields(type(e)):
-            if f"{k}.{f.name}" not in fit.stds:
-                continue
-            name = (f.name if len(causes) == 1 else f"{e.effect}.{f.name}") + again
-            out[name] = FittedParameter(
-                float(getattr(e, f.name)), float(fit.stds[f"{k}.{f.name}"]), f.metadata["range"].unit
-            )
-        continuous = {f.name for f in parameter_fields(type(e))}
-        for f in fields(e):
-            if f.name not in continuous | {"place"}:
-                out[f.name + again] = FittedParameter(getattr(e, f.name), 0.0, f.metadata.get("unit", ""))
-    return out
-
-
-def _figures(
-    observed: Observations,
-    before: Sequence[cross_validation.Judged],
-    tuned: HeldOut,
-    after: HeldOut,
-    seed: int,
-) -> GapFigures:
-    unit = observed.per_unit
-    start, end = cross_validation.mean_error(before), cross_validation.mean_error(after.records)
-    return GapFigures(
-        unit=observed.unit,
-        before=start / unit,
-        tuned=cross_validation.mean_error(tuned.records) / unit,
-        after=end / unit,
-        noise_floor=float(np.mean([j.noise.mean() for j in before])) / unit,
-        band_hz=observed.band,
-        shrinkage=1.0 - end / start,
-        shrinkage_interval=cross_validation.shrinkage_interval(before, after.records, seed),
-    )
-
-
-def _places(ranked: Sequence[Ranked], odds: dict[str, float], rest: Cause) -> tuple[tuple[str, float], ...]:
-    """Probability of each place, or places of a sum: that of the hypotheses there, and of what none of them holds."""
-    total: dict[str, float] = {"none": odds["none"]}
-    for r in ranked[1:]:
-        place = r.fit.hypothesis.place
-        total[place] = total.get(place, 0.0) + odds[r.name]
-    total[rest.place] = total.get(rest.place, 0.0) + rest.probability
-    return tuple(sorted(total.items(), key=lambda item: -item[1]))
-
-
-def _sizes(chosen: Fit) -> dict[str, float]:
-    """Sizes in the likelihood of a fit; that of drift within sessions only where records were followed."""
-    moving = bool(chosen.spread.layout.records)
-    return {name: v for name, v in vars(chosen.spread.sizes).items() if moving or name != "within"}
 
 
 def _bands(problem: Problem, none: Fit, sizes: Sizes) -> tuple[tuple[float, float], ...]:
