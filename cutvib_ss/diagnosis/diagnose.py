@@ -217,9 +217,8 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     remaining = [r for r in ranked if odds[r.name] > 0.02][:4]
     test = None
     if result == "ambiguous" and len(remaining) > 1:
-        test = next_test(
-            [r.fit.model for r in remaining], [r.name for r in remaining], fitted, [odds[r.name] for r in remaining]
-        )
+        told = [f"{r.fit.hypothesis.effect} at {r.fit.hypothesis.place}" for r in remaining]
+        test = next_test([r.fit.model for r in remaining], told, fitted, [odds[r.name] for r in remaining])
     workers.say("computing what the result means")
     places = _places(ranked, odds, rest)
     bands_hz = _bands(problem, none.fit, chosen.spread.sizes)
