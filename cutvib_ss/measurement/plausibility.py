@@ -22,11 +22,13 @@ _FACTORS = {
     1e-3: "1000 times too small",
 }
 _CAUSES = {
-    STANDARD_GRAVITY: "values in m/s^2 that are called g, or a force in kgf",
+    STANDARD_GRAVITY: "values in m/s^2 that are called g",
     1 / STANDARD_GRAVITY: "values in g that are called m/s^2",
     1000.0: "values in mm (or mV) that are called m (or V)",
-    1e-3: "values in m (or V) that are called mm (or mV), or a force in mN",
+    1e-3: "values in m (or V) that are called mm (or mV)",
 }
+_FORCES = {STANDARD_GRAVITY: "kgf", 1000.0: "kN", 1e-3: "mN"}
+"""Unit of a force that is called N, where every response is off by the factor."""
 _CLOSE = 0.25
 """Of the logarithm of a level over the nominal model's: what sensors and models are off by at most."""
 
@@ -55,9 +57,11 @@ def unit_hints(record: Record, machine: MachineLike, where: str, frf: MeasuredFr
     said = []
     if len(found) == len(record.channels) > 1 and len(set(found.values())) == 1:
         factor = next(iter(found.values()))
+        unit = _FORCES.get(factor) if record.input_quantity == "force" else None
+        force = f", or a force in {unit} that is called N" if unit else ""
         said.append(
-            f"{where}: every response looks {_FACTORS[factor]} against the nominal model, so perhaps it is the force: "
-            f"{_CAUSES[factor]}; check the units {end}"
+            f"{where}: every response looks {_FACTORS[factor]} against the nominal model: {_CAUSES[factor]}{force}; check the "
+            f"units {end}"
         )
     else:
         said += [
