@@ -45,9 +45,9 @@ def plan_command(
     ] = 7e-4,
     error: Annotated[
         float,
-        typer.Option("--error", metavar="FRACTION", help="Relative error of a response that noise does not show."),
+        typer.Option("--error", metavar="FRACTION", help="Relative error of a response beyond its noise."),
     ] = 0.003,
-    laws: Annotated[bool, typer.Option(help="Ask about causes that depend on the level, too.")] = True,
+    laws: Annotated[bool, typer.Option(help="Include causes that depend on the force level.")] = True,
     machine: MachineOption = None,
     json: JsonOption = None,
 ) -> None:

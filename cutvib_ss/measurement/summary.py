@@ -141,7 +141,7 @@ class Summary:
         said = []
         if self.repeatability is not None:
             said.append(
-                f"Records of the same thing differ by {100 * self.repeatability:.2g} % beyond their noise "
+                f"Records of the same configuration differ by {100 * self.repeatability:.2g} % beyond their noise "
                 f"({len(self.repeated)} pairs)."
             )
         elif len(self.records) > 1:
