@@ -132,6 +132,8 @@ def test_command_gives_table_and_json(tmp_path, capsys):
     data = json.loads(file.read_text())
     assert data["schema"] == "cutvib-plan/1"
     assert data["campaign"]["positions"] == [0.3]
+    units = {"levels_n": [50.0], "band_hz": [15.0, 450.0], "block_s": 2.0, "noise_si_per_sqrt_hz": 7e-4}
+    assert units.items() <= data["campaign"].items()
     assert {"seen", "named", "rival", "told_apart"} <= set(data["causes"][0])
     assert main(["plan", "--position", "1.3"]) == 2
 
