@@ -43,7 +43,7 @@ _CLEAR = 6.0  # standard deviations that a drift must stand out
 
 
 def unit_hints(record: Record, machine: MachineLike, where: str, frf: MeasuredFrequencyResponse) -> list[str]:
-    """A word on every channel whose level over the nominal model's is off by a factor between units; nothing is changed."""
+    """A hint on every channel whose level over the nominal model's is off by a factor between units; nothing is changed."""
     found: dict[str, float] = {}
     far: dict[str, float] = {}
     for name, (level, spread) in levels_over_nominal(record, machine, frf).items():
@@ -100,7 +100,7 @@ def levels_over_nominal(
 
 
 def same_data(records: Sequence[Record]) -> list[str]:
-    """A word on every pair of records (or blows of one record) that hold the same measurement."""
+    """A warning on every pair of records (or blows of one record) that hold the same measurement."""
     seen: dict[str, tuple[int, str]] = {}
     found: dict[tuple[int, int], list[str]] = {}
     for k, record in enumerate(records):
@@ -142,7 +142,7 @@ def _mark(values: np.ndarray) -> str:
 
 def without_drift(record: Record, where: str) -> tuple[Record, list[str]]:
     """
-    Blows without the straight drift of a sensor, and a word on each that was taken off.
+    Blows without the straight drift of a sensor, and a warning for each that was taken off.
 
     Force and acceleration return to where they were, once the structure is at rest or rings about it. A difference between the mean
     before the blow and that over the last tenth is the sensor's drift, where it exceeds what ringing and noise leave of such
