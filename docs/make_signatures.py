@@ -38,7 +38,7 @@ INTRODUCTION = """\
 
 Computed by `docs/make_signatures.py` on the published machine, force on the tool in X: a strong example of each effect at
 its first place. {doc}`effects` derives them. Percent are root mean squares of the change over those of the response, over
-the whole rail and 15 to 450 Hz; of laws, over three positions and 150 to 350 Hz, at a force that turns the linear joint by
+the whole rail and 15 to 450 Hz; of nonlinear ones, over three positions and 150 to 350 Hz, at a force that turns the joint by
 0.1 mrad at most. *Bands* are the fewest steps of 10 Hz that carry four fifths of the change. *Positions*: where along the
 rail it shows most and least (*alike*: less than half as much again). An effect of other size or place has another
 signature; the pattern is what tells.

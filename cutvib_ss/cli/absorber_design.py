@@ -57,9 +57,11 @@ def absorber_design_command(
             help="Mass of all absorbers together \\[kg]; several: what each mass can do.",
         ),
     ] = None,
-    place: Annotated[list[PlaceName] | None, typer.Option("--place", help="Where; once, or once an absorber.")] = None,
+    place: Annotated[
+        list[PlaceName] | None, typer.Option("--place", help="Place; given once, or once per absorber.")
+    ] = None,
     direction: Annotated[
-        list[DirectionName] | None, typer.Option("--direction", help="In which direction; once, or once an absorber.")
+        list[DirectionName] | None, typer.Option("--direction", help="Direction; given once, or once per absorber.")
     ] = None,
     count: Annotated[int, typer.Option("--count", min=1, max=4, help="Number of absorbers at one place.")] = 1,
     tuning: Annotated[
@@ -86,10 +88,10 @@ def absorber_design_command(
     ] = 5e-4,
     output: Annotated[
         list[str] | None,
-        typer.Option("--output", metavar="PORT", help="Whose acceleration counts; by default that of tool_x."),
+        typer.Option("--output", metavar="PORT", help="Output whose acceleration is judged; by default tool_x."),
     ] = None,
     criterion: Annotated[
-        CriterionName, typer.Option("--criterion", help="What counts: the largest harmonic, or the RMS of all.")
+        CriterionName, typer.Option("--criterion", help="Criterion: the largest harmonic, or the RMS of all.")
     ] = CriterionName.HARMONIC,
     tolerance: ToleranceOption = 0.0,
     rate_tolerance: RateToleranceOption = 0.01,

@@ -36,11 +36,11 @@ PlaceOption = Annotated[PlaceName, typer.Option("--place", help="Where the absor
 DirectionOption = Annotated[DirectionName, typer.Option("--direction", help="In which direction it works.")]
 ToleranceOption = Annotated[
     float,
-    typer.Option("--tolerance", metavar="FRACTION", help="How far its tuning may be off, either way; 0: as designed."),
+    typer.Option("--tolerance", metavar="FRACTION", help="Tolerance of its tuning, plus or minus; 0: as designed."),
 ]
 RateToleranceOption = Annotated[
     float,
-    typer.Option("--rate-tolerance", metavar="FRACTION", help="With --tolerance: how far the tool's rate may be off."),
+    typer.Option("--rate-tolerance", metavar="FRACTION", help="With --tolerance: tolerance of the tool's pulse rate."),
 ]
 MachinesOption = Annotated[
     int,

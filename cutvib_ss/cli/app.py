@@ -58,11 +58,11 @@ def root(
         typer.echo(context.get_help())
 
 
-def _group(name: str, text: str) -> typer.Typer:
+def _group(name: str, text: str, example: str) -> typer.Typer:
     """Commands under a common name, which alone prints their help."""
     group = typer.Typer(help=text, rich_markup_mode="rich")
 
-    @group.callback(invoke_without_command=True, help=text)
+    @group.callback(invoke_without_command=True, help=text, epilog=f"Example: cutvib {name} {example}")
     def group_root(context: typer.Context) -> None:
         if context.invoked_subcommand is None:
             typer.echo(context.get_help())
@@ -71,10 +71,12 @@ def _group(name: str, text: str) -> typer.Typer:
     return group
 
 
-absorber = _group("absorber", "The tuned vibration absorber over the workspace.")
-campaign = _group("campaign", "From a folder of measured files to a campaign.")
-control = _group("control", "Controller prototypes and their check over the workspace.")
-blind = _group("blind", "The sealed trial of the diagnosis on a virtual machine.")
+absorber = _group("absorber", "The tuned vibration absorber over the workspace.", "check --plot absorber.png")
+campaign = _group("campaign", "From a folder of measured files to a campaign.", "show my-campaign")
+control = _group("control", "Controller prototypes and their check over the workspace.", "check --plot rail.png")
+blind = _group(
+    "blind", "The sealed trial of the diagnosis on a virtual machine.", "run --cases 12 --seed 1 --out my-trial"
+)
 
 _COMMANDS: tuple[tuple[typer.Typer, str, Callable[..., None], str], ...] = (
     (app, "demo", demo_command, "--out my-demo"),

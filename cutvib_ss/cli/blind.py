@@ -21,14 +21,20 @@ _TrialOption = Annotated[
     Path, typer.Option("--out", metavar="DIR", help="Folder of the trial; the labels go to DIR.sealed beside it.")
 ]
 _TimeoutOption = Annotated[
-    float, typer.Option("--timeout", min=1.0, metavar="S", help="A diagnosis of more seconds has failed.")
+    float,
+    typer.Option(
+        "--timeout",
+        min=1.0,
+        metavar="S",
+        help="Time limit of a diagnosis \\[s]; beyond it the diagnosis counts as failed.",
+    ),
 ]
 _SuffixError = "give a name that ends in .html (a page) or .md (a table)"
 
 
 def blind_run_command(
     cases: Annotated[int, typer.Option("--cases", metavar="N", help="Number of cases.")],
-    seed: Annotated[int, typer.Option("--seed", metavar="S", help="Of all cases: same settings, same cases.")],
+    seed: Annotated[int, typer.Option("--seed", metavar="S", help="Seed of all cases: same settings, same cases.")],
     out: _TrialOption,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Cases at a time.")] = 1,
     scheduler: SchedulerOption = None,
@@ -121,7 +127,7 @@ def blind_measured_command(
         Path, typer.Argument(metavar="DATA", help="Folder that holds measured campaigns with documented causes.")
     ],
     out: _TrialOption,
-    seed: Annotated[int, typer.Option("--seed", metavar="S", help="Of the elements' sizes.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", metavar="S", help="Seed of the elements' sizes.")] = 1,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Cases at a time.")] = 1,
     timeout: _TimeoutOption = 1800.0,
 ) -> None:

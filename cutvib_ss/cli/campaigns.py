@@ -45,10 +45,12 @@ def diagnose_command(
     ] = None,
     hold_out: Annotated[
         float | None,
-        typer.Option("--hold-out", metavar="FRACTION", help="Part of the records that is judged on, never fitted."),
+        typer.Option(
+            "--hold-out", metavar="FRACTION", help="Fraction of the records that is held out of the fit, to judge on."
+        ),
     ] = None,
     band: Annotated[
-        str | None, typer.Option("--band", metavar="LO:HI", help="Lines to use, of all records [Hz].")
+        str | None, typer.Option("--band", metavar="LO:HI", help="Frequency band to use, for all records [Hz].")
     ] = None,
     records: Annotated[
         list[str] | None,
@@ -82,7 +84,7 @@ def diagnose_command(
 def identify_command(
     campaign: CampaignArgument,
     base: Annotated[
-        BaseName, typer.Option("--base", help="Fit with the base held, as the paper does, or riding on the rail.")
+        BaseName, typer.Option("--base", help="Fit with the base held, as the paper does, or moving with the rail.")
     ] = BaseName.RAIL,
     band: Annotated[str, typer.Option("--band", metavar="LO:HI", help="Band of the fit [Hz].")] = "150:300",
     machine: MachineOption = None,

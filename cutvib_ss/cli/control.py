@@ -43,14 +43,18 @@ _PositionOption = Annotated[
 ]
 _ActuatorOption = Annotated[
     str | None,
-    typer.Option("--actuator", metavar="PORT", help="Where the actuator sits: head_x, tool_x, base; each kind's own."),
+    typer.Option(
+        "--actuator",
+        metavar="PORT",
+        help="Where the actuator sits: head_x, tool_x, base; by default that of each kind.",
+    ),
 ]
 _RateOption = Annotated[
     float,
-    typer.Option("--rate", metavar="HZ", min=0.0, help="Sampling rate; 0: analogue. One period goes by to compute."),
+    typer.Option("--rate", metavar="HZ", min=0.0, help="Sampling rate; 0: analogue. The command is one period late."),
 ]
 _OrderOption = Annotated[
-    int | None, typer.Option("--order", min=1, help="Reduce controllers to so many states (balanced truncation).")
+    int | None, typer.Option("--order", min=1, help="Reduce controllers to this many states (balanced truncation).")
 ]
 
 

@@ -45,9 +45,9 @@ def plan_command(
     ] = 7e-4,
     error: Annotated[
         float,
-        typer.Option("--error", metavar="FRACTION", help="Relative error of a response that noise does not show."),
+        typer.Option("--error", metavar="FRACTION", help="Relative error of a response beyond its noise."),
     ] = 0.003,
-    laws: Annotated[bool, typer.Option(help="Ask about causes that depend on the level, too.")] = True,
+    laws: Annotated[bool, typer.Option(help="Include causes that depend on the force level.")] = True,
     machine: MachineOption = None,
     json: JsonOption = None,
 ) -> None:
@@ -81,10 +81,14 @@ def plan_command(
         _print(found, results())
 
 
+_KEYS = {"levels": "levels_n", "band": "band_hz", "block": "block_s", "noise": "noise_si_per_sqrt_hz"}
+"""Keys of the JSON that say a unit."""
+
+
 def _data(found: Plan) -> dict[str, Any]:
     return {
         "schema": "cutvib-plan/1",
-        "campaign": asdict(found.campaign),
+        "campaign": {_KEYS.get(name, name): value for name, value in asdict(found.campaign).items()},
         "threshold_log_evidence": found.threshold,
         "causes": [asdict(c) for c in found.causes],
         "pairs": [{"cause": a, "rival": b, "told_apart": factor} for a, b, factor in found.pairs],

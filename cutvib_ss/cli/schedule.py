@@ -46,7 +46,9 @@ def schedule_command(
     output: Annotated[
         list[str] | None,
         typer.Option(
-            "--output", metavar="NAME", help="Channel or port to map, the first beside the frequencies; tool_x."
+            "--output",
+            metavar="NAME",
+            help="Channel or port to map; the first is drawn beside the frequencies. Default: tool_x.",
         ),
     ] = None,
     out: PictureFileOption = Path("schedule.png"),

@@ -162,7 +162,8 @@ def simulate_command(
     else:
         train = partial(pulse_train, rate=rate, duty=duty, rise=rise, fall=fall, amplitude=amplitude)
         given = _pulses(train, rate, fs, duration, steady, jitter, seed)
-        given = replace(given, said=f"pulses of {amplitude:g} N at {rate:g} Hz")
+        unit = "N" if model.input_quantity == "force" else "m/s^2"
+        given = replace(given, said=f"pulses of {amplitude:g} {unit} at {rate:g} Hz")
     with working("running the force through the model"):
         found = _respond(model, place, given, output, quantity, steady, way)
     writers: dict[str | Path, Any] = {}
@@ -297,7 +298,7 @@ def _recorded(file: Path, model: Machine | Structure) -> _Force:
     factor = 1.0 if signal.unit is None else to_si(signal.unit, model.input_quantity, f"{file}: force")
     values = factor * np.asarray(signal.values, dtype=float)
     if not np.isfinite(values).all():
-        raise DataFormatError(f"{file}: force holds a value that is not finite; mend the record")
+        raise DataFormatError(f"{file}: force holds a value that is not finite; correct the record")
     return _Force(values, histories[0].fs, file.name)
 
 

@@ -115,7 +115,7 @@ def _warnings(fit: Fit, records: Records, observed: Observations, verdict: Verdi
     if fit.model.nonlinear and len(levels) < 2:
         out.append("one level was measured: at any other the corrected model extrapolates")
     if any(place == "measurement" for place in fit.hypothesis.place.split("+")):
-        out.append("the fault lies in the measurement: mending it changes what is read, not the vibration")
+        out.append("the fault lies in the measurement: fixing it changes the readings, not the vibration")
     return out
 
 

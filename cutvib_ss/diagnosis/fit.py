@@ -58,7 +58,7 @@ class Fit:
 
     @property
     def reduced(self) -> float:
-        """χ² a datum against the noise as stated, drift and discrepancy integrated out."""
+        """χ² per datum against the noise as stated, drift and discrepancy integrated out."""
         return self.chi2 * self.spread.sizes.noise / self.count
 
     @property

@@ -19,7 +19,7 @@ class HeldOut:
 
     @property
     def reduced(self) -> float:
-        """χ² a datum."""
+        """χ² per datum."""
         return reduced_chi2(self.records)
 
     @property

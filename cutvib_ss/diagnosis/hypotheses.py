@@ -81,5 +81,5 @@ def _check(model: Model, effect: Effect, measured: Measured) -> None:
                 response.derivative(path)
     except CutvibError as error:
         raise ParameterError(
-            f"effect {effect.effect!r} at {effect.place!r} cannot be searched for: {error}; mend it, or do not register it"
+            f"effect {effect.effect!r} at {effect.place!r} cannot be searched for: {error}; fix it, or do not register it"
         ) from error

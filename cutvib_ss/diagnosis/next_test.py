@@ -42,15 +42,18 @@ def next_test(
     precision = louder / loudest.variance[None]
     score = np.zeros(shown[0].shape[:3])
     told: list[tuple[FloatArray, str]] = []
+    one = len(set(names)) == 1
     for i, a in enumerate(shown):
         for j, b in enumerate(shown[:i]):
+            if names[i] == names[j] and not one:  # forms of one cause, while another is left
+                continue
             apart = 2 * np.sum(np.abs(a - b) ** 2 * precision, axis=-1)
             score += share[i] * share[j] * np.log1p(apart / 2)
-            told.append((apart, f"{names[j]} from {names[i]}"))
+            told.append((apart, f"two forms of {names[i]}" if one else f"{names[j]} from {names[i]}"))
     best = np.unravel_index(int(np.argmax(score)), score.shape)
     apart, pair = max(told, key=lambda t: t[0][best])
     return NextTest(
-        why=f"tells {' from '.join(names) if len(names) < 3 else pair}: expected χ² between them {apart[best]:.3g}",
+        why=f"tells {pair} (expected χ² between them {apart[best]:.3g})",
         position=float(positions[best[0]]) if models[0].has_position else None,
         peak_force=None if np.isnan(levels[best[1]]) else float(levels[best[1]]),
         channel=loudest.channels[best[2]],

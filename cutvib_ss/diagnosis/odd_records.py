@@ -30,7 +30,7 @@ ODD = (
 
 
 def odd_records(nominal: Model, records: Records, none: Ranked, causes: Sequence[Ranked]) -> dict[int, float]:
-    """Records to leave out, by their index in the campaign, and the χ² a datum that the others' model leaves of each."""
+    """Records to leave out, by their index in the campaign, and the χ² per datum that the others' model leaves of each."""
     most = int(SETTINGS.search_odd_share * len(records.entries))
     refined = [r for r in causes if r.refined]
     if most < 1 or none.reduced < SETTINGS.search_enough:
@@ -75,7 +75,7 @@ def _known_beside(e: Entry, others: Sequence[Entry]) -> bool:
 
 
 def _left(nominal: Model, records: Records, fitted: Fit) -> Callable[[Entry], float]:
-    """What gives the χ² a datum of a record's worst channel under a fit, drift and discrepancy of their sizes allowed."""
+    """What gives the χ² per datum of a record's worst channel under a fit, drift and discrepancy of their sizes allowed."""
     problem = Problem(nominal, records.groups(), fitted.hypothesis)
     blow_at = problem.blow_at(fitted.x)
 

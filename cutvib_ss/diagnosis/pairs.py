@@ -52,7 +52,7 @@ class _Family:
     sharp: Records
     linear: bool  # Which family it is
     motion: Mapping[str, float]  # Largest motion at each place, from which laws get their size
-    workers: Workers  # Who fits
+    workers: Workers  # Process pool
     # Pairs that were tried; those of one kind are not tried the other way round
     seen: set[tuple[str, ...]] = field(default_factory=set)
 

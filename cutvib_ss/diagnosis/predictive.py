@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class Left(NamedTuple):
     """What a fit leaves of one record under its posterior predictive."""
 
-    chi2: FloatArray  # χ² a datum, by channel
+    chi2: FloatArray  # χ² per datum, by channel
     drift: float  # Mean square of what drift alone leaves
     # Log predictive density of all channels together, against that of the noise as stated: a constant of the data is left out
     log_density: float

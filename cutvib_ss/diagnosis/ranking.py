@@ -33,7 +33,7 @@ class Ranked:
 
     @property
     def reduced(self) -> float:
-        """χ² a datum against the noise as stated."""
+        """χ² per datum against the noise as stated."""
         return self.fit.reduced
 
 

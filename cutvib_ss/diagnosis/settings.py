@@ -141,9 +141,9 @@ class Settings:
         "the usual level of a credible set")
     verdict_half: float = _of(0.5, "probability", "From which no cause, or an unknown one, is the verdict",
         "fewer such verdicts", "more probable than not")
-    verdict_noise: float = _of(1.1, "χ² a datum", "On held-out records, up to which a second cause counts as known",
+    verdict_noise: float = _of(1.1, "χ² per datum", "On held-out records, up to which a second cause counts as known",
         "second causes are believed that leave more", "as search_enough")
-    verdict_misfit: float = _of(2.0, "χ² a datum",
+    verdict_misfit: float = _of(2.0, "χ² per datum",
         "On held-out records, from which the re-tuned model is no answer, a cause not sure, and a law not enough",
         "more gaps are called none, fewer pairs", "noise estimated from a few blows is right to a factor below two")
     verdict_closed: float = _of(0.97, "excess", "That a cause alone has to close to be the answer where no second one is known",
@@ -175,9 +175,9 @@ class Settings:
     fit_fewer_lines: int = _of(300, "lines", "Of a record, on which a linear cause is fitted before all are taken", "longer", _TIME)
     fit_start_error: float = _of(0.1, "1", "Relative error added to those", "smoother objective", _JUDGEMENT)
     fit_start_gain: float = _of(1e-2, "1", "Relative gain at which those steps end", "rougher starts", _TIME)
-    fit_hopeless: float = _of(5.0, "χ² a datum", "From which a fit is not worth small steps", "longer", _TIME)
+    fit_hopeless: float = _of(5.0, "χ² per datum", "From which a fit is not worth small steps", "longer", _TIME)
     fit_hopeless_gain: float = _of(1e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
-    fit_run_away: float = _of(1e16, "χ² a datum", "From which a model has run away", "-", _NUMERICAL)
+    fit_run_away: float = _of(1e16, "χ² per datum", "From which a model has run away", "-", _NUMERICAL)
     fit_most_damping: float = _of(0.9, "1", "Damping ratio of the rail beyond which none is followed", "-", _NUMERICAL)
     fit_within: float = _of(8.0, "std", "How far a tuned value or calibration error is followed", "-",
         "its prior holds it long before")
@@ -253,7 +253,7 @@ class Settings:
         "less level dependence is seen", _STATISTICS)
     level_apart: float = _of(1.5, "1", "Ratio of levels from which a level-dependent response would show",
         "fewer campaigns compare levels", _JUDGEMENT)
-    level_excess: float = _of(1.15, "χ² a datum", "Between levels, from which a response is called level-dependent",
+    level_excess: float = _of(1.15, "χ² per datum", "Between levels, from which a response is called level-dependent",
         "less level dependence is reported", _STATISTICS)
 
     # Search
@@ -276,7 +276,7 @@ class Settings:
     search_law_steps: int = _of(6, "steps", "The same of a law", "longer", _TIME)
     search_most_steps: int = _of(40, "steps", "On all lines", "longer", _TIME)
     search_most_law_steps: int = _of(15, "steps", "The same of a law: the last of many gain little", "longer", _TIME)
-    search_first_order: float = _of(20.0, "χ² a datum",
+    search_first_order: float = _of(20.0, "χ² per datum",
         "Of the tuned model, from which all linear causes are fitted, since what one would take away to first order says little",
         "faster", _JUDGEMENT)
     search_moving: int = _of(3, "causes", "Of the best linear causes that are fitted to every record by itself", "longer", _TIME)
@@ -290,21 +290,21 @@ class Settings:
     search_laws_started: int = _of(3, "causes", "Of these, fitted on few lines", "longer", _TIME)
     search_unknown_refined: int = _of(3, "elements",
         "Sites of unknown elements, alone and beside a cause, that are given their own amplitude", "longer", _TIME)
-    search_hopeless: float = _of(3.0, "χ² a datum", "On few lines, from which a simulated cause is not fitted on all",
+    search_hopeless: float = _of(3.0, "χ² per datum", "On few lines, from which a simulated cause is not fitted on all",
         "longer", _TIME)
-    search_enough: float = _of(1.1, "χ² a datum", "Below which the re-tuned model needs no cause if the level shows nothing",
+    search_enough: float = _of(1.1, "χ² per datum", "Below which the re-tuned model needs no cause if the level shows nothing",
         "small gaps are not searched", "five standard deviations of χ² of 5000 data")
-    search_small: float = _of(2.0, "χ² a datum",
+    search_small: float = _of(2.0, "χ² per datum",
         "Below which restoring forces are looked for beside the tuned model, as measured, not from afar", "more from beside",
         "the residual is less than the noise itself")
     search_caught: float = _of(5.0, "log evidence",
         "Lead of a cause from which there is a gap, and the model without one is tuned again from there",
         "local minima of the re-tuned model stay; small gaps are not searched", "a factor of 150")
-    search_left: float = _of(1.05, "χ² a datum", "Below which nothing is tried beside the best cause", "fewer pairs", _TIME)
+    search_left: float = _of(1.05, "χ² per datum", "Below which nothing is tried beside the best cause", "fewer pairs", _TIME)
     search_left_of_gap: float = _of(2e-4, "gap", "Added to it", "fewer pairs", _TIME)
     search_leads: float = _of(0.1, "excess", "That a single cause has to take away before a second is tried on top",
         "fewer pairs", "else neither is known")
-    search_odd: float = _of(10.0, "χ² a datum", "Of one channel of a record under what leaves no more than noise of all others: "
+    search_odd: float = _of(10.0, "χ² per datum", "Of one channel of a record under what leaves no more than noise of all others: "
         "from there it is left out", "fewer records are left out", "a law that shows that much in one shows in its neighbours")
     search_odd_share: float = _of(0.125, "records", "That are left out, at most", "more records may be left out",
         "what shows in more of them may be the machine")
@@ -318,12 +318,12 @@ class Settings:
         _NUMERICAL)
     scan_evaluations: int = _of(12, "evaluations a parameter", "In which they are", "longer", _TIME)
     scan_shapes: int = _of(5, "shapes", "Of a law that are scanned in proportion to its strength", "longer", _TIME)
-    scan_in_proportion: float = _of(0.01, "χ² a datum", "Up to which the change by a law is in proportion to its strength",
+    scan_in_proportion: float = _of(0.01, "χ² per datum", "Up to which the change by a law is in proportion to its strength",
         "steps from afar", _NUMERICAL)
     scan_weaker: int = _of(4, "tries", "In which such a strength is found", "longer", _TIME)
     scan_extrapolated: float = _of(4.0, "weakest start", "Up to which a law in proportion to its parameter is scaled", "-",
         _NUMERICAL)
-    pairs_astray: float = _of(10.0, "χ² a datum", "On few lines, from which no pair with a law is looked for", "longer",
+    pairs_astray: float = _of(10.0, "χ² per datum", "On few lines, from which no pair with a law is looked for", "longer",
         _TIME)
     pairs_close: float = _of(15.0, "objective", "As search_close, of pairs", "longer", _TIME)
     pairs_first: int = _of(2, "causes", "Single causes to which a second one is added", "longer", _TIME)
@@ -404,7 +404,7 @@ class Settings:
         "coarser grids are judged", _JUDGEMENT)
     mains_share: float = _of(0.5, "excess", "That lies on the multiples for a closer look", "less is called interference",
         _JUDGEMENT)
-    mains_clean: float = _of(0.1, "χ² a datum", "Excess of a model re-tuned without those lines",
+    mains_clean: float = _of(0.1, "χ² per datum", "Excess of a model re-tuned without those lines",
         "more is called interference", _STATISTICS)
     mains_skirts: float = _of(0.06, "excess", "Part of what there was that may be left: skirts reach far",
         "more is called interference", _JUDGEMENT)

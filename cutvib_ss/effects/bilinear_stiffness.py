@@ -23,8 +23,8 @@ class BilinearStiffness(LawElement):
 
     effect: ClassVar[str] = "bilinear_stiffness"
     severity = Severity("zero", ("asymmetry",))
-    sentence = "{place} is stiffer one way than the other"
-    inspection = "look at {place} for a stop or a face that carries in one direction alone"
+    sentence = "{place} is stiffer in one direction than in the other"
+    inspection = "look at {place} for a stop or a face that carries load in one direction only"
     scale_free: ClassVar[bool] = True
 
     asymmetry: float = parameter("1", -0.95, 0.95, "linear", minimum=None)  # a, between -1 and 1

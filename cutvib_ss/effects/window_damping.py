@@ -17,7 +17,7 @@ class WindowDamping(ChainEffect):
 
     effect: ClassVar[str] = "window_damping"
     severity = Severity("zero", ("decay_rate",))
-    sentence = "the damping of an exponential window was never taken out"
+    sentence = "the damping of an exponential window was not corrected for"
     inspection = "look in the analyser's settings for an exponential window on force and response"
     example: ClassVar[Mapping[str, float]] = {"decay_rate": 5.0}
 

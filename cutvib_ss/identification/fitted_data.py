@@ -126,7 +126,9 @@ def fit_data(
     whole = frf.sel(output=outputs)
     values = whole.data[0, :, 0, inside].T
     if not np.isfinite(values).all():
-        raise IdentificationError(f"a response between {band[0]:g} and {band[1]:g} Hz is not finite; mend the record")
+        raise IdentificationError(
+            f"a response between {band[0]:g} and {band[1]:g} Hz is not finite; correct the record"
+        )
     cut = FrequencyResponse(
         values[None, :, None, :], frf.freq[inside], frf.positions[:1], tuple(outputs), frf.inputs[:1],
         whole.quantities, frf.input_unit, frf.decay_rate,

@@ -216,7 +216,20 @@ def _read_record(
         force_amplitude=amplitude,
     )
     checked, found = check_record(record, machine, str(paths[0]))
+    _check_blow(checked, str(paths[0]))
     return checked, (*warnings, *found)
+
+
+def _check_blow(record: Record, where: str) -> None:
+    """Refuse a stated instant of the blow that an estimate's block does not hold."""
+    if record.frf is None or record.excitation != "impact" or record.blow_at is None:
+        return
+    block = record.block or 1.0 / float(np.median(np.diff(record.frf.freq)))
+    if record.blow_at >= block:
+        raise DataFormatError(
+            f"{where}: blow_at = {record.blow_at:g} s lies beyond the block of {block:g} s (1/Δf, unless `block` says otherwise); "
+            "give the time from the block's start to the blow"
+        )
 
 
 def _merged(parts: Sequence[RawFrf], paths: Sequence[Path]) -> RawFrf:

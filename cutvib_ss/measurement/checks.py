@@ -32,7 +32,7 @@ _FEWEST_STEPS = 100  # of the digitiser, within the extreme: fewer, and equal sa
 
 def check_record(record: Record, machine: MachineLike, where: str) -> tuple[Record, tuple[str, ...]]:
     """
-    A record without what cannot be used, and a word on everything that was noticed.
+    A record without what cannot be used, and a warning for everything that was noticed.
 
     A double hit is kept: the force's spectrum is as it was measured, and H1 holds for any force. An overloaded blow is
     dropped where another is left, since its histories are not what happened; a channel that is overloaded in all of them is

@@ -104,7 +104,7 @@ def _history(raw: RawHistory, layout: Layout, where: str, missing: str) -> Histo
     if FORCE not in names:
         raise DataFormatError(
             f"{where}: no channel {FORCE!r} among {', '.join(names)}{missing}; record the force with the responses, or say under "
-            f"[channels] which it is: {mapping_line(FORCE, names)}"
+            f"[channels] which it is: {mapping_line(FORCE, names, others=[*layout.quantities])}"
         )
     if len(names) == 1:
         raise DataFormatError(f"{where}: no response channel{missing}; record at least one of {_responses(layout)}")

@@ -11,6 +11,7 @@ import numpy as np
 
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.dofs import ColumnT, by_node, check_one_each, driven, parse_dof
+from cutvib_ss.measurement.formats.names import FORCE_NAME
 from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawHistory, RawResponse, Signal
 from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.measurement.schema import ChannelTable
@@ -38,10 +39,18 @@ def assign(contents: Contents, layout: Layout, channels: Mapping[str, ChannelTab
     return Contents(histories, frf, tuple(dict.fromkeys(warnings)))
 
 
-def mapping_line(channel: str, there: Sequence[str]) -> str:
-    """The ``[channels]`` line that would map a channel, with the likeliest of the names that are there."""
-    likely = difflib.get_close_matches(channel, there, n=1, cutoff=0.0)
-    return f'{channel} = {{ name = "{likely[0] if likely else "…"}" }}'
+def mapping_line(channel: str, there: Sequence[str], wanted: str = "", others: Sequence[str] = ()) -> str:
+    """
+    The ``[channels]`` line that would map a channel, with the likeliest of the names that are there.
+
+    That is the one closest to the name ``wanted``, where one is given, or to the channel's; a force goes by other names, too.
+    Names of ``others``, the model's channels, are passed over.
+    """
+    free = [name for name in there if name not in others or name == channel]
+    named = [name for name in free if FORCE_NAME.search(name)] if channel == FORCE else []
+    by_fold = {name.casefold(): name for name in named or free}
+    likely = difflib.get_close_matches((wanted or channel).casefold(), by_fold, n=1, cutoff=0.0)
+    return f'{channel} = {{ name = "{by_fold[likely[0]] if likely else "…"}" }}'
 
 
 def listed(there: Sequence[str]) -> str:
@@ -190,9 +199,12 @@ def _chosen(
         else:
             index = _index(spec.name, there, columns, channel, group)
             if index is None:
+                line = mapping_line(
+                    channel, there, spec.name if isinstance(spec.name, str) else "", [*layout.quantities]
+                )
                 raise DataFormatError(
                     f"{where}: channel {channel!r} is {spec.name!r} under [channels], but the file has "
-                    f"{listed(there)}{left_out(warnings)}; correct that line, for instance: {mapping_line(channel, there)}"
+                    f"{listed(there)}{left_out(warnings)}; correct that line, for instance: {line}"
                 )
         if index is None:
             continue

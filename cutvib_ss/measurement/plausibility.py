@@ -22,11 +22,13 @@ _FACTORS = {
     1e-3: "1000 times too small",
 }
 _CAUSES = {
-    STANDARD_GRAVITY: "values in m/s^2 that are called g, or a force in kgf",
+    STANDARD_GRAVITY: "values in m/s^2 that are called g",
     1 / STANDARD_GRAVITY: "values in g that are called m/s^2",
     1000.0: "values in mm (or mV) that are called m (or V)",
-    1e-3: "values in m (or V) that are called mm (or mV), or a force in mN",
+    1e-3: "values in m (or V) that are called mm (or mV)",
 }
+_FORCES = {STANDARD_GRAVITY: "kgf", 1000.0: "kN", 1e-3: "mN"}
+"""Unit of a force that is called N, where every response is off by the factor."""
 _CLOSE = 0.25
 """Of the logarithm of a level over the nominal model's: what sensors and models are off by at most."""
 
@@ -41,7 +43,7 @@ _CLEAR = 6.0  # standard deviations that a drift must stand out
 
 
 def unit_hints(record: Record, machine: MachineLike, where: str, frf: MeasuredFrequencyResponse) -> list[str]:
-    """A word on every channel whose level over the nominal model's is off by a factor between units; nothing is changed."""
+    """A hint on every channel whose level over the nominal model's is off by a factor between units; nothing is changed."""
     found: dict[str, float] = {}
     far: dict[str, float] = {}
     for name, (level, spread) in levels_over_nominal(record, machine, frf).items():
@@ -55,9 +57,11 @@ def unit_hints(record: Record, machine: MachineLike, where: str, frf: MeasuredFr
     said = []
     if len(found) == len(record.channels) > 1 and len(set(found.values())) == 1:
         factor = next(iter(found.values()))
+        unit = _FORCES.get(factor) if record.input_quantity == "force" else None
+        force = f", or a force in {unit} that is called N" if unit else ""
         said.append(
-            f"{where}: every response looks {_FACTORS[factor]} against the nominal model, so perhaps it is the force: "
-            f"{_CAUSES[factor]}; check the units {end}"
+            f"{where}: every response looks {_FACTORS[factor]} against the nominal model: {_CAUSES[factor]}{force}; check the "
+            f"units {end}"
         )
     else:
         said += [
@@ -96,7 +100,7 @@ def levels_over_nominal(
 
 
 def same_data(records: Sequence[Record]) -> list[str]:
-    """A word on every pair of records (or blows of one record) that hold the same measurement."""
+    """A warning on every pair of records (or blows of one record) that hold the same measurement."""
     seen: dict[str, tuple[int, str]] = {}
     found: dict[tuple[int, int], list[str]] = {}
     for k, record in enumerate(records):
@@ -138,7 +142,7 @@ def _mark(values: np.ndarray) -> str:
 
 def without_drift(record: Record, where: str) -> tuple[Record, list[str]]:
     """
-    Blows without the straight drift of a sensor, and a word on each that was taken off.
+    Blows without the straight drift of a sensor, and a warning for each that was taken off.
 
     Force and acceleration return to where they were, once the structure is at rest or rings about it. A difference between the mean
     before the blow and that over the last tenth is the sensor's drift, where it exceeds what ringing and noise leave of such

@@ -177,7 +177,8 @@ def _say(error: Any) -> str:
     if isinstance(value, dict):  # a check of a whole table: its message names the key
         return f"{where}: {error['msg'].removeprefix('Value error, ')}"
     hint = "; y_b / L lies strictly inside (0, 1)" if error["loc"][-1] == "position" else ""
-    return f"{where} = {value!r}: {error['msg'][0].lower()}{error['msg'][1:]}{hint}"
+    said = error["msg"].removeprefix("Value error, ")
+    return f"{where} = {value!r}: {said[0].lower()}{said[1:]}{hint}"
 
 
 def toml_text(value: str | float | tuple[float, ...]) -> str:

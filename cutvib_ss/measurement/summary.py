@@ -141,7 +141,7 @@ class Summary:
         said = []
         if self.repeatability is not None:
             said.append(
-                f"Records of the same thing differ by {100 * self.repeatability:.2g} % beyond their noise "
+                f"Records of the same configuration differ by {100 * self.repeatability:.2g} % beyond their noise "
                 f"({len(self.repeated)} pairs)."
             )
         elif len(self.records) > 1:
@@ -177,13 +177,18 @@ class Summary:
             "schema": "cutvib-campaign-show/1",
             "title": self.title,
             "input_unit": self.input_unit,
-            "records": [asdict(r) | {"level": r.level} for r in self.records],
+            "records": [_with_units(asdict(r)) | {"level": r.level} for r in self.records],
             "repeatability": self.repeatability,
             "repeated": [asdict(p) for p in self.repeated],
             "levels": [asdict(p) for p in self.levels],
             "sentences": self.sentences(),
             "warnings": list(self.warnings),
         }
+
+
+def _with_units(record: dict[str, Any]) -> dict[str, Any]:
+    """A record's figures under keys that say their unit; peaks and levels are in ``input_unit``."""
+    return {{"line_spacing": "line_spacing_hz"}.get(name, name): value for name, value in record.items()}
 
 
 def summarise(campaign: Campaign) -> Summary:

@@ -12,14 +12,13 @@ import numpy as np
 
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.formats import is_readable, read_raw
-from cutvib_ss.measurement.formats.names import looks_like_unit
+from cutvib_ss.measurement.formats.names import FORCE_NAME, looks_like_unit
 from cutvib_ss.measurement.formats.raw import Contents, RawHistory, RawResponse, Signal, TextOptions
 from cutvib_ss.measurement.records import FORCE, Kind
 from cutvib_ss.results import FloatArray
 from cutvib_ss.units import SI_UNIT, to_si
 
 _MOST_FILES = 500
-_FORCE_NAME = re.compile(r"hammer|force|kraft|impact|impuls|load ?cell|\bforza\b|^f(_?[xyz0-9]*)$", re.IGNORECASE)
 _PLACES = {
     "tool": re.compile(r"tool|tcp|tip|spindle|werkzeug|messer|knife|cutter|driving", re.IGNORECASE),
     "base": re.compile(r"base|carriage|rail|schlitten|slide|guide|gantry|portal|beam", re.IGNORECASE),
@@ -104,7 +103,7 @@ def guess_force(columns: Sequence[FoundColumn]) -> str | None:
     if len(by_kind) == 1:
         return by_kind[0].name
     among = by_kind or [c for c in columns if c.quantity is None]
-    named = [c for c in among if _FORCE_NAME.search(c.name)]
+    named = [c for c in among if FORCE_NAME.search(c.name)]
     if len(named) == 1:
         return named[0].name
     exact = [c for c in columns if c.name.casefold() == FORCE]

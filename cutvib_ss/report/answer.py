@@ -60,14 +60,14 @@ def _left_over(d: Diagnosis) -> str:
     """Whether the answer leaves more than noise and repeatability: by χ², and by the size of the error itself."""
     best, known = d.causes[0], known_floor(d)
     what = "The tuned model" if d.verdict == "no_gap" else "It"
-    chi2 = f"χ² a datum {figure(best.reduced_chi2)} on records kept out of the fit"
+    chi2 = f"χ² per datum {figure(best.reduced_chi2)} on records kept out of the fit"
     if best.reduced_chi2 >= 1.2:
         return f"{what} leaves more than noise and repeatability ({chi2})."
     if d.gap.after > 1.5 * known and math.isfinite(known):
         # χ² counts the discrepancy that the fit itself asks for: a law of the wrong form can reach 1 with it.
         return (
-            f"{what} leaves {figure(d.gap.after / known)} times what noise and repeatability explain; only the discrepancy that "
-            f"is granted to the model covers it ({chi2})."
+            f"{what} leaves {figure(d.gap.after / known)} times what noise and repeatability explain; only the model "
+            f"discrepancy that is allowed for covers it ({chi2})."
         )
     return f"{what} leaves no more than noise and repeatability ({chi2})."
 
@@ -109,9 +109,9 @@ def to_do(d: Diagnosis) -> list[str]:
     if d.verdict == "no_gap":
         low, high = d.gap.band_hz
         steps.append(
-            f"Nothing is to be inspected: the model holds from {figure(low)} to {figure(high)} Hz as far as was measured."
+            f"No inspection is needed: the model holds from {figure(low)} to {figure(high)} Hz as far as was measured."
         )
-        steps += [f"Of what was left out it says nothing: {w}." for w in d.warnings if SPOILT in w]
+        steps += [f"This does not cover what was left out: {w}." for w in d.warnings if SPOILT in w]
         if d.gap.before > 1.2 * d.gap.tuned:
             steps.append(
                 f"Work with the tuned values ({SAVE}): the model as given errs by {figure(d.gap.before)} {d.gap.unit}, tuned by "
@@ -129,7 +129,7 @@ def to_do(d: Diagnosis) -> list[str]:
             steps.append("Look at the measuring chain: sensors and how they are mounted, cables, ranges, filters.")
         else:
             steps.append(
-                f"Look at {place_name(place)} for what the model lacks; the dynamic stiffness below says what it has to do."
+                f"Look at {place_name(place)} for what the model lacks; the dynamic stiffness below shows how it must behave."
             )
     if d.next_test is not None:
         steps.append(f"Next test: {next_test_sentence(d.next_test)}")
@@ -162,18 +162,22 @@ def size_rows(d: Diagnosis) -> list[Row]:
             (
                 "repeatability",
                 f"{100 * d.repeatability:.2g} %, about {figure(repeatability_in_gap(d))} {unit}",
-                "by how much records of the same thing differ beyond noise",
+                "difference beyond noise between records of the same configuration",
             )
         )
     else:
         rows.append(
-            ("repeatability", "not measured", "no two records are of the same thing; measure one position twice")
+            (
+                "repeatability",
+                "not measured",
+                "no two records are of the same configuration; measure one position twice",
+            )
         )
     for key, name, words in (
-        ("drift", "drift", "by how much stiffnesses and gains move between sessions (standard deviation)"),
+        ("drift", "drift", "change of stiffnesses and gains between sessions (standard deviation)"),
         ("within", "drift within sessions", "the same from record to record of a session"),
-        ("nominal", "discrepancy, nominal", "how far the nominal elements err in dynamic stiffness once tuned"),
-        ("cause", "discrepancy, cause", "how far the named law errs in dynamic stiffness"),
+        ("nominal", "discrepancy, nominal", "error of the tuned nominal elements in dynamic stiffness"),
+        ("cause", "discrepancy, cause", "error of the named cause's model in dynamic stiffness"),
     ):
         if math.isfinite(value := d.sizes.get(key, math.nan)):
             least = " or less" if value <= 3e-5 else ""

@@ -39,7 +39,7 @@ def sentences(d: Diagnosis) -> list[str]:
     if f.nu_gap is not None:
         said.append(nu_gap_sentence(f.nu_gap))
     if f.consequences is not None:
-        said += [consequences_sentence(f.consequences), *(f"Mind: {w}." for w in f.consequences.warnings)]
+        said += [consequences_sentence(f.consequences), *(f"Note: {w}." for w in f.consequences.warnings)]
     return [s for s in said if s]
 
 
@@ -59,7 +59,7 @@ def stiffness_sentences(functions: Sequence[DynamicStiffness]) -> list[str]:
             said = f"shows {z.with_level}"
         else:
             said = "follows none of the simple laws"
-        out.append(f"The {z.quantity} asked for at {what} {said}.")
+        out.append(f"The {z.quantity} identified at {what} {said}.")
     return out
 
 
@@ -68,9 +68,9 @@ def nu_gap_sentence(gap: NuGap) -> str:
     first = gap.channels[0]
     largest = max(first.before, first.models)
     if largest < FORGIVES:
-        said = "hardly any controller would notice"
+        said = "hardly any controller would be affected"
     elif largest < NOTICES:
-        said = "a controller of little robustness would notice"
+        said = "a controller with small margins would be affected"
     else:
         said = "a controller designed on the nominal model is not sure of its margins"
     condition = {
@@ -203,7 +203,7 @@ def second_best_sentence(d: Diagnosis) -> str:
 
 
 def changes_vibration(consequences: Consequences) -> bool:
-    """Whether mending a cause changes the vibration: not without a cause, nor where it lies in the measurement."""
+    """Whether fixing a cause changes the vibration: not without a cause, nor where it lies in the measurement."""
     return any(o.fixed != o.now for o in consequences.vibration)
 
 
@@ -268,5 +268,5 @@ def consequences_sentence(consequences: Consequences) -> str:
         if unstable:
             said += f" A controller designed on the nominal model is unstable at {unstable} of {len(consequences.loops)} positions."
         else:
-            said += f" A controller designed on the nominal model takes off {worst:.1f} dB at worst, of {meant:.1f} dB meant."
+            said += f" A controller designed on the nominal model attenuates {worst:.1f} dB at worst, {meant:.1f} dB intended."
     return said

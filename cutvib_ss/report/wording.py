@@ -158,7 +158,7 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         repeats = repeatability_in_gap(diagnosis)
         if math.isfinite(repeats) and repeats > 0.2 * gap.after:
             return (
-                f"{said}; about {figure(min(repeats, gap.after))} of that is how badly the rig repeats, and noise alone "
+                f"{said}; about {figure(min(repeats, gap.after))} of that is the rig's repeatability, and noise alone "
                 f"leaves {figure(gap.noise_floor)}."
             )
         return f"{said}; noise alone leaves {figure(gap.noise_floor)}."

@@ -18,7 +18,10 @@ def as_positions(model: Model, positions: object) -> FloatArray:
         return np.array([np.nan])
     if positions is None:
         raise ParameterError("the response of a cutting machine needs a position y_b / L, strictly inside (0, 1)")
-    return np.array([check_position(y) for y in np.asarray(positions, dtype=object).ravel()])
+    given = np.asarray(positions, dtype=object).ravel()
+    if given.size == 0:
+        raise ParameterError("the list of positions is empty: a response is at one at least, y_b / L")
+    return np.array([check_position(y) for y in given])
 
 
 def as_laplace(freq: object, decay_rate: float) -> tuple[FloatArray, ComplexArray]:

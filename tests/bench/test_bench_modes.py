@@ -13,7 +13,7 @@ POSITIONS = np.linspace(0.05, 0.95, 1000)
 
 
 @pytest.mark.benchmark(group="modes over the rail")
-@pytest.mark.parametrize(("n_modes", "most"), [(4, 1.0), (20, 0.6), (40, 0.5)])
+@pytest.mark.parametrize(("n_modes", "most"), [(4, 1.0), (10, 0.7), (20, 0.6), (40, 0.5)])
 def test_a_thousand_positions_take_no_longer_than_eig_of_the_plants(benchmark: Any, n_modes: int, most: float) -> None:
     machine = published_machine().replace(n_modes=n_modes)
     states = [np.asarray(machine.plant(position).A) for position in POSITIONS[::20]]

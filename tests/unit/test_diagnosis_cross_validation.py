@@ -95,7 +95,7 @@ def test_a_hypothesis_that_runs_away_predicts_nothing(monkeypatch, failing):
 
 
 def left(shown, x, root, entry):
-    """χ² a datum of each channel by the dense covariance of noise and prediction, moved along each column of a root."""
+    """χ² per datum of each channel by the dense covariance of noise and prediction, moved along each column of a root."""
     weight = np.sqrt(2 / entry.variance)
     moved = np.array([(shown(x + r) - shown(x - r)) / 2 * weight for r in root.T])
     residual = (entry.data - shown(x)) * weight

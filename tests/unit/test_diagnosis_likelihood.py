@@ -209,7 +209,7 @@ class Dense:
         self.wrong = [part * sizes.nominal * by["k"] * shape for shape in factor.T for part in (1.0, 1j)]
 
     def left(self, known: Entry, other: Entry, same_session: bool) -> np.ndarray:
-        """χ² a datum of each channel of one record, given the other."""
+        """χ² per datum of each channel of one record, given the other."""
 
         def flat(rows: list[np.ndarray]) -> np.ndarray:
             return np.array([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in rows])

@@ -55,3 +55,13 @@ def test_odds_decide_which_pair_is_worth_telling():
     entries = [(given := record(50.0)).showing(given.data, np.full((2, FREQ.size), 1e-4))]
     likely = next_test([heavy, light, rail], ["a", "b", "c"], entries, [0.49, 0.49, 0.02])
     assert likely.channel == "tool_x"
+
+
+def test_forms_of_one_cause_are_told_apart_only_where_nothing_else_is_left():
+    near, far = (AddedMass("tool", mass).apply(MACHINE) for mass in (0.4, 0.1))
+    rail = RailAddedMass("rail", 0.3, 2.0, 1.0).apply(MACHINE)
+    entries = [record(50.0)]
+    test = next_test([near, far, rail], ["a", "a", "b"], entries, [0.49, 0.49, 0.02])
+    assert test.channel == next_test([near, rail], ["a", "b"], entries).channel
+    assert test.why.startswith("tells a from b (expected")
+    assert next_test([near, far], ["a", "a"], entries).why.startswith("tells two forms of a (expected")

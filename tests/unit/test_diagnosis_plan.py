@@ -10,6 +10,7 @@ from cutvib_ss.cli import main
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypotheses import candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.information import Space
 from cutvib_ss.diagnosis.plan import PlannedCampaign, plan
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.severity import runs
@@ -131,5 +132,21 @@ def test_command_gives_table_and_json(tmp_path, capsys):
     data = json.loads(file.read_text())
     assert data["schema"] == "cutvib-plan/1"
     assert data["campaign"]["positions"] == [0.3]
+    units = {"levels_n": [50.0], "band_hz": [15.0, 450.0], "block_s": 2.0, "noise_si_per_sqrt_hz": 7e-4}
+    assert units.items() <= data["campaign"].items()
     assert {"seen", "named", "rival", "told_apart"} <= set(data["causes"][0])
     assert main(["plan", "--position", "1.3"]) == 2
+
+
+def test_a_change_that_tuning_all_but_makes_is_bounded_within_rounding():
+    # found on a free body: half the gain at the upper end fell short of the threshold by rounding, and no sign changed
+    space = object.__new__(Space)
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        space.matrix = np.eye(3) + np.outer(loud := 1e4 * rng.standard_normal(3), loud)
+        with_nuisance = 1e3 * loud
+        plain = float(with_nuisance @ np.linalg.solve(space.matrix, with_nuisance)) * (1 + 1e-12)
+        gain = plain - float(with_nuisance @ np.linalg.inv(space.matrix) @ with_nuisance)
+        if gain > 0.0:
+            high = float(np.sqrt(20.0 / gain))
+            assert 0.0 < space._bounded(with_nuisance, plain, 10.0, 0.9 * high, high) <= high

@@ -78,6 +78,22 @@ def test_a_uff_of_one_position_is_a_record_of_a_campaign(tmp_path: Path) -> None
     assert np.abs(got.data - sent.data).max() < 1e-9 * np.abs(sent.data).max()
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".mat"])
+def test_a_csv_or_mat_of_one_position_is_a_record_and_of_several_is_refused(tmp_path: Path, suffix: str) -> None:
+    (tmp_path / "campaign.toml").write_text(f'[[record]]\nfile = "r{suffix}"\nkind = "frf"\nposition = 0.5\n')
+    one = frequency_response(published_machine(), 0.5, np.linspace(20.0, 200.0, 31), form="accelerance")
+    write_frf(one, tmp_path / f"r{suffix}")
+    found = read_campaign(tmp_path).records[0].frf
+    assert found is not None
+    assert found.outputs == one.outputs
+    assert np.abs(found.data - one.data).max() < 1e-12 * np.abs(one.data).max()
+    write_frf(
+        frequency_response(published_machine(), [0.2, 0.5], one.freq, form="accelerance"), tmp_path / f"r{suffix}"
+    )
+    with pytest.raises(DataFormatError, match="several positions"):
+        read_campaign(tmp_path)
+
+
 def test_a_uff_of_several_positions_keeps_them_apart_by_node_and_name(frf: FrequencyResponse, tmp_path: Path) -> None:
     write_frf(frf, tmp_path / "frf.uff")
     sets = pyuff.UFF(str(tmp_path / "frf.uff")).read_sets()

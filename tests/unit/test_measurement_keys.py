@@ -85,7 +85,7 @@ def test_lines_from_the_top_down_are_sorted(tmp_path):
         (SINE.replace("sine", "random") + 'sweep = "up"\n', ["record[1]", "sweep", "sine"]),
         (SINE + 'input = "elbow"\n', ["record[1].input", "elbow", "head_x"]),
         (SINE + 'input = "rail@1.5"\n', ["record[1].input", "strictly inside (0, 1)"]),
-        (SINE + "band_hz = [50, 20]\n", ["record[1].band_hz", "lower"]),
+        (SINE + "band_hz = [50, 20]\n", ["record[1].band_hz = [50, 20]: give the lower end first"]),
         (SINE + '[channels]\ntip = "Acc 1"\n', ["[channels]", "'tip'", "tool_x"]),
         (SINE + '[channels]\ntool_x = { name = "Acc 1" }\n', ["Acc 1", "1: 'tool_x'", "tool_x = { name ="]),
         (SINE + "[channels]\ntool_x = { index = 2 }\n", ["channels.tool_x.index", "unknown key"]),
@@ -98,6 +98,39 @@ def test_lines_from_the_top_down_are_sorted(tmp_path):
 def test_impossible_values(tmp_path, toml, words):
     _frf_csv(tmp_path / "r.csv")
     _refused(_folder(tmp_path, toml), *words)
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ("block = 0.5\nblow_at = 0.6\n", "block of 0.5 s"),
+        ("blow_at = 1.5\n", "block of 1.475 s"),
+        ("blow_at = 0.6\n", ""),
+    ],
+)
+def test_a_blow_lies_in_its_block(tmp_path, stated, said):
+    _frf_csv(tmp_path / "r.csv")
+    folder = _folder(tmp_path, SINE.replace("sine", "impact") + stated)
+    if said:
+        _refused(folder, "blow_at", said)
+    else:
+        assert read_campaign(folder).records[0].blow_at == 0.6
+
+
+@pytest.mark.parametrize(
+    ("columns", "mapped", "line"),
+    [
+        ("Acc 1 [m/s^2],Hammer [N],Acc 2 [m/s^2]", "", 'force = { name = "Hammer" }'),
+        ("Hammer [N],tool_x [m/s^2],tool_z [m/s^2]", 'force = "Hamer"', 'force = { name = "Hammer" }'),
+        ("force [N],Sensor 7 [m/s^2],tool_z [m/s^2]", 'tool_x = "sensor7b"', 'tool_x = { name = "Sensor 7" }'),
+        ("tool_x [m/s^2],tool_z [m/s^2]", "", 'force = { name = "…" }'),
+    ],
+)
+def test_the_line_that_would_map_a_channel(tmp_path, columns, mapped, line):
+    rows = "\n".join(f"{k / 1000}" + f",{k % 7}" * (1 + columns.count(",")) for k in range(50))
+    (tmp_path / "r.csv").write_text(f"time [s],{columns}\n{rows}\n")
+    toml = '[[record]]\nfile = "r.csv"\nkind = "impact"\nposition = 0.4\n[channels]\n' + mapped
+    _refused(_folder(tmp_path, toml), line)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def _read(tmp_path, toml):
     [
         ("g", (1, 1, 1, 1), ["every response looks 9.81 times too large"]),
         ("m/s^2", (1, 1 / lab.G, 1 / lab.G, 1 / lab.G), ["every response looks 9.81 times too small"]),
-        ("m/s^2", (1e-3, 1, 1, 1), ["every response looks 1000 times too large"]),
+        ("m/s^2", (1e-3, 1, 1, 1), ["every response looks 1000 times too large", "a force in kN that is called N"]),
         ("m/s^2", (1, 1e-3, 1, 1), ["tool_x looks 1000 times too small", "[channels]"]),
         ("m/s^2", (1, 1, 9.81, 1), ["tool_z looks 9.81 times too large"]),
         ("m/s^2", (1, 51.3, 1, 1), ["tool_x 51.3 times", "sensitivity"]),

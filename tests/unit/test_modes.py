@@ -200,6 +200,8 @@ def test_wrong_positions_are_refused() -> None:
         modes(MACHINE, [])
     with pytest.raises(ParameterError, match="list of positions is empty"):
         track_modes(MACHINE, [])
+    with pytest.raises(ParameterError, match="list of positions is empty"):
+        frequency_response(MACHINE, [], [10.0])
     with pytest.raises(ParameterError, match=r"position = 1.2 must lie strictly between 0 and 1"):
         modes(MACHINE, [0.3, 1.2])
     with pytest.raises(ParameterError, match="has no position"):

@@ -31,7 +31,7 @@ def test_repeatability_is_told_in_the_gap_s_unit_where_it_matters() -> None:
     # |z| of a complex Gaussian of unit power is √π/2 in the mean.
     drawn = np.random.default_rng(1).standard_normal((2, 200_000)) / np.sqrt(2)
     assert repeatability_in_gap(d) == pytest.approx(0.02 * mean * np.mean(np.hypot(*drawn)), rel=0.01)
-    assert "of that is how badly the rig repeats" in verdict_sentence(d)
+    assert "of that is the rig's repeatability" in verdict_sentence(d)
     assert "repeats" not in verdict_sentence(replace(EXAMPLE, repeatability=1e-5))
 
 
@@ -116,12 +116,12 @@ def test_what_to_do_names_the_inspection_and_a_test() -> None:
     first, last = answer.to_do(EXAMPLE)
     assert first.startswith("Inspect: ")
     assert last.endswith("measure again with the head at y/L = 0.06 and look at tool_z: there the error was largest.")
-    assert answer.to_do(example_diagnosis("no_gap", lines=20, records=1))[0].startswith("Nothing is to be inspected")
+    assert answer.to_do(example_diagnosis("no_gap", lines=20, records=1))[0].startswith("No inspection is needed")
     spoilt = replace(
         example_diagnosis("no_gap", lines=20, records=1), warnings=(f"r1: 74% of tool_x {SPOILT}", "another")
     )
-    assert [w for w in answer.to_do(spoilt) if "says nothing" in w] == [
-        f"Of what was left out it says nothing: r1: 74% of tool_x {SPOILT}."
+    assert [w for w in answer.to_do(spoilt) if "left out" in w] == [
+        f"This does not cover what was left out: r1: 74% of tool_x {SPOILT}."
     ]
     ambiguous = answer.to_do(example_diagnosis("ambiguous", lines=20, records=1))
     assert sum(s.startswith("Inspect: ") for s in ambiguous) == 2

@@ -79,7 +79,7 @@ def page():
         "What it means",
         "0.21 (0.2 to 0.22)",
         "-28.6 % (-33.0 to -22.0 %)",
-        "takes off 4.5 dB at worst, of 12.0 dB meant",
+        "attenuates 4.5 dB at worst, 12.0 dB intended",
         "one level was measured",
         "times the best",
     ],
@@ -95,7 +95,7 @@ def test_rows_average_over_records_and_leave_the_joint_channel_out():
     assert [r[0] for r in details.metric_rows(FINDINGS.metrics, "position")] == ["0.1", "0.5"]
 
 
-@pytest.mark.parametrize(("distance", "said"), [(0.05, "hardly any"), (0.2, "little robustness"), (0.6, "not sure")])
+@pytest.mark.parametrize(("distance", "said"), [(0.05, "hardly any"), (0.2, "small margins"), (0.6, "not sure")])
 def test_sentence_follows_the_distance(distance, said):
     row = replace(FINDINGS.nu_gap.channels[0], before=distance, models=0.0)
     assert said in details.nu_gap_sentence(replace(FINDINGS.nu_gap, channels=(row,)))

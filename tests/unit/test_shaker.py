@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import cutvib_ss as cv
+from cutvib_ss.cli import main
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.response.modal_form import base_motion, modal_form
 from cutvib_ss.response.stepping import step
@@ -121,3 +122,13 @@ def test_it_reads_back_with_its_choices(shaken: cv.Structure, tmp_path: Path) ->
     assert again.input_quantity == "acceleration"
     one, other = (cv.frequency_response(m, None, FREQ).data for m in (shaken, again))
     assert np.array_equal(one, other)
+
+
+def test_pulses_of_a_shaken_base_are_accelerations(
+    shaken: cv.Structure, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cv.write_machine(shaken, tmp_path / "machine.toml")
+    assert (
+        main(["simulate", "--machine", str(tmp_path / "machine.toml"), "--duration", "0.05", "--amplitude", "3"]) == 0
+    )
+    assert "pulses of 3 m/s^2 at 217 Hz" in capsys.readouterr().out

@@ -19,6 +19,7 @@ from cutvib_ss.measurement.formats.names import (
     split_heading,
 )
 from cutvib_ss.measurement.formats.raw import (
+    SEVERAL_POSITIONS,
     Contents,
     Layout,
     RawFrf,
@@ -201,6 +202,10 @@ def _frf(path: Path, columns: list[_Column]) -> RawFrf:
     for column in rest:
         if column.name.casefold().replace("_", " ") == "force amplitude":
             amplitude = Signal("force amplitude", column.unit, column.values)
+            continue
+        if column.name.casefold() == "position" and column.unit is None:  # as responses of a model are exported
+            if not np.all(column.values == column.values[0]) and not np.all(np.isnan(column.values)):
+                raise DataFormatError(f"{path}: {SEVERAL_POSITIONS}")
             continue
         kind, match = next(((k, m) for k, p in _PARTS.items() if (m := p.match(column.name))), (None, None))
         if kind is None or match is None:

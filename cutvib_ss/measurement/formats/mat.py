@@ -29,6 +29,7 @@ from cutvib_ss.measurement.formats.mat_styles import (
     first_of,
 )
 from cutvib_ss.measurement.formats.raw import (
+    SEVERAL_POSITIONS,
     Contents,
     Layout,
     RawFrf,
@@ -199,6 +200,15 @@ def _plain(path: Path, left: dict[str, Any], found: int) -> dict[str, Any]:
     return numbers
 
 
+def _check_exported(path: Path, left: dict[str, Any]) -> None:
+    """Take out what an exported response of a model holds beside its channels; refuse one of several positions."""
+    if {"ResponseData", "position"} <= left.keys():
+        if np.size(left["position"]) > 1:
+            raise DataFormatError(f"{path}: {SEVERAL_POSITIONS}")
+        for name in ("ResponseData", "Frequency", "position"):
+            left.pop(name, None)
+
+
 def _frf(path: Path, columns: list[Column], left: dict[str, Any], units: dict[str, str]) -> RawFrf:
     found = first_of(left, FREQ_NAMES)
     if found is None and not any(column.freq is not None for column in columns):
@@ -208,6 +218,7 @@ def _frf(path: Path, columns: list[Column], left: dict[str, Any], units: dict[st
         freq = _numbers(path, found[0], found[1]).astype(np.float64).ravel()
     else:
         freq = next(np.asarray(c.freq, dtype=np.float64) for c in columns if c.freq is not None)
+    _check_exported(path, left)
     amplitude = left.pop(_AMPLITUDE, None)
     held = next((c for c in columns if c.name == _AMPLITUDE), None)
     stated = None

@@ -34,6 +34,8 @@ BLOW_NAMES = ("blow", "hit", "impact", "schlag", "blow number", "hit number")
 _SCALES = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
 _SCALES |= {"min": 60.0, "hz": 1.0, "khz": 1e3, "1/s": 1.0}
 
+FORCE_NAME = re.compile(r"hammer|force|kraft|impact|impuls|load ?cell|\bforza\b|^f(_?[xyz0-9]*)$", re.IGNORECASE)
+"""Names that a column of forces goes by."""
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]$")
 _PARENTHESES = re.compile(r"^(?P<name>.*?)\s*\((?P<unit>[^()]*(?:\([^()]*\))?[^()]*)\)$")
 _SLASH = re.compile(r"^(?P<name>.*?\S)\s+(?:/|in)\s+(?P<unit>\S+)$")

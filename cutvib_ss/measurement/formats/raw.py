@@ -13,6 +13,8 @@ import numpy as np
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.results import ComplexArray, FloatArray
 
+SEVERAL_POSITIONS = "holds responses at several positions; a record is of one position: write each to a file of its own"
+
 
 @dataclass(frozen=True)
 class Signal:
