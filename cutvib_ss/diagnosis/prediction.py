@@ -253,6 +253,7 @@ def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:
     for mass, damping, stiffness in zip(stack.mass, stack.damping, stack.stiffness, strict=True):
         squares, shapes = linalg.eigh(stiffness, mass, check_finite=False)
         decay = np.sum(shapes * (damping @ shapes), axis=0) / 2
-        alive = (squares > decay**2) & (decay > 0)
+        # What rounding leaves of a rigid motion is no mode: it has a circle of its own (`_moves_as_one`).
+        alive = (squares > decay**2) & (decay > 0) & (squares > _RIGID * squares[-1])
         found.append(-decay[alive] + 1j * np.sqrt(squares[alive] - decay[alive] ** 2))
     return found

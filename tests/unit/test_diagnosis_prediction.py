@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from cutvib_ss.diagnosis.prediction import Prediction
+from cutvib_ss.diagnosis.prediction import Prediction, light_poles
 from cutvib_ss.diagnosis.records import Group, merged
 from cutvib_ss.diagnosis.simulation import simulated as stepped_in_time
 from cutvib_ss.effects.local_resonator import LocalResonator
@@ -180,3 +180,15 @@ def test_what_nothing_holds_goes_on_moving_after_the_blow(quantity, order):
         exact = exact + pole**order * (1 - np.exp((pole - s) * time_left)) / (s - pole) / (4j * pole.imag)
     found = Prediction(free, g).data[0, 0]
     assert np.abs(found - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+def test_what_rounding_leaves_of_a_rigid_motion_is_no_pole():
+    """Stiffnesses with digits cut off: the rigid motion gets a square of 1e-13 of the largest, and a decay of rounding."""
+    k = (2 * np.pi * 20.0) ** 2 / 2.0
+    link = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    off = 1e-13 * np.diag([1.0, 0.0])
+    system = SecondOrder(np.eye(2), 1.0 * (link + off), k * (link + off), ("q1", "q2"), {"p1": np.array([1.0, 0.0])})
+    free = Structure(system, {"y": Channel("p1", "acceleration")}, "p1")
+    (poles,) = light_poles(free, np.array([np.nan]))
+    assert poles.size == 1
+    assert abs(poles[0]) == pytest.approx(2 * np.pi * 20.0, rel=1e-6)
