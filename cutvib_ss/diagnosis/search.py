@@ -131,7 +131,8 @@ def search(
     by_law = not _best(ranked, none).fit.hypothesis.linear
     # A restoring force that leaves nothing at any level needs no element that is the same at all.
     # What drift takes up of each record by itself may fail at records that were held out.
-    gap = _gap(ranked, none) or against_stated(none) > SETTINGS.verdict_misfit
+    # A residual that is not white is no noise, however small it is.
+    gap = _gap(ranked, none) or against_stated(none) > SETTINGS.verdict_misfit or none.fit.correlation > 1.0
     if gap and (left or not by_law):
         workers.say("fitting elements of unknown form")
         # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
