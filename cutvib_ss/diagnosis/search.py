@@ -131,14 +131,14 @@ def search(
     by_law = not _best(ranked, none).fit.hypothesis.linear
     # A restoring force that leaves nothing at any level needs no element that is the same at all.
     # What drift takes up of each record by itself may fail at records that were held out.
+    stands_out = _gap(ranked, none) or against_stated(none) > SETTINGS.verdict_misfit
     # A residual that is not white is no noise, however small it is.
-    gap = _gap(ranked, none) or against_stated(none) > SETTINGS.verdict_misfit or none.fit.correlation > 1.0
-    if gap and (left or not by_law):
+    if (stands_out or none.fit.correlation > 1.0) and (left or not by_law):
         workers.say("fitting elements of unknown form")
         # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
-        best = _best(ranked, none)
         few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
-        ranked += unknown_elements(nominal, records, few, observed, ranked, None if left else best, workers)
+        rival = None if left else _best(ranked, none)
+        ranked += unknown_elements(nominal, records, few, observed, ranked, rival, workers, beside=left and stands_out)
         if dependent and left:
             ranked += unknown_by_level(nominal, records, few, observed, none, workers)
     return (none, *_once(ranked))

@@ -35,10 +35,12 @@ def unknown_elements(
     ranked: Sequence[Ranked],
     rival: Ranked | None,
     workers: Workers,
+    beside: bool,
 ) -> list[Ranked]:
     """
-    An unknown element at each site, alone and, without a rival that leaves noise, beside the best linear cause; at the best site
-    beside the best cause there.
+    An unknown element at each site, alone and if asked beside the best linear cause; at the best site beside the best one there.
+
+    With a rival that leaves noise only those that come close to it are fitted on all lines.
     """
     candidates = unknown_candidates(nominal, observed.band, observed.channels)
     alone = [Hypothesis((e,)) for c in candidates for e in c.starts]
@@ -48,17 +50,17 @@ def unknown_elements(
         return found
     by_evidence = sorted(linear, key=lambda r: -r.fit.log_evidence)
     site = _unknown_of(max(found, key=lambda r: r.fit.log_evidence).fit)
-    if rival is None:
+    if beside:
         first = by_evidence[0].fit
-        beside = [_beside(first, h) for h in alone]
-        found += best_unknown(nominal, records, few, beside, first.x[: first.first_effect], workers)
+        both = [_beside(first, h) for h in alone]
+        found += best_unknown(nominal, records, few, both, first.x[: first.first_effect], workers)
     # A known cause of another form than the catalogue's is that cause and something unknown at its own place.
     there = next((r.fit for r in by_evidence if r.fit.hypothesis.place == site.place), None)
     if there is None:
         return found
-    beside = [_beside(there, h) for h in alone if _site(h) == site.site]
-    if not any(r.fit.hypothesis.causes == beside[0].causes for r in found):
-        found += best_unknown(nominal, records, few, beside, there.x[: there.first_effect], workers)
+    both = [_beside(there, h) for h in alone if _site(h) == site.site]
+    if not any(r.fit.hypothesis.causes == both[0].causes for r in found):
+        found += best_unknown(nominal, records, few, both, there.x[: there.first_effect], workers)
     return found
 
 
