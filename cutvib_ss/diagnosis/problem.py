@@ -58,7 +58,7 @@ class Problem:
         self.size = self.first_effect + len(self.parameters)
         self._n_shapes = shapes
         self.band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
-        self.shapes = [self._shapes_at(g.freq) for g in groups]
+        self.shapes = [self.shapes_at(g.freq) for g in groups]
         self.sessions = tuple(dict.fromkeys(session_of(same[0]) for g in groups for same in g.entries))
         self.drifting_within: tuple[int, ...] = ()
         """Records that drift within their session."""
@@ -189,12 +189,13 @@ class Problem:
         """Draw the circles around slow poles anew at the next prediction."""
         self._circles = [None] * len(self.groups)
 
-    def _shapes_at(self, freq: FloatArray) -> FloatArray:
+    def shapes_at(self, freq: FloatArray) -> FloatArray:
+        """Shapes of a calibration error, shape (shape, frequency)."""
         return calibration_shapes(freq, self.band, self._n_shapes)
 
     def calibration_of(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
         """Calibration error of channels."""
-        shapes = self._shapes_at(freq)
+        shapes = self.shapes_at(freq)
         k = shapes.shape[0]
         rows = np.ones((len(channels), freq.size), dtype=np.complex128)
         for row, c in zip(rows, channels, strict=True):
@@ -217,7 +218,7 @@ class Problem:
         """Weighted derivatives of a prediction, of records that were fitted or of others."""
         g = p.group
         weight = self.calibration_of(g.channels, g.freq, x) * np.sqrt(2.0 / g.variance)
-        return self._jacobian(x, p, weight, self._shapes_at(g.freq))
+        return self._jacobian(x, p, weight, self.shapes_at(g.freq))
 
     def own(self, channel: str, count: int) -> IndexArray:
         """Unknowns of a channel's calibration."""
