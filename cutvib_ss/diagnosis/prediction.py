@@ -22,6 +22,7 @@ from cutvib_ss.diagnosis.pulses import pulses_of
 from cutvib_ss.diagnosis.records import Group
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Carried, Model
+from cutvib_ss.response.batched import mixed
 from cutvib_ss.response.frequency import ChainedResponse
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -84,11 +85,13 @@ class Prediction:
         return self._by_row(self._response.data())
 
     def _by_row(self, values: ComplexArray) -> ComplexArray:
-        """Of responses to all inputs each row's own; a structure without positions shows the same in every row."""
-        at = self._at if len(values) == len(self._positions) else 0 * self._at
+        """Of responses to all inputs each row's own, shape (…, row, channel, s); without positions all rows show the same."""
+        at = self._at if values.shape[-4] == len(self._positions) else 0 * self._at
+        if len(self._inputs) == 1:
+            return np.take(values[..., 0, :], at, axis=-3)
         own = [self._inputs.index(name) for name in self.group.inputs]
-        out: ComplexArray = values[at, :, own]
-        return out
+        out: ComplexArray = np.moveaxis(values, (-4, -2), (0, 1))[at, own]
+        return np.moveaxis(out, 0, -3)
 
     @cached_property
     def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, ComplexArray]]:
@@ -107,23 +110,31 @@ class Prediction:
         return found
 
     def _estimate(self, values: ComplexArray) -> ComplexArray:
-        """The estimator's view of responses on line and circles, which are given away."""
-        out = values[:, :, : self.s.size]
+        """The estimator's view of responses on line and circles, shape (…, row, channel, s), which are given away."""
+        out = values[..., : self.s.size]
         for i, own, _, kernel in self._tails:
-            around = values[i][:, own]
-            out[i] -= np.concatenate([around, around.conj()], axis=1) @ kernel
+            around = values[..., i, :, own[0] : own[-1] + 1]
+            both = np.concatenate([around, around.conj()], axis=-1)
+            out[..., i, :, :] -= (both.reshape(-1, both.shape[-1]) @ kernel).reshape(*both.shape[:-1], -1)
         if self.s[0].real:
             out *= self.window
         return out
 
     def derivative(self, carried: Carried) -> ComplexArray:
         """Derivative of the prediction along some of the model's values."""
-        total: ComplexArray | None = None
-        for path, weight in carried:
-            change = self._by_row(self._response.derivative(path))
-            change = change if weight == 1.0 else weight * change
-            total = change if total is None else total + change
-        return np.zeros(self.group.data.shape, dtype=np.complex128) if total is None else self._estimate(total)
+        return np.asarray(self.derivatives([carried])[0])
+
+    def derivatives(self, each: Sequence[Carried]) -> ComplexArray:
+        """Derivatives of the prediction along several moves of the model's values, shape (move, row, channel, frequency)."""
+        paths = list(dict.fromkeys(path for carried in each for path, _ in carried))
+        changes = self._response.derivatives(paths)
+        if all(len(carried) == 1 and carried[0][1] == 1.0 for carried in each) and len(paths) == len(each):
+            return self._estimate(self._by_row(changes))
+        weights = np.zeros((len(each), len(paths)))
+        for row, carried in zip(weights, each, strict=True):
+            for path, weight in carried:
+                row[paths.index(path)] += weight
+        return self._estimate(self._by_row(mixed(weights, changes)))
 
     def by_blow_at(self) -> ComplexArray:
         """Derivative to the instant of the blow, where the records do not say."""

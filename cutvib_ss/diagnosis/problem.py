@@ -247,12 +247,13 @@ class Problem:
         """Derivatives of a prediction to tuning, instant of the blow and the effects' parameters."""
         effects = self.effects(x)
         stages = stages_of(self.tuned(x), effects)
-        out = [scale * p.derivative(carried) for scale, carried in self._tuning_moves(effects, stages)]
+        moves = [*self._tuning_moves(effects, stages)]
+        moves += [self._effect_moves(x, i, effects, stages) for i in range(len(self.parameters))]
+        slopes = p.derivatives([carried for _, carried in moves])
+        slopes *= np.array([scale for scale, _ in moves])[:, None, None, None]
+        out = list(slopes)
         if self.n_blow:
-            out.append(SETTINGS.record_blow_at_std * p.by_blow_at())
-        for i in range(len(self.parameters)):
-            slope, moved = self._effect_moves(x, i, effects, stages)
-            out.append(slope * p.derivative(moved))
+            out.insert(self.n_tuning, SETTINGS.record_blow_at_std * p.by_blow_at())
         return out
 
     def _tuning_moves(self, effects: Sequence[Effect], stages: Sequence[Model]) -> Iterator[tuple[float, Carried]]:

@@ -32,6 +32,8 @@ from cutvib_ss.response.receptance import ModelReceptance, Row
 from cutvib_ss.results import ComplexArray, FloatArray
 
 Rows: TypeAlias = Mapping[str, FloatArray]
+_FEW = 5
+"""Degrees of freedom of a head up to which the products of all their motions are formed."""
 # A part of dE: its factor over frequency, and a symmetric matrix or the row r of r rᵀ.
 Part: TypeAlias = tuple[ComplexArray | float, FloatArray]
 
@@ -70,6 +72,68 @@ class ResponseDerivatives:
         for i, u in enumerate(self._driven.motion):
             out = out + self.receptance.following[:, i, None] * u
         return out
+
+    def derivatives(self, paths: Sequence[Path]) -> ComplexArray:
+        """Derivatives of the responses to some of the model's values, shape (value, position, output, frequency)."""
+        out = np.empty(
+            (len(paths), len(self.receptance.positions), len(self.outputs), self.s.size), dtype=np.complex128
+        )
+        cores = {k: changes for k, path in enumerate(paths) if (changes := self._core_alone(path)) is not None}
+        if cores:
+            out[list(cores)] = self._by_cores(list(cores.values()))
+        for k, path in enumerate(paths):
+            if k not in cores:
+                out[k] = self.derivative(path)
+        return out
+
+    def _core_alone(self, path: Path) -> Changes | None:
+        """How a value moves the core of a small head, where it moves nothing else."""
+        receptance = self.receptance
+        if not receptance.interface or len(receptance.system.dofs) > _FEW or path[0] != "head":
+            return None
+        changes = self.model.core_changes(path)
+        if changes is None or any(a.moved(changes.rows) is not None for a in receptance.assembly.elements):
+            return None
+        return None if any(map(receptance.is_rail, (*self.outputs, self.input))) else changes
+
+    def _by_cores(self, changes: Sequence[Changes]) -> ComplexArray:
+        """dqᵀ X_p + X_qᵀ dp - X_qᵀ dE X_p of several values: products of two motions serve all of them."""
+        powers = (np.ones_like(self.s), self.s, self.s * self.s)
+        n = len(self._held)
+        upper = np.triu_indices(n)
+        # Of each value and power of s the symmetric matrix over the pairs of motions.
+        weights = np.zeros((3, len(changes), upper[0].size))
+        for k, change in enumerate(changes):
+            for power, part in change.stiffness:
+                matrix = np.outer(part, part) if part.ndim == 1 else part
+                weights[power, k] -= ((matrix + matrix.T) * (1.0 - 0.5 * np.eye(n)))[upper]
+        driven, moving = self._driven_motion[:, :, None], self._moving
+        pairs = np.array(
+            [
+                moving[a] * driven[a] if a == b else 0.5 * (moving[a] * driven[b] + moving[b] * driven[a])
+                for a, b in zip(*upper, strict=True)
+            ]
+        )
+        out: ComplexArray = np.zeros((len(changes), *pairs.shape[1:]), dtype=np.complex128)
+        for power, weight in zip(powers, weights, strict=True):
+            used = np.flatnonzero(weight.any(axis=1))
+            if used.size:
+                out[used] += power * mixed(weight[used], pairs)
+        for k, change in enumerate(changes):
+            if (row := change.rows.get(self.model.port_of(self.input))) is not None:
+                out[k] += _read(row, moving)
+            for c, name in enumerate(self.outputs):
+                if (row := change.rows.get(self.model.port_of(name))) is not None:
+                    out[k][:, c] += self.factors[c] * _read(row, self._driven_motion)
+        return out
+
+    @cached_property
+    def _moving(self) -> ComplexArray:
+        """X of the outputs, with their factors, shape (n, position, output, frequency)."""
+        out = self._held[:, None] + self.receptance.following[:, 0, None, None] * self._motion[0]
+        for i in range(1, len(self._motion)):
+            out += self.receptance.following[:, i, None, None] * self._motion[i]
+        return np.asarray(out)
 
     def derivative(self, path: Path) -> ComplexArray:
         """Derivative of the responses to one of the model's values, shape (position, output, frequency)."""
