@@ -128,7 +128,7 @@ class Directions:
             cause_drifts=bool(spread and np.any(self.cause)),
             hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
         )
-        self.rows = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
+        self.shared = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
         self.plain = [p.data * np.sqrt(2.0 / g.variance) for p, g in zip(predictions, self.groups, strict=True)]
 
     def chunks(self) -> Iterator[tuple[int, np.ndarray, int, np.ndarray, ComplexArray]]:
@@ -136,12 +136,13 @@ class Directions:
         lay, problem = self.layout, self.problem
         shapes = lay.shapes
         own_nominal = lay.first_nominal + np.arange(2 * shapes * len(lay.nominal))
-        for i, (g, (shared, own)) in enumerate(zip(self.groups, self.rows, strict=True)):
+        for i, (g, shared) in enumerate(zip(self.groups, self.shared, strict=True)):
+            calibration = problem.calibration * problem.shapes_at(g.freq)
             names = [session_of(same[0]) for same in g.entries]
             # Records that drift by themselves are taken one by one.
             members = [(name, same[0].record) for name, same in zip(names, g.entries, strict=True)]
             keys = members if lay.records else [(name, -1) for name in names]
-            count = len(own[0]) // 2 if own else 0
+            count = len(calibration)
             cause = np.tensordot(self.cause, shared[len(shared) - len(self.cause) :], 1) if lay.pivots else None
             for name, record in dict.fromkeys(keys):
                 rows = np.array([k for k, other in enumerate(keys) if other == (name, record)])
@@ -154,7 +155,9 @@ class Directions:
                     index, parts = [problem.shared], [shared[:, rows, c]]
                     if channel in problem.channels and count:
                         index.append(problem.own(channel, count))
-                        parts.append(own[c].reshape(2 * count, len(g.data), -1)[:, rows])
+                        # A calibration error multiplies the prediction itself.
+                        real = calibration[:, None] * self.plain[i][rows, c]
+                        parts.append(np.concatenate([real, 1j * real]))
                     for first in firsts:
                         moved = np.array(lay.drifting, dtype=int)
                         index.append(first + np.arange(moved.size))
@@ -210,7 +213,7 @@ class Directions:
     def _alike(self, which: Sequence[int], residuals: Sequence[ComplexArray]) -> Alike:
         """Groups on the same lines and channels together."""
         lay, first = self.layout, which[0]
-        shared = np.concatenate([self.rows[i][0] for i in which], axis=1)
+        shared = np.concatenate([self.shared[i] for i in which], axis=1)
         plain = np.concatenate([self.plain[i] for i in which])
         of_cause, cause = np.zeros((1, 0, plain.shape[-1])), None
         if lay.pivots:

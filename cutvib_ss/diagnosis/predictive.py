@@ -119,8 +119,8 @@ class _Seen(NamedTuple):
     moved: FloatArray  # By how much, from their posterior mean
     shown: Predicted
     residual: ComplexArray
-    chunks: list[tuple[int, np.ndarray, FloatArray]]  # Channel, columns, and their derivatives in sizes as real rows
-    weighted: list[ComplexArray]  # The same as they came
+    directions: Directions
+    precision: FloatArray  # Of all columns with the record
     left: float  # Squares of the residual and of the priors, the columns that are left at their best to first order
     step: FloatArray  # To that best, of the columns that are followed
 
@@ -159,20 +159,18 @@ class _Seeing:
             there[tuned] += weight[tuned] * size * (own.offsets[at] + moved[at])
             mean[at] = 0.0
         shown, residual = self.show(there)
-        matrix, pulled, squares = own.precision.copy(), -own.precision @ moved, float(moved @ own.precision @ moved)
-        chunks, parts = [], []
-        for _, _, c, index, part in Directions(self.problem, there, [shown], like=lay).chunks():
-            flat = real_rows(part) * scale[index, None]
-            r = real_rows(residual[None, c])[0] - mean[index] @ flat
-            matrix[np.ix_(index, index)] += flat @ flat.T / noise
-            pulled[index] += flat @ r / noise
-            squares += float(r @ r) / noise
-            chunks.append((c, index, flat))
-            parts.append(part)
+        directions = Directions(self.problem, there, [shown], like=lay)
+        gram, inner = directions.normal([residual[None]])
+        gram *= scale * scale[:, None] / noise
+        inner *= scale / noise
+        # The directions stand at their mean.
+        matrix, pulled = own.precision + gram, inner - gram @ mean - own.precision @ moved
+        squares = float(np.sum(np.abs(residual) ** 2)) / noise - 2.0 * float(inner @ mean) + float(mean @ gram @ mean)
+        squares += float(moved @ own.precision @ moved)
         best = solved(matrix, pulled)
         step = np.zeros(lay.size)
         step[self.followed] = best[self.followed]
-        return _Seen(moved, shown, residual, chunks, parts, squares - float(pulled @ best), step)
+        return _Seen(moved, shown, residual, directions, matrix, squares - float(pulled @ best), step)
 
     def judged(self, seen: _Seen) -> Left:
         """What is left of each channel by itself, and of all together."""
@@ -181,21 +179,21 @@ class _Seeing:
         for at, _ in self.drifts:
             mean[at] = 0.0
         known, back = float(seen.moved @ own.precision @ seen.moved), own.precision @ seen.moved
-        out, drifts, count, together = np.empty(seen.residual.shape[0]), [], 0, own.precision.copy()
-        for (c, index, flat), part in zip(seen.chunks, seen.weighted, strict=True):
+        out, drifts, count = np.empty(seen.residual.shape[0]), [], 0
+        for _, _, c, index, part in seen.directions.chunks():
+            flat = real_rows(part) * scale[index, None]
             moving = (index >= lay.unknowns) & (index < lay.first_nominal)
             variance = seen.shown.group.variance[0, c] / 2
             variance = np.where(np.isfinite(variance), variance, 0.0)
             drifting = np.abs(part[moving, 0] * scale[index[moving], None]) ** 2
             drifts.append(float(np.mean(np.sum(drifting, axis=0) * variance)))
             r = real_rows(seen.residual[None, c])[0] - mean[index] @ flat
-            gram, inner, pulled = flat @ flat.T / noise, own.precision.copy(), -back
-            inner[np.ix_(index, index)] += gram
-            together[np.ix_(index, index)] += gram
+            inner, pulled = own.precision.copy(), -back
+            inner[np.ix_(index, index)] += flat @ flat.T / noise
             pulled[index] += flat @ r / noise
             out[c] = (r @ r / noise + known - float(pulled @ solved(inner, pulled))) / r.size
             count += r.size
-        wider = log_determinant(together) - log_determinant(own.precision) + count * float(np.log(noise))
+        wider = log_determinant(seen.precision) - log_determinant(own.precision) + count * float(np.log(noise))
         return Left(out, float(np.mean(drifts)), -0.5 * (seen.left + wider))
 
 

@@ -214,11 +214,15 @@ class Problem:
             total += float(np.sum(r.real**2 + r.imag**2))
         return predictions, out, total
 
-    def jacobian(self, x: FloatArray, p: Predicted) -> tuple[ComplexArray, list[ComplexArray]]:
-        """Weighted derivatives of a prediction, of records that were fitted or of others."""
+    def jacobian(self, x: FloatArray, p: Predicted) -> ComplexArray:
+        """
+        Weighted derivatives of a prediction, of records that were fitted or of others, to the unknowns that move every channel.
+
+        Shape (unknown, position, channel, frequency).
+        """
         g = p.group
         weight = self.calibration_of(g.channels, g.freq, x) * np.sqrt(2.0 / g.variance)
-        return self._jacobian(x, p, weight, self.shapes_at(g.freq))
+        return np.asarray(weight * np.array(self._slopes(x, p)).reshape(-1, *g.data.shape))
 
     def own(self, channel: str, count: int) -> IndexArray:
         """Unknowns of a channel's calibration."""
@@ -228,20 +232,6 @@ class Problem:
     def shared(self) -> IndexArray:
         """Unknowns that move every channel."""
         return np.concatenate([np.arange(self.n_tuning), np.arange(self.n_tuning + self.n_calibration, self.size)])
-
-    def _jacobian(
-        self, x: FloatArray, p: Predicted, weight: ComplexArray, shapes: FloatArray
-    ) -> tuple[ComplexArray, list[ComplexArray]]:
-        """Rows of the shared unknowns (unknown, position, channel, frequency), and of each channel's calibration."""
-        g = p.group
-        shared = weight * np.array(self._slopes(x, p)).reshape(-1, *g.data.shape)
-        # A calibration error multiplies the prediction itself.
-        plain = p.data * np.sqrt(2.0 / g.variance) * self.calibration
-        own = []
-        for c in range(len(g.channels)):
-            real = (shapes[:, None, :] * plain[None, :, c]).reshape(shapes.shape[0], plain[:, c].size)
-            own.append(np.concatenate([real, 1j * real]))
-        return shared, own
 
     def _slopes(self, x: FloatArray, p: Any) -> list[ComplexArray]:
         """Derivatives of a prediction to tuning, instant of the blow and the effects' parameters."""

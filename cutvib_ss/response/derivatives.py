@@ -115,10 +115,10 @@ class ResponseDerivatives:
             ]
         )
         out: ComplexArray = np.zeros((len(changes), *pairs.shape[1:]), dtype=np.complex128)
-        for power, weight in zip(powers, weights, strict=True):
+        for factor, weight in zip(powers, weights, strict=True):
             used = np.flatnonzero(weight.any(axis=1))
             if used.size:
-                out[used] += power * mixed(weight[used], pairs)
+                out[used] += factor * mixed(weight[used], pairs)
         for k, change in enumerate(changes):
             if (row := change.rows.get(self.model.port_of(self.input))) is not None:
                 out[k] += _read(row, moving)
