@@ -24,6 +24,8 @@ from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
 
 IndexArray: TypeAlias = NDArray[np.intp]
+_KEPT = 64
+"""Tuned models that a problem keeps, of as many groups as move apart."""
 
 
 class Problem:
@@ -63,6 +65,7 @@ class Problem:
         self.drifting_within: tuple[int, ...] = ()
         """Records that drift within their session."""
         self._circles: list[Circles | None] = [None] * len(self.groups)
+        self._tuned: dict[bytes, Model] = {}
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
 
     def _force_scaled(self) -> tuple[tuple[int, int], ...]:
@@ -101,7 +104,15 @@ class Problem:
         return out
 
     def tuned(self, x: FloatArray) -> Model:
-        """The nominal model with its values moved."""
+        """The nominal model with its values moved; that of the last unknowns is kept."""
+        key = x[: self.n_tuning].tobytes()
+        if key not in self._tuned:
+            if len(self._tuned) >= _KEPT:
+                self._tuned.clear()
+            self._tuned[key] = self._tuned_at(x)
+        return self._tuned[key]
+
+    def _tuned_at(self, x: FloatArray) -> Model:
         steps = zip(self.tuning, self._nominal_values, x, strict=False)
         values = {path: value * float(np.exp(tolerance * step)) for (path, tolerance), value, step in steps}
         # A drift that is followed far may ask for more than critical damping, at which there is no mode.

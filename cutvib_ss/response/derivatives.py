@@ -17,7 +17,7 @@ product for all values of what sits at r.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TypeAlias, cast
 
 import numpy as np
@@ -100,25 +100,26 @@ class ResponseDerivatives:
         """dqᵀ X_p + X_qᵀ dp - X_qᵀ dE X_p of several values: products of two motions serve all of them."""
         powers = (np.ones_like(self.s), self.s, self.s * self.s)
         n = len(self._held)
-        upper = np.triu_indices(n)
-        # Of each value and power of s the symmetric matrix over the pairs of motions.
+        upper = _pairs(n)
+        # Of each value and power of s the symmetric matrix, over pairs of motions.
         weights = np.zeros((3, len(changes), upper[0].size))
         for k, change in enumerate(changes):
             for power, part in change.stiffness:
-                matrix = np.outer(part, part) if part.ndim == 1 else part
-                weights[power, k] -= ((matrix + matrix.T) * (1.0 - 0.5 * np.eye(n)))[upper]
+                weights[power, k] -= part[upper[0]] * part[upper[1]] if part.ndim == 1 else part[upper]
         driven, moving = self._driven_motion[:, :, None], self._moving
-        pairs = np.array(
-            [
-                moving[a] * driven[a] if a == b else 0.5 * (moving[a] * driven[b] + moving[b] * driven[a])
-                for a, b in zip(*upper, strict=True)
-            ]
-        )
+        # Those of which a matrix is none need no product.
+        used = np.flatnonzero(weights.any(axis=(0, 1)))
+        weights = weights[:, :, used]
+        pairs = np.empty((used.size, *moving.shape[1:]), dtype=np.complex128)
+        for pair, a, b in zip(pairs, upper[0][used], upper[1][used], strict=True):
+            np.multiply(moving[a], driven[b], out=pair)
+            if a != b:
+                pair += moving[b] * driven[a]
         out: ComplexArray = np.zeros((len(changes), *pairs.shape[1:]), dtype=np.complex128)
         for factor, weight in zip(powers, weights, strict=True):
-            used = np.flatnonzero(weight.any(axis=1))
-            if used.size:
-                out[used] += factor * mixed(weight[used], pairs)
+            moved = np.flatnonzero(weight.any(axis=1))
+            if moved.size:
+                out[moved] += factor * mixed(weight[moved], pairs)
         for k, change in enumerate(changes):
             if (row := change.rows.get(self.model.port_of(self.input))) is not None:
                 out[k] += _read(row, moving)
@@ -322,6 +323,12 @@ class ResponseDerivatives:
             if modal:
                 found.append((c, modal / (2 * mass) * self.receptance.between(output, self.input)))
         return found
+
+
+@lru_cache(maxsize=8)
+def _pairs(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the upper triangle of a matrix."""
+    return np.triu_indices(n)
 
 
 def _plus(total: ComplexArray | None, more: ComplexArray) -> ComplexArray:
