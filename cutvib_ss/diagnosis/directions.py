@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,32 +54,32 @@ class Layout:
     cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
     hits: tuple[tuple[int, int], ...] = ()  # What the hits of a record do: its index, and the number of the direction
 
-    @property
+    @cached_property
     def per_session(self) -> int:
         """Directions of one session, or record: tuned values, real and imaginary gain of each channel, the cause's size."""
         return len(self.drifting) + 2 * len(self.channels) + self.cause_drifts
 
-    @property
+    @cached_property
     def first_within(self) -> int:
         """First column of the records' own drift."""
         return self.unknowns + self.per_session * len(self.sessions)
 
-    @property
+    @cached_property
     def first_nominal(self) -> int:
         """First column of the nominal elements' discrepancy."""
         return self.first_within + self.per_session * len(self.records)
 
-    @property
+    @cached_property
     def first_cause(self) -> int:
         """First column of the causes' discrepancy."""
         return self.first_nominal + 2 * self.shapes * len(self.nominal)
 
-    @property
+    @cached_property
     def first_hit(self) -> int:
         """First column of what hits do."""
         return self.first_cause + 2 * len(self.pivots)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """All columns."""
         return self.first_hit + len(self.hits)

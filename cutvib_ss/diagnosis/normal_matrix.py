@@ -55,17 +55,19 @@ def add_products(matrix: FloatArray, records: Alike, columns: Columns) -> None:
     atoms = len(records.shared) + records.plain.shape[1] + 2
     some = max(1, _AT_ONCE // (atoms * records.plain[0].size))
     smooth: list[ComplexArray] = []
+    crossed = np.zeros_like(matrix)
     for first in range(0, count, some):
         rows = slice(first, min(first + some, count))
         products = _Products(records, rows)
         ones, mixed = products.of_one, products.mixed
         for k, (index, of, weight) in enumerate(columns.of_one[rows]):
-            matrix[np.ix_(index, index)] += ones[k][np.ix_(of, of)] * (weight * weight[:, None])
-            both = mixed[k][:, of] * weight
-            matrix[np.ix_(z, index)] += both
-            matrix[np.ix_(index, z)] += both.T
+            at = index[:, None]
+            matrix[at, index] += ones[k][of[:, None], of] * (weight * weight[:, None])
+            crossed[at, z] += mixed[k].T[of] * weight[:, None]
         smooth.append(products.of_smooth)
-    matrix[np.ix_(z, z)] += _of_smooth(records, np.concatenate(smooth))
+    crossed[z[:, None], z] += 0.5 * _of_smooth(records, np.concatenate(smooth))
+    matrix += crossed
+    matrix += crossed.T
 
 
 class _Products:
@@ -89,7 +91,12 @@ class _Products:
         for c in range(channels):
             self.atoms[:, self.first_plain + c, c] = plain[:, c]
         # With the prediction, shape (row, channel, atom, line), and with what has a discrepancy, (row, element, atom, line).
-        self.by_plain = plain.conj()[:, :, None] * self.atoms.swapaxes(1, 2)
+        self.by_plain = np.zeros((*plain.shape[:2], self.atoms.shape[1], plain.shape[2]), dtype=np.complex128)
+        first, turned = self.first_plain, plain.conj()
+        np.multiply(turned[:, :, None], self.atoms[:, :first].swapaxes(1, 2), out=self.by_plain[:, :, :first])
+        for c in range(channels):
+            # Channels have nothing in common.
+            self.by_plain[:, c, first + c] = turned[:, c] * plain[:, c]
         self.elements = [i for i, _ in records.nominal] + ([] if records.cause is None else [self.cause])
         self.weight = np.array([*(w for _, w in records.nominal), 1.0])[: len(self.elements)]
         weighted = self.atoms[:, self.elements].conj() * self.weight[:, None, None]
