@@ -105,13 +105,14 @@ class Prediction:
         """Of responses to all inputs each row's own, shape (…, row, channel, s); without positions all rows show the same."""
         at = self._at if values.shape[-4] == len(self._positions) else 0 * self._at
         if len(self._inputs) == 1:
-            return np.take(values[..., 0, :], at, axis=-3)
+            alone: ComplexArray = values[..., 0, :]
+            return alone if np.array_equal(at, np.arange(values.shape[-4])) else np.take(alone, at, axis=-3)
         own = [self._inputs.index(name) for name in self.group.inputs]
         out: ComplexArray = np.moveaxis(values, (-4, -2), (0, 1))[at, own]
         return np.moveaxis(out, 0, -3)
 
     @cached_property
-    def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, ComplexArray]]:
+    def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, FloatArray]]:
         """For each position with slow poles: its circles' points, e^(zT) dz / 2πi there, and what makes the tail of responses."""
         found = []
         # Where there are no circles at all there are no inverses.
@@ -122,8 +123,10 @@ class Prediction:
                 # The tail's transform takes responses on the circles and on their mirror images: a real system mirrors each pole
                 # in the real axis.
                 lag = np.exp(self.circles.points[own] * rest) * self.circles.weights[own]
-                kernel = np.concatenate([lag, lag.conj()])[:, None] * inverse * np.exp(-self.s * rest)
-                found.append((i, self.s.size + own, lag, np.asarray(kernel, dtype=np.complex128)))
+                upper, lower = np.stack([lag, lag.conj()])[:, :, None] * inverse.reshape(2, own.size, -1)
+                # Of real and of imaginary parts, so that the products are real ones.
+                kernel = np.concatenate([upper + lower, 1j * (upper - lower)]) * np.exp(-self.s * rest)
+                found.append((i, self.s.size + own, lag, np.asarray(kernel, dtype=np.complex128).view(np.float64)))
         return found
 
     def _estimate(self, values: ComplexArray) -> ComplexArray:
@@ -131,8 +134,9 @@ class Prediction:
         out = values[..., : self.s.size]
         for i, own, _, kernel in self._tails:
             around = values[..., i, :, own[0] : own[-1] + 1]
-            both = np.concatenate([around, around.conj()], axis=-1)
-            out[..., i, :, :] -= (both.reshape(-1, both.shape[-1]) @ kernel).reshape(*both.shape[:-1], -1)
+            parts = np.concatenate([around.real, around.imag], axis=-1)
+            tail = (parts.reshape(-1, parts.shape[-1]) @ kernel).view(np.complex128)
+            out[..., i, :, :] -= tail.reshape(*parts.shape[:-1], -1)
         if self.s[0].real:
             out *= self.window
         return out

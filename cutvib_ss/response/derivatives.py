@@ -81,9 +81,17 @@ class ResponseDerivatives:
         cores = {k: changes for k, path in enumerate(paths) if (changes := self._core_alone(path)) is not None}
         if cores:
             out[list(cores)] = self._by_cores(list(cores.values()))
+        smooth: dict[Path, list[int]] = {}
         for k, path in enumerate(paths):
-            if k not in cores:
+            if len(path) > 2 and path[-2] == "coefficients":
+                smooth.setdefault(path[:-1], []).append(k)
+            elif k not in cores:
                 out[k] = self.derivative(path)
+        for at, which in smooth.items():
+            # All coefficients of a smooth function move it alone.
+            function: SmoothElement = part_at(self.model, at[:-1])
+            shapes = function.shapes(self.s)[[int(paths[k][-1]) for k in which]]
+            out[which] = self._of_value((*at, "unit")) * shapes[:, None, None]
         return out
 
     def _core_alone(self, path: Path) -> Changes | None:
