@@ -12,6 +12,7 @@ Columns of the function one belong to a record, its session or all records; thos
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -139,20 +140,20 @@ class _Products:
 
 def _of_smooth(records: Alike, products: ComplexArray) -> FloatArray:
     """Products of smooth columns with each other."""
-    channels, nominal = records.plain.shape[1], len(records.nominal)
-    functions = [records.calibration[None]] * channels + [records.smooth[None]] * nominal
-    functions += [records.of_cause] * (products.shape[1] - len(functions))
-    edges = np.cumsum([0, *(2 * f.shape[1] for f in functions)])
+    channels, nominal = records.plain.shape[1], records.plain.shape[1] + len(records.nominal)
+    # Channels, nominal elements and the cause: which of the products are theirs, with their functions.
+    kinds = [
+        (slice(channels), records.calibration[None]),
+        (slice(channels, nominal), records.smooth[None]),
+        (slice(nominal, None), records.of_cause),
+    ]
+    edges = np.cumsum([0, *(2 * products[0, a].shape[0] * f.shape[1] for a, f in kinds)])
+    own = [slice(a, b) for a, b in itertools.pairwise(edges.tolist())]
     out = np.zeros((edges[-1], edges[-1]))
-    for i, left in enumerate(functions):
-        for j in range(i, len(functions)):
-            if i < j < channels:
-                # Channels have nothing in common.
-                continue
-            s = _between(left, products[:, i, j], functions[j])
-            rows, columns = slice(edges[i], edges[i + 1]), slice(edges[j], edges[j + 1])
-            out[rows, columns] = np.block([[s.real, -s.imag], [s.imag, s.real]])
-            out[columns, rows] = out[rows, columns].T
+    for i, j in itertools.combinations_with_replacement(range(len(kinds)), 2):
+        (a, f), (b, g) = kinds[i], kinds[j]
+        out[own[i], own[j]] = _between(f, products[:, a, b], g)
+        out[own[j], own[i]] = out[own[i], own[j]].T
     return out
 
 
@@ -167,11 +168,16 @@ def _over(products: ComplexArray, functions: FloatArray) -> ComplexArray:
     return out
 
 
-def _between(left: FloatArray, product: ComplexArray, right: FloatArray) -> ComplexArray:
-    """Σ_f g h T of all functions g and h, summed over rows, shape (left function, right function)."""
+def _between(left: FloatArray, products: ComplexArray, right: FloatArray) -> FloatArray:
+    """Products of columns of two kinds by those of their atoms, shape (row, atom, atom, line)."""
     if len(left) == len(right) == 1:
-        product = product.sum(axis=0, keepdims=True)
-    parts = np.stack([product.real, product.imag])[:, :, None] * left
-    sums = (parts @ right.swapaxes(1, 2)).sum(axis=1)
-    out: ComplexArray = sums[0] + 1j * sums[1]
-    return out
+        products = products.sum(axis=0, keepdims=True)
+    shape = (products.shape[1], left.shape[1], products.shape[2], right.shape[1])
+    real, imaginary = (
+        ((part[:, :, :, None] * left[:, None, None]) @ right[:, None, None].swapaxes(-1, -2)).sum(axis=0).swapaxes(1, 2)
+        for part in (products.real, products.imag)
+    )
+    out = np.empty((shape[0], 2, shape[1], shape[2], 2, shape[3]))
+    out[:, 0, :, :, 0] = out[:, 1, :, :, 1] = real
+    out[:, 0, :, :, 1], out[:, 1, :, :, 0] = -imaginary, imaginary
+    return out.reshape(2 * shape[0] * shape[1], 2 * shape[2] * shape[3])
