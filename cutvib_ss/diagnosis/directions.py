@@ -130,7 +130,7 @@ class Directions:
             hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
         )
         self.shared = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
-        self.plain = [p.data * np.sqrt(2.0 / g.variance) for p, g in zip(predictions, self.groups, strict=True)]
+        self.plain = [p.data * g.weight for p, g in zip(predictions, self.groups, strict=True)]
 
     def chunks(self) -> Iterator[tuple[int, np.ndarray, int, np.ndarray, ComplexArray]]:
         """Group, its rows of one session, channel, columns, and the weighted directions there (column, row, frequency)."""

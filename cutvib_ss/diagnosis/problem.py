@@ -25,7 +25,7 @@ from cutvib_ss.results import ComplexArray, FloatArray
 
 IndexArray: TypeAlias = NDArray[np.intp]
 _KEPT = 64
-"""Tuned models that a problem keeps, of as many groups as move apart."""
+"""Tuned models, and calibration errors, that a problem keeps: of as many groups as move apart."""
 
 
 class Problem:
@@ -66,6 +66,7 @@ class Problem:
         """Records that drift within their session."""
         self._circles: list[Circles | None] = [None] * len(self.groups)
         self._tuned: dict[bytes, Model] = {}
+        self._gains: dict[tuple[tuple[str, ...], bytes, bytes], ComplexArray] = {}
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
 
     def _force_scaled(self) -> tuple[tuple[int, int], ...]:
@@ -206,6 +207,14 @@ class Problem:
 
     def calibration_of(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
         """Calibration error of channels."""
+        key = (tuple(channels), freq.tobytes(), x[self.n_tuning : self._blow].tobytes())
+        if key not in self._gains:
+            if len(self._gains) >= _KEPT:
+                self._gains.clear()
+            self._gains[key] = self._calibration_at(channels, freq, x)
+        return self._gains[key]
+
+    def _calibration_at(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
         shapes = self.shapes_at(freq)
         k = shapes.shape[0]
         rows = np.ones((len(channels), freq.size), dtype=np.complex128)
@@ -220,7 +229,7 @@ class Problem:
         predictions = self.predictions(x)
         out, total = [], 0.0
         for g, p, own in zip(self.groups, predictions, self.each(x), strict=True):
-            r = (g.data - p.data * self.calibration_of(g.channels, g.freq, own)) * np.sqrt(2.0 / g.variance)
+            r = (g.data - p.data * self.calibration_of(g.channels, g.freq, own)) * g.weight
             out.append(r)
             total += float(np.sum(r.real**2 + r.imag**2))
         return predictions, out, total
@@ -232,7 +241,7 @@ class Problem:
         Shape (unknown, position, channel, frequency).
         """
         g = p.group
-        weight = self.calibration_of(g.channels, g.freq, x) * np.sqrt(2.0 / g.variance)
+        weight = self.calibration_of(g.channels, g.freq, x) * g.weight
         return np.asarray(weight * np.array(self._slopes(x, p)).reshape(-1, *g.data.shape))
 
     def own(self, channel: str, count: int) -> IndexArray:

@@ -141,6 +141,11 @@ class Group:
         """The pulses of a row, and the share of each in the lines' spectrum, by the instant that times count from."""
         return {}
 
+    @cached_property
+    def weight(self) -> FloatArray:
+        """Of each real part: one over its standard deviation."""
+        return np.asarray(np.sqrt(2.0 / self.variance))
+
     @property
     def inputs(self) -> tuple[str, ...]:
         """Where the force of each row acts."""
