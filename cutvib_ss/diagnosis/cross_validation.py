@@ -135,8 +135,7 @@ def _not_predicted(e: Entry) -> Judged:
 
 
 def _model_for(e: Entry, problem: Problem, x: FloatArray) -> Model:
-    (group,) = merged([e])
-    return problem.model_of(x, group)
+    return problem.model_of(x, e.group)
 
 
 def judge_as_given(nominal: Model, observations: Observations, start: Fit) -> tuple[Judged, ...]:
@@ -163,7 +162,7 @@ def predicted(
     x: FloatArray | None = None,
 ) -> Shown:
     """What a model predicts of a record."""
-    (group,) = merged([e])
+    group = e.group
     # What depends on the level, or leaks, is simulated with the record's own force.
     leaks = e.replay is not None and e.replay.block > 0
     simulate = leaks or (bool(model.nonlinear) and (e.replay is not None or e.sine is not None))

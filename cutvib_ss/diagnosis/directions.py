@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
+from cutvib_ss.diagnosis.normal_matrix import Alike, Columns, add_products
 from cutvib_ss.diagnosis.records import session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -52,32 +54,32 @@ class Layout:
     cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
     hits: tuple[tuple[int, int], ...] = ()  # What the hits of a record do: its index, and the number of the direction
 
-    @property
+    @cached_property
     def per_session(self) -> int:
         """Directions of one session, or record: tuned values, real and imaginary gain of each channel, the cause's size."""
         return len(self.drifting) + 2 * len(self.channels) + self.cause_drifts
 
-    @property
+    @cached_property
     def first_within(self) -> int:
         """First column of the records' own drift."""
         return self.unknowns + self.per_session * len(self.sessions)
 
-    @property
+    @cached_property
     def first_nominal(self) -> int:
         """First column of the nominal elements' discrepancy."""
         return self.first_within + self.per_session * len(self.records)
 
-    @property
+    @cached_property
     def first_cause(self) -> int:
         """First column of the causes' discrepancy."""
         return self.first_nominal + 2 * self.shapes * len(self.nominal)
 
-    @property
+    @cached_property
     def first_hit(self) -> int:
         """First column of what hits do."""
         return self.first_cause + 2 * len(self.pivots)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """All columns."""
         return self.first_hit + len(self.hits)
@@ -127,21 +129,21 @@ class Directions:
             cause_drifts=bool(spread and np.any(self.cause)),
             hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
         )
-        self._shapes: dict[tuple[int, int], FloatArray] = {}
-        self.rows = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
-        self.plain = [p.data * np.sqrt(2.0 / g.variance) for p, g in zip(predictions, self.groups, strict=True)]
+        self.shared = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
+        self.plain = [p.data * g.weight for p, g in zip(predictions, self.groups, strict=True)]
 
     def chunks(self) -> Iterator[tuple[int, np.ndarray, int, np.ndarray, ComplexArray]]:
         """Group, its rows of one session, channel, columns, and the weighted directions there (column, row, frequency)."""
         lay, problem = self.layout, self.problem
         shapes = lay.shapes
         own_nominal = lay.first_nominal + np.arange(2 * shapes * len(lay.nominal))
-        for i, (g, (shared, own)) in enumerate(zip(self.groups, self.rows, strict=True)):
+        for i, (g, shared) in enumerate(zip(self.groups, self.shared, strict=True)):
+            calibration = problem.calibration * problem.shapes_at(g.freq)
             names = [session_of(same[0]) for same in g.entries]
             # Records that drift by themselves are taken one by one.
             members = [(name, same[0].record) for name, same in zip(names, g.entries, strict=True)]
             keys = members if lay.records else [(name, -1) for name in names]
-            count = len(own[0]) // 2 if own else 0
+            count = len(calibration)
             cause = np.tensordot(self.cause, shared[len(shared) - len(self.cause) :], 1) if lay.pivots else None
             for name, record in dict.fromkeys(keys):
                 rows = np.array([k for k, other in enumerate(keys) if other == (name, record)])
@@ -154,7 +156,9 @@ class Directions:
                     index, parts = [problem.shared], [shared[:, rows, c]]
                     if channel in problem.channels and count:
                         index.append(problem.own(channel, count))
-                        parts.append(own[c].reshape(2 * count, len(g.data), -1)[:, rows])
+                        # A calibration error multiplies the prediction itself.
+                        real = calibration[:, None] * self.plain[i][rows, c]
+                        parts.append(np.concatenate([real, 1j * real]))
                     for first in firsts:
                         moved = np.array(lay.drifting, dtype=int)
                         index.append(first + np.arange(moved.size))
@@ -187,12 +191,8 @@ class Directions:
 
     def _of_cause(self, group: int, rows: np.ndarray) -> FloatArray:
         """Shapes of the cause's discrepancy at some rows of a group, shape (row, shape, frequency)."""
-        found = []
-        for k in rows.tolist():
-            if (group, k) not in self._shapes:
-                self._shapes[group, k] = shapes_over(self.layout.pivots, *features(self.groups[group], k, self.problem))
-            found.append(self._shapes[group, k])
-        return np.array(found)
+        g = self.groups[group]
+        return np.array([shapes_over(self.layout.pivots, *features(g, k, self.problem)) for k in rows.tolist()])
 
     def _smoothed(self, rows: ComplexArray, group: int) -> ComplexArray:
         """Rows times each smooth shape, real and imaginary, shape (row · 2 shape, position, frequency)."""
@@ -201,12 +201,93 @@ class Directions:
 
     def normal(self, residuals: Sequence[ComplexArray]) -> tuple[FloatArray, FloatArray]:
         """Normal matrix and gradient of the data in all columns, at unit sizes."""
-        matrix, gradient = np.zeros((self.layout.size,) * 2), np.zeros(self.layout.size)
-        for i, rows, c, index, part in self.chunks():
-            flat = real_rows(part)
-            matrix[np.ix_(index, index)] += flat @ flat.T
-            gradient[index] += flat @ real_rows(residuals[i][None, rows, c])[0]
-        return matrix, gradient
+        size = self.layout.size
+        # Behind the columns the residual, and one more for what has none.
+        matrix = np.zeros((size + 2, size + 2))
+        alike: dict[tuple[object, ...], list[int]] = {}
+        for i, g in enumerate(self.groups):
+            alike.setdefault((g.channels, g.freq.tobytes()), []).append(i)
+        for which in alike.values():
+            add_products(matrix, self._alike(which, residuals), self._columns(which))
+        return matrix[:size, :size], matrix[:size, size]
+
+    def _alike(self, which: Sequence[int], residuals: Sequence[ComplexArray]) -> Alike:
+        """Groups on the same lines and channels together."""
+        lay, first = self.layout, which[0]
+        shared = np.concatenate([self.shared[i] for i in which], axis=1)
+        plain = np.concatenate([self.plain[i] for i in which])
+        of_cause, cause = np.zeros((1, 0, plain.shape[-1])), None
+        if lay.pivots:
+            cause = np.tensordot(self.cause, shared[len(shared) - len(self.cause) :], 1)
+            shapes = [self._of_cause(i, np.arange(len(self.groups[i].data))) for i in which]
+            of_cause = np.concatenate(shapes)
+            if np.array_equal(of_cause, np.broadcast_to(of_cause[:1], of_cause.shape)):
+                of_cause = of_cause[:1]
+        return Alike(
+            shared=shared,
+            residual=np.concatenate([residuals[i] for i in which]),
+            cause=cause,
+            plain=plain,
+            hits=[[self._hit(i, row, key) for key in self._hits(i, row)] for i, row in self._rows_of(which)],
+            calibration=self.problem.calibration * self.problem.shapes_at(self.groups[first].freq),
+            smooth=self.smooth[first],
+            of_cause=of_cause,
+            nominal=[(k, float(self.nominal[k])) for k in lay.nominal],
+        )
+
+    def _columns(self, which: Sequence[int]) -> Columns:
+        """Where the products of their columns go."""
+        lay, problem, channels = self.layout, self.problem, self.groups[which[0]].channels
+        most, n = max(len(self._hits(i, row)) for i, row in self._rows_of(which)), len(problem.shared)
+        first_hit = n + 1 + bool(lay.pivots)
+        plain = first_hit + most
+        moved = np.array(lay.drifting, dtype=int)
+        gains = [(lay.channels.index(name), c) for c, name in enumerate(channels) if name in lay.channels]
+        # Drift of a session, or of a record: columns from its first one, atoms, and weights.
+        at = [*range(moved.size), *(moved.size + 2 * k + turned for k, _ in gains for turned in (0, 1))]
+        of = [*moved.tolist(), *(plain + c + turned * len(channels) for _, c in gains for turned in (0, 1))]
+        weight = [*self.drift[moved].tolist(), *[1.0] * (2 * len(gains))]
+        if lay.cause_drifts and lay.pivots:
+            at, of, weight = [*at, lay.per_session - 1], [*of, n + 1], [*weight, 1.0]
+        of_one = []
+        for i, row in self._rows_of(which):
+            hits = self._hits(i, row)
+            firsts = self._drifts_of(i, row)
+            index = [*problem.shared.tolist(), lay.size, *(first + k for first in firsts for k in at)]
+            index += [lay.first_hit + lay.hits.index(key) for key in hits]
+            atoms = [*range(n + 1), *of * len(firsts), *range(first_hit, first_hit + len(hits))]
+            weights = [*[1.0] * (n + 1), *weight * len(firsts), *[1.0] * len(hits)]
+            of_one.append((np.array(index), np.array(atoms), np.array(weights)))
+        shapes = len(problem.shapes_at(self.groups[which[0]].freq))
+        own = [
+            problem.own(name, shapes) if name in problem.channels else np.full(2 * shapes, lay.size + 1)
+            for name in channels
+        ]
+        return Columns(of_one, np.concatenate([*own, np.arange(lay.first_nominal, lay.first_hit)]))
+
+    def _rows_of(self, which: Sequence[int]) -> list[tuple[int, int]]:
+        """Rows of some groups."""
+        return [(i, row) for i in which for row in range(len(self.groups[i].data))]
+
+    def _drifts_of(self, group: int, row: int) -> list[int]:
+        """First columns of the drift of a row's session and record."""
+        lay, entry = self.layout, self.groups[group].entries[row][0]
+        name, out = session_of(entry), []
+        if name in lay.sessions:
+            out.append(lay.unknowns + lay.per_session * lay.sessions.index(name))
+        if entry.record in lay.records:
+            out.append(lay.first_within + lay.per_session * lay.records.index(entry.record))
+        return out
+
+    def _hits(self, group: int, row: int) -> list[tuple[int, int]]:
+        """The hits of a row that have columns."""
+        hits = self.groups[group].hits
+        return [key for key in hits[row] if key in self.layout.hits] if hits else []
+
+    def _hit(self, group: int, row: int, key: tuple[int, int]) -> ComplexArray:
+        """What a hit does to a row, weighted."""
+        g = self.groups[group]
+        return np.asarray(g.hits[row][key] * np.sqrt(2.0 / g.variance[row]))
 
     def correlation(self, residuals: Sequence[ComplexArray], coefficients: FloatArray, reduced: float) -> float:
         """

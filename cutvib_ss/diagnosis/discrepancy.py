@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,13 +23,21 @@ ALONG_THE_RAIL = ("rail", "rail_ends")
 
 def smooth_shapes(freq: FloatArray, band: tuple[float, float]) -> FloatArray:
     """Reduced-rank squared-exponential process over log frequency, shape (shape, frequency): coefficients are N(0, 1)."""
+    return _smooth_shapes(np.asarray(freq, dtype=np.float64).tobytes(), band)
+
+
+@lru_cache(maxsize=64)
+def _smooth_shapes(lines: bytes, band: tuple[float, float]) -> FloatArray:
+    freq = np.frombuffer(lines)
     low, high = (float(np.log(max(f, 1e-9))) for f in band)
     at = np.linspace(low, high, 1 + int(np.ceil((high - low) / (0.6 * SETTINGS.discrepancy_length))))
     inside = np.exp(-0.5 * ((at[:, None] - at) / SETTINGS.discrepancy_length) ** 2)
     variance, vectors = np.linalg.eigh(inside)
     keep = variance > SETTINGS.discrepancy_least_variance * variance[-1]
     across = np.exp(-0.5 * ((np.log(freq)[None] - at[:, None]) / SETTINGS.discrepancy_length) ** 2)
-    return np.asarray((vectors[:, keep] / np.sqrt(variance[keep])).T @ across)
+    shapes = np.asarray((vectors[:, keep] / np.sqrt(variance[keep])).T @ across)
+    shapes.flags.writeable = False
+    return shapes
 
 
 def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
@@ -90,15 +98,22 @@ def level_of(g: Group, row: int) -> FloatArray:
     return np.full(g.freq.size, 0.0 if entry.level is None else float(np.log(entry.level)))
 
 
-def shapes_over(pivots: Sequence[tuple[float, float]], u: FloatArray, w: FloatArray) -> FloatArray:
+def shapes_over(pivots: tuple[tuple[float, float], ...], u: FloatArray, w: FloatArray) -> FloatArray:
     """Shapes with independent N(0, 1) coefficients at some points, shape (pivot, point)."""
+    return _shapes_over(pivots, np.stack([u, w], axis=-1).tobytes())
+
+
+@lru_cache(maxsize=256)
+def _shapes_over(pivots: tuple[tuple[float, float], ...], points: bytes) -> FloatArray:
     at = np.array(pivots)
 
     def kernel(a: FloatArray, b: FloatArray) -> FloatArray:
         return np.asarray(np.exp(-0.5 * np.sum((a[:, None] - b[None]) ** 2, axis=-1)))
 
     lower = np.linalg.cholesky(kernel(at, at) + 1e-8 * np.eye(len(at)))
-    return linalg.solve_triangular(lower, kernel(at, np.stack([u, w], axis=-1)), lower=True)
+    shapes = linalg.solve_triangular(lower, kernel(at, np.frombuffer(points).reshape(-1, 2)), lower=True)
+    shapes.flags.writeable = False
+    return np.asarray(shapes)
 
 
 def pivots_of(problem: Problem) -> tuple[tuple[float, float], ...]:

@@ -134,8 +134,9 @@ class Factored:
         return float(pulled @ pulled)
 
     def solved(self, right: FloatArray) -> FloatArray:
-        """Solution for a right-hand side."""
-        return np.asarray(linalg.cho_solve((self.factor, True), right / self.size, check_finite=False) / self.size)
+        """Solution for a right-hand side, or for several in columns."""
+        size = self.size if right.ndim == 1 else self.size[:, None]
+        return np.asarray(linalg.cho_solve((self.factor, True), right / size, check_finite=False) / size)
 
 
 def log_determinant(matrix: FloatArray) -> float:

@@ -10,7 +10,7 @@ dH(z) gives the derivative: no residue has to be differentiated. Fast modes have
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -22,6 +22,7 @@ from cutvib_ss.diagnosis.pulses import pulses_of
 from cutvib_ss.diagnosis.records import Group
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Carried, Model
+from cutvib_ss.response.batched import mixed
 from cutvib_ss.response.frequency import ChainedResponse
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -50,6 +51,19 @@ class Circles:
     # 1 / (s - z) between the points of each position, then their mirror images, and the line s; a circle outlives
     # many predictions, and so does this
     inverse: tuple[ComplexArray, ...]
+    steady: bool = True  # Whether the poles have not just left the circles before these
+
+    @cached_property
+    def centres(self) -> ComplexArray:
+        """Centre of each circle."""
+        return np.asarray(self.points.reshape(-1, SETTINGS.tail_points).mean(axis=1))
+
+    def near(self, others: Circles) -> bool:
+        """Whether these lie as others do, up to half a radius."""
+        if self.points.size != others.points.size:
+            return False
+        radius = np.abs(self.points[:: SETTINGS.tail_points] - self.centres)
+        return bool(np.all(np.abs(self.centres - others.centres) <= 0.5 * radius))
 
 
 class Prediction:
@@ -65,9 +79,13 @@ class Prediction:
         start = np.where(np.isnan(group.blow_at), blow_at, group.blow_at)
         self.rest = group.block - start
         self.window = np.exp(-sigma * start)[:, None, None]
-        values = None if circles is None else self._responses(circles)
+        # Poles that have just left their circles are on their way, and are asked for first.
+        values = self._responses(circles) if circles is not None and circles.steady else None
         if values is None or not still_inside(self.circles, values[:, :, self.s.size :]):
-            values = self._responses(slow_circles(model, group, start, self.s))
+            drawn = slow_circles(model, group, start, self.s)
+            if circles is not None:
+                drawn = replace(drawn, steady=drawn.near(circles))
+            values = self._responses(drawn)
         self._values = values
         self.data = self._estimate(values.copy())
 
@@ -84,14 +102,17 @@ class Prediction:
         return self._by_row(self._response.data())
 
     def _by_row(self, values: ComplexArray) -> ComplexArray:
-        """Of responses to all inputs each row's own; a structure without positions shows the same in every row."""
-        at = self._at if len(values) == len(self._positions) else 0 * self._at
+        """Of responses to all inputs each row's own, shape (…, row, channel, s); without positions all rows show the same."""
+        at = self._at if values.shape[-4] == len(self._positions) else 0 * self._at
+        if len(self._inputs) == 1:
+            alone: ComplexArray = values[..., 0, :]
+            return alone if np.array_equal(at, np.arange(values.shape[-4])) else np.take(alone, at, axis=-3)
         own = [self._inputs.index(name) for name in self.group.inputs]
-        out: ComplexArray = values[at, :, own]
-        return out
+        out: ComplexArray = np.moveaxis(values, (-4, -2), (0, 1))[at, own]
+        return np.moveaxis(out, 0, -3)
 
     @cached_property
-    def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, ComplexArray]]:
+    def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, FloatArray]]:
         """For each position with slow poles: its circles' points, e^(zT) dz / 2πi there, and what makes the tail of responses."""
         found = []
         # Where there are no circles at all there are no inverses.
@@ -102,28 +123,41 @@ class Prediction:
                 # The tail's transform takes responses on the circles and on their mirror images: a real system mirrors each pole
                 # in the real axis.
                 lag = np.exp(self.circles.points[own] * rest) * self.circles.weights[own]
-                kernel = np.concatenate([lag, lag.conj()])[:, None] * inverse * np.exp(-self.s * rest)
-                found.append((i, self.s.size + own, lag, np.asarray(kernel, dtype=np.complex128)))
+                upper, lower = np.stack([lag, lag.conj()])[:, :, None] * inverse.reshape(2, own.size, -1)
+                # Of real and of imaginary parts, so that the products are real ones.
+                kernel = np.concatenate([upper + lower, 1j * (upper - lower)]) * np.exp(-self.s * rest)
+                found.append((i, self.s.size + own, lag, np.asarray(kernel, dtype=np.complex128).view(np.float64)))
         return found
 
     def _estimate(self, values: ComplexArray) -> ComplexArray:
-        """The estimator's view of responses on line and circles, which are given away."""
-        out = values[:, :, : self.s.size]
+        """The estimator's view of responses on line and circles, shape (…, row, channel, s), which are given away."""
+        out = values[..., : self.s.size]
         for i, own, _, kernel in self._tails:
-            around = values[i][:, own]
-            out[i] -= np.concatenate([around, around.conj()], axis=1) @ kernel
+            around = values[..., i, :, own[0] : own[-1] + 1]
+            parts = np.concatenate([around.real, around.imag], axis=-1)
+            tail = (parts.reshape(-1, parts.shape[-1]) @ kernel).view(np.complex128)
+            out[..., i, :, :] -= tail.reshape(*parts.shape[:-1], -1)
         if self.s[0].real:
             out *= self.window
         return out
 
     def derivative(self, carried: Carried) -> ComplexArray:
         """Derivative of the prediction along some of the model's values."""
-        total: ComplexArray | None = None
-        for path, weight in carried:
-            change = self._by_row(self._response.derivative(path))
-            change = change if weight == 1.0 else weight * change
-            total = change if total is None else total + change
-        return np.zeros(self.group.data.shape, dtype=np.complex128) if total is None else self._estimate(total)
+        return np.asarray(self.derivatives([carried])[0])
+
+    def derivatives(self, each: Sequence[Carried]) -> ComplexArray:
+        """Derivatives of the prediction along several moves of the model's values, shape (move, row, channel, frequency)."""
+        paths = list(dict.fromkeys(path for carried in each for path, _ in carried))
+        if not paths:
+            return np.zeros((len(each), *self.group.data.shape), dtype=np.complex128)
+        changes = self._response.derivatives(paths)
+        if all(len(carried) == 1 and carried[0][1] == 1.0 for carried in each) and len(paths) == len(each):
+            return self._estimate(self._by_row(changes))
+        weights = np.zeros((len(each), len(paths)))
+        for row, carried in zip(weights, each, strict=True):
+            for path, weight in carried:
+                row[paths.index(path)] += weight
+        return self._estimate(self._by_row(mixed(weights, changes)))
 
     def by_blow_at(self) -> ComplexArray:
         """Derivative to the instant of the blow, where the records do not say."""
@@ -138,7 +172,7 @@ class Prediction:
 def slow_frequencies(predictions: Sequence[Predicted]) -> list[float]:
     """Frequencies of the modes that have not died out when the blocks of some predictions end [Hz]."""
     circles = [p.circles for p in predictions if isinstance(p, Prediction)]
-    points = [c.points.reshape(-1, SETTINGS.tail_points).mean(axis=1) for c in circles if c.points.size]
+    points = [c.centres for c in circles if c.points.size]
     # What moves as a rigid body has no period.
     return [float(z.imag) / (2 * np.pi) for z in np.concatenate(points) if z.imag > abs(z) / 2] if points else []
 
@@ -150,8 +184,7 @@ def still_inside(circles: Circles, values: ComplexArray) -> bool:
         circles.points.reshape(count, SETTINGS.tail_points),
         circles.weights.reshape(count, SETTINGS.tail_points),
     )
-    owner = circles.position.reshape(count, SETTINGS.tail_points)[:, 0]
-    centre = points.mean(axis=1)
+    owner, centre = circles.position[:: SETTINGS.tail_points], circles.centres
     radius = np.abs(points[:, 0] - centre)
     for k in range(count):
         if abs(centre[k].imag) < 1e-9 * radius[k]:
@@ -248,12 +281,15 @@ _RIGID = 1e-12
 def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:
     """Poles of the upper half plane, to first order in the damping: enough to draw a circle around them."""
     # Hysteretic damping is made viscous at a low frequency, where slow modes are.
-    found = []
     stack = model.matrices(positions, viscous_at=30.0)
-    for mass, damping, stiffness in zip(stack.mass, stack.damping, stack.stiffness, strict=True):
-        squares, shapes = linalg.eigh(stiffness, mass, check_finite=False)
-        decay = np.sum(shapes * (damping @ shapes), axis=0) / 2
+    # With M = L Lᵀ, all positions at once.
+    below = np.linalg.inv(np.linalg.cholesky(stack.mass))
+    squares, vectors = np.linalg.eigh(below @ stack.stiffness @ below.swapaxes(1, 2))
+    shapes = below.swapaxes(1, 2) @ vectors
+    decay = np.sum(shapes * (stack.damping @ shapes), axis=1) / 2
+    found = []
+    for square, own in zip(squares, decay, strict=True):
         # What rounding leaves of a rigid motion is no mode: it has a circle of its own (`_moves_as_one`).
-        alive = (squares > decay**2) & (decay > 0) & (squares > _RIGID * squares[-1])
-        found.append(-decay[alive] + 1j * np.sqrt(squares[alive] - decay[alive] ** 2))
+        alive = (square > own**2) & (own > 0) & (square > _RIGID * square[-1])
+        found.append(-own[alive] + 1j * np.sqrt(square[alive] - own[alive] ** 2))
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -57,21 +58,50 @@ class Spread:
                     out[k] = size * self.offsets[at : at + count]
         return out
 
-    def with_record(self, name: tuple[float | str, ...], record: int, hits: int) -> Spread:
-        """The same with one more record, its hits, and its session: nothing is known of them but the size of their drift."""
+    def of_record(self, name: tuple[float | str, ...], record: int, hits: int) -> Spread:
+        """The same for one record: in the columns that it shows, all others being left at their best."""
         lay = self.layout
-        sessions = (*lay.sessions, name) if lay.sessions and name not in lay.sessions else lay.sessions
-        records = (*lay.records, record) if lay.records and record not in lay.records else lay.records
-        struck = tuple(dict.fromkeys((*lay.hits, *((record, k) for k in range(hits)))))
-        if (sessions, records, struck) == (lay.sessions, lay.records, lay.hits):
-            return self
-        more = replace(lay, sessions=sessions, records=records, hits=struck)
-        within = more.first_within + np.arange(lay.first_nominal - lay.first_within)
-        old = np.r_[: lay.first_within, within, more.first_nominal : more.first_hit + len(lay.hits)]
-        offsets, precision = np.zeros(more.size), np.eye(more.size)
-        offsets[old] = self.offsets
-        precision[np.ix_(old, old)] = self.precision
-        return Spread(more, self.sizes, offsets, precision)
+        own = replace(
+            lay,
+            sessions=(name,) if lay.sessions else (),
+            records=(record,) if lay.records else (),
+            hits=tuple((record, k) for k in range(hits)),
+        )
+        inferred = lay.first_hit - lay.first_nominal
+        # Columns here and there of the unknowns and of what all records share, then of what was seen of this one.
+        there = [np.arange(lay.unknowns), lay.first_nominal + np.arange(inferred)]
+        here = [np.arange(lay.unknowns), own.first_nominal + np.arange(inferred)]
+        if name in lay.sessions:
+            there.append(lay.unknowns + lay.per_session * lay.sessions.index(name) + np.arange(lay.per_session))
+            here.append(lay.unknowns + np.arange(lay.per_session))
+        if record in lay.records:
+            there.append(lay.first_within + lay.per_session * lay.records.index(record) + np.arange(lay.per_session))
+            here.append(own.first_within + np.arange(lay.per_session))
+        for k, key in enumerate(own.hits):
+            if key in lay.hits:
+                there.append(np.array([lay.first_hit + lay.hits.index(key)]))
+                here.append(np.array([own.first_hit + k]))
+        known, at = np.concatenate(there), np.concatenate(here)
+        # Nothing is known of the rest but its size.
+        offsets, precision = np.zeros(own.size), np.eye(own.size)
+        offsets[at] = self.offsets[known]
+        precision[np.ix_(at, at)] = self._precision_of(tuple(known.tolist()))
+        return Spread(own, self.sizes, offsets, precision)
+
+    def _precision_of(self, columns: tuple[int, ...]) -> FloatArray:
+        """Posterior precision of some columns, the others integrated out."""
+        if columns not in self._found:
+            own = np.array(columns)
+            others = np.setdiff1d(np.arange(self.layout.size), own)
+            between, inner = self.precision[np.ix_(others, own)], self.precision[np.ix_(own, own)]
+            if others.size:
+                inner = inner - between.T @ solved(self.precision[np.ix_(others, others)], between)
+            self._found[columns] = inner
+        return self._found[columns]
+
+    @cached_property
+    def _found(self) -> dict[tuple[int, ...], FloatArray]:
+        return {}
 
     def left(
         self,
@@ -89,7 +119,7 @@ class Spread:
         of the session or of the record is not known yet, a record may tell more of it, and of the unknowns, than is small: they
         are taken where the record has them, by Gauss-Newton steps, and pay their prior.
         """
-        own = self.with_record(name, record, hits)
+        own = self.of_record(name, record, hits)
         columns = _drifts(own.layout, name, record, own.sizes)
         seen = (name in self.layout.sessions, record in self.layout.records)
         new = any(not seen[k] and size > SETTINGS.predictive_small_drift for k, _, size in columns)
@@ -119,8 +149,8 @@ class _Seen(NamedTuple):
     moved: FloatArray  # By how much, from their posterior mean
     shown: Predicted
     residual: ComplexArray
-    chunks: list[tuple[int, np.ndarray, FloatArray]]  # Channel, columns, and their derivatives in sizes as real rows
-    weighted: list[ComplexArray]  # The same as they came
+    directions: Directions
+    precision: FloatArray  # Of all columns with the record
     left: float  # Squares of the residual and of the priors, the columns that are left at their best to first order
     step: FloatArray  # To that best, of the columns that are followed
 
@@ -159,20 +189,18 @@ class _Seeing:
             there[tuned] += weight[tuned] * size * (own.offsets[at] + moved[at])
             mean[at] = 0.0
         shown, residual = self.show(there)
-        matrix, pulled, squares = own.precision.copy(), -own.precision @ moved, float(moved @ own.precision @ moved)
-        chunks, parts = [], []
-        for _, _, c, index, part in Directions(self.problem, there, [shown], like=lay).chunks():
-            flat = real_rows(part) * scale[index, None]
-            r = real_rows(residual[None, c])[0] - mean[index] @ flat
-            matrix[np.ix_(index, index)] += flat @ flat.T / noise
-            pulled[index] += flat @ r / noise
-            squares += float(r @ r) / noise
-            chunks.append((c, index, flat))
-            parts.append(part)
+        directions = Directions(self.problem, there, [shown], like=lay)
+        gram, inner = directions.normal([residual[None]])
+        gram *= scale * scale[:, None] / noise
+        inner *= scale / noise
+        # The directions stand at their mean.
+        matrix, pulled = own.precision + gram, inner - gram @ mean - own.precision @ moved
+        squares = float(np.sum(np.abs(residual) ** 2)) / noise - 2.0 * float(inner @ mean) + float(mean @ gram @ mean)
+        squares += float(moved @ own.precision @ moved)
         best = solved(matrix, pulled)
         step = np.zeros(lay.size)
         step[self.followed] = best[self.followed]
-        return _Seen(moved, shown, residual, chunks, parts, squares - float(pulled @ best), step)
+        return _Seen(moved, shown, residual, directions, matrix, squares - float(pulled @ best), step)
 
     def judged(self, seen: _Seen) -> Left:
         """What is left of each channel by itself, and of all together."""
@@ -181,21 +209,21 @@ class _Seeing:
         for at, _ in self.drifts:
             mean[at] = 0.0
         known, back = float(seen.moved @ own.precision @ seen.moved), own.precision @ seen.moved
-        out, drifts, count, together = np.empty(seen.residual.shape[0]), [], 0, own.precision.copy()
-        for (c, index, flat), part in zip(seen.chunks, seen.weighted, strict=True):
+        out, drifts, count = np.empty(seen.residual.shape[0]), [], 0
+        for _, _, c, index, part in seen.directions.chunks():
+            flat = real_rows(part) * scale[index, None]
             moving = (index >= lay.unknowns) & (index < lay.first_nominal)
             variance = seen.shown.group.variance[0, c] / 2
             variance = np.where(np.isfinite(variance), variance, 0.0)
             drifting = np.abs(part[moving, 0] * scale[index[moving], None]) ** 2
             drifts.append(float(np.mean(np.sum(drifting, axis=0) * variance)))
             r = real_rows(seen.residual[None, c])[0] - mean[index] @ flat
-            gram, inner, pulled = flat @ flat.T / noise, own.precision.copy(), -back
-            inner[np.ix_(index, index)] += gram
-            together[np.ix_(index, index)] += gram
+            inner, pulled = own.precision.copy(), -back
+            inner[np.ix_(index, index)] += flat @ flat.T / noise
             pulled[index] += flat @ r / noise
             out[c] = (r @ r / noise + known - float(pulled @ solved(inner, pulled))) / r.size
             count += r.size
-        wider = log_determinant(together) - log_determinant(own.precision) + count * float(np.log(noise))
+        wider = log_determinant(seen.precision) - log_determinant(own.precision) + count * float(np.log(noise))
         return Left(out, float(np.mean(drifts)), -0.5 * (seen.left + wider))
 
 

@@ -24,6 +24,8 @@ from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
 
 IndexArray: TypeAlias = NDArray[np.intp]
+_KEPT = 64
+"""Tuned models, and calibration errors, that a problem keeps: of as many groups as move apart."""
 
 
 class Problem:
@@ -58,11 +60,13 @@ class Problem:
         self.size = self.first_effect + len(self.parameters)
         self._n_shapes = shapes
         self.band = (min(float(g.freq[0]) for g in groups), max(float(g.freq[-1]) for g in groups))
-        self.shapes = [self._shapes_at(g.freq) for g in groups]
+        self.shapes = [self.shapes_at(g.freq) for g in groups]
         self.sessions = tuple(dict.fromkeys(session_of(same[0]) for g in groups for same in g.entries))
         self.drifting_within: tuple[int, ...] = ()
         """Records that drift within their session."""
         self._circles: list[Circles | None] = [None] * len(self.groups)
+        self._tuned: dict[bytes, Model] = {}
+        self._gains: dict[tuple[tuple[str, ...], bytes, bytes], ComplexArray] = {}
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
 
     def _force_scaled(self) -> tuple[tuple[int, int], ...]:
@@ -101,7 +105,15 @@ class Problem:
         return out
 
     def tuned(self, x: FloatArray) -> Model:
-        """The nominal model with its values moved."""
+        """The nominal model with its values moved; that of the last unknowns is kept."""
+        key = x[: self.n_tuning].tobytes()
+        if key not in self._tuned:
+            if len(self._tuned) >= _KEPT:
+                self._tuned.clear()
+            self._tuned[key] = self._tuned_at(x)
+        return self._tuned[key]
+
+    def _tuned_at(self, x: FloatArray) -> Model:
         steps = zip(self.tuning, self._nominal_values, x, strict=False)
         values = {path: value * float(np.exp(tolerance * step)) for (path, tolerance), value, step in steps}
         # A drift that is followed far may ask for more than critical damping, at which there is no mode.
@@ -189,12 +201,21 @@ class Problem:
         """Draw the circles around slow poles anew at the next prediction."""
         self._circles = [None] * len(self.groups)
 
-    def _shapes_at(self, freq: FloatArray) -> FloatArray:
+    def shapes_at(self, freq: FloatArray) -> FloatArray:
+        """Shapes of a calibration error, shape (shape, frequency)."""
         return calibration_shapes(freq, self.band, self._n_shapes)
 
     def calibration_of(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
         """Calibration error of channels."""
-        shapes = self._shapes_at(freq)
+        key = (tuple(channels), freq.tobytes(), x[self.n_tuning : self._blow].tobytes())
+        if key not in self._gains:
+            if len(self._gains) >= _KEPT:
+                self._gains.clear()
+            self._gains[key] = self._calibration_at(channels, freq, x)
+        return self._gains[key]
+
+    def _calibration_at(self, channels: Sequence[str], freq: FloatArray, x: FloatArray) -> ComplexArray:
+        shapes = self.shapes_at(freq)
         k = shapes.shape[0]
         rows = np.ones((len(channels), freq.size), dtype=np.complex128)
         for row, c in zip(rows, channels, strict=True):
@@ -208,16 +229,20 @@ class Problem:
         predictions = self.predictions(x)
         out, total = [], 0.0
         for g, p, own in zip(self.groups, predictions, self.each(x), strict=True):
-            r = (g.data - p.data * self.calibration_of(g.channels, g.freq, own)) * np.sqrt(2.0 / g.variance)
+            r = (g.data - p.data * self.calibration_of(g.channels, g.freq, own)) * g.weight
             out.append(r)
             total += float(np.sum(r.real**2 + r.imag**2))
         return predictions, out, total
 
-    def jacobian(self, x: FloatArray, p: Predicted) -> tuple[ComplexArray, list[ComplexArray]]:
-        """Weighted derivatives of a prediction, of records that were fitted or of others."""
+    def jacobian(self, x: FloatArray, p: Predicted) -> ComplexArray:
+        """
+        Weighted derivatives of a prediction, of records that were fitted or of others, to the unknowns that move every channel.
+
+        Shape (unknown, position, channel, frequency).
+        """
         g = p.group
-        weight = self.calibration_of(g.channels, g.freq, x) * np.sqrt(2.0 / g.variance)
-        return self._jacobian(x, p, weight, self._shapes_at(g.freq))
+        weight = self.calibration_of(g.channels, g.freq, x) * g.weight
+        return np.asarray(weight * np.array(self._slopes(x, p)).reshape(-1, *g.data.shape))
 
     def own(self, channel: str, count: int) -> IndexArray:
         """Unknowns of a channel's calibration."""
@@ -228,30 +253,17 @@ class Problem:
         """Unknowns that move every channel."""
         return np.concatenate([np.arange(self.n_tuning), np.arange(self.n_tuning + self.n_calibration, self.size)])
 
-    def _jacobian(
-        self, x: FloatArray, p: Predicted, weight: ComplexArray, shapes: FloatArray
-    ) -> tuple[ComplexArray, list[ComplexArray]]:
-        """Rows of the shared unknowns (unknown, position, channel, frequency), and of each channel's calibration."""
-        g = p.group
-        shared = weight * np.array(self._slopes(x, p)).reshape(-1, *g.data.shape)
-        # A calibration error multiplies the prediction itself.
-        plain = p.data * np.sqrt(2.0 / g.variance) * self.calibration
-        own = []
-        for c in range(len(g.channels)):
-            real = (shapes[:, None, :] * plain[None, :, c]).reshape(shapes.shape[0], plain[:, c].size)
-            own.append(np.concatenate([real, 1j * real]))
-        return shared, own
-
     def _slopes(self, x: FloatArray, p: Any) -> list[ComplexArray]:
         """Derivatives of a prediction to tuning, instant of the blow and the effects' parameters."""
         effects = self.effects(x)
         stages = stages_of(self.tuned(x), effects)
-        out = [scale * p.derivative(carried) for scale, carried in self._tuning_moves(effects, stages)]
+        moves = [*self._tuning_moves(effects, stages)]
+        moves += [self._effect_moves(x, i, effects, stages) for i in range(len(self.parameters))]
+        slopes = p.derivatives([carried for _, carried in moves])
+        slopes *= np.array([scale for scale, _ in moves])[:, None, None, None]
+        out = list(slopes)
         if self.n_blow:
-            out.append(SETTINGS.record_blow_at_std * p.by_blow_at())
-        for i in range(len(self.parameters)):
-            slope, moved = self._effect_moves(x, i, effects, stages)
-            out.append(slope * p.derivative(moved))
+            out.insert(self.n_tuning, SETTINGS.record_blow_at_std * p.by_blow_at())
         return out
 
     def _tuning_moves(self, effects: Sequence[Effect], stages: Sequence[Model]) -> Iterator[tuple[float, Carried]]:

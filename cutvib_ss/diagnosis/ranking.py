@@ -118,10 +118,15 @@ def ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[t
 
 
 def first_steps(
-    nominal: Model, records: Records, hypothesis: Hypothesis, warm: FloatArray | None, steps: int
+    nominal: Model,
+    records: Records,
+    hypothesis: Hypothesis,
+    warm: FloatArray | None,
+    steps: int,
+    rival: float = np.inf,
 ) -> Fit | None:
-    """A few steps on few lines."""
+    """A few steps on few lines, as long as their pace leads to the objective of a rival."""
     try:
-        return fit(nominal, records, hypothesis, warm, steps, SETTINGS.search_coarse_gain)
+        return fit(nominal, records, hypothesis, warm, steps, SETTINGS.search_coarse_gain, rival=rival)
     except CutvibError:
         return None

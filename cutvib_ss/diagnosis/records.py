@@ -61,6 +61,11 @@ class Entry:
         """Position y_b / L; None for a structure."""
         return position_at(self.response.positions[0])
 
+    @cached_property
+    def group(self) -> Group:
+        """The record by itself."""
+        return _group([self], apart=False)
+
     @property
     def input(self) -> str:
         """Where the force acts: the model's input, a port, or ``rail@`` and a fraction of the rail."""
@@ -136,6 +141,11 @@ class Group:
         """The pulses of a row, and the share of each in the lines' spectrum, by the instant that times count from."""
         return {}
 
+    @cached_property
+    def weight(self) -> FloatArray:
+        """Of each real part: one over its standard deviation."""
+        return np.asarray(np.sqrt(2.0 / self.variance))
+
     @property
     def inputs(self) -> tuple[str, ...]:
         """Where the force of each row acts."""
@@ -182,7 +192,7 @@ class Records:
         if (apart, by) not in self._groups:
             entries = self.entries
             self._groups[apart, by] = (
-                tuple(_group([e], apart=True) for e in entries)
+                tuple(e.group for e in entries)
                 if by == "record"
                 else merged(entries, apart, by_session=by == "session")
             )

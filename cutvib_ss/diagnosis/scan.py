@@ -69,12 +69,13 @@ class Scan:
         # Where the fit was drawn away from the priors' middle to make up for what it lacks, it gains by going back.
         self.strain = precision * np.concatenate([here, np.zeros(beside)])
         self.strained = float(self.strain[: here.size] @ here)
+        self.of_left = self.rows @ self.left
         self.leaves = self._freed(self.left)
 
     def promise(self, starts: Sequence[Effect]) -> Scanned:
         """The best of a cause's starts."""
         if starts[0].linear:
-            gain, best = max(((g, h) for h, _, g in map(self._of_start, starts)), key=lambda row: row[0])
+            gain, best = max(((g, h) for h, _, g in self._of_starts(starts)), key=lambda row: row[0])
             return Scanned(gain, best)
         tried = [self.as_it_stands(e) for e in starts]
         if len(starts[0].strength) == 1:
@@ -83,7 +84,7 @@ class Scan:
 
     def each(self, starts: Sequence[Effect]) -> list[tuple[float, float]]:
         """χ² that each start of a linear cause would take away: as it stands, and scaled as it is best."""
-        return [self._of_start(e)[1:] for e in starts]
+        return [found[1:] for found in self._of_starts(starts)]
 
     def refined(self, best: Scanned) -> Scanned:
         """A law with its parameters where it explains most."""
@@ -177,37 +178,54 @@ class Scan:
             # Its parameter cannot be negative.
             return nothing
 
-    def _of_start(self, effect: Effect) -> tuple[Hypothesis, float, float]:
-        """χ² that a linear cause would take away at a start: as it stands, and with its change scaled as it is best."""
-        both, problem, x = self.with_cause(effect)
-        along, size, moved_by = self.change(problem, x)
-        stands, gain = 2.0 * along - size, along * abs(along) / size if size > 0.0 else along
-        if moved_by > SETTINGS.scan_nothing * self.left.size or gain == -np.inf:
-            return both, stands, gain
-        # The start does nothing yet: each parameter is moved off it, and may go either way.
-        moves = []
+    def _of_starts(self, starts: Sequence[Effect]) -> list[tuple[Hypothesis, float, float]]:
+        """χ² that a linear cause would take away at each start: as it stands, and with its change scaled as it is best."""
+        tried = [self.with_cause(e) for e in starts]
+        changes = self._changes([(problem, x) for _, problem, x in tried])
+        out = []
+        for (both, problem, x), (along, size, moved_by) in zip(tried, changes, strict=True):
+            stands, gain = 2.0 * along - size, along * abs(along) / size if size > 0.0 else along
+            if moved_by <= SETTINGS.scan_nothing * self.left.size and gain != -np.inf:
+                gain = self._off_start(problem, x)
+            out.append((both, stands, gain))
+        return out
+
+    def _off_start(self, problem: Problem, x: FloatArray) -> float:
+        """χ² that a cause would take away whose start does nothing yet: each parameter is moved off it, and may go either way."""
+        there = []
         for i in range(problem.size - sum(p[0] == len(self.effects) for p in problem.parameters), problem.size):
             moved = x.copy()
             moved[i] += SETTINGS.scan_nudge if x[i] + SETTINGS.scan_nudge <= 1.0 else -SETTINGS.scan_nudge
-            along, size, _ = self.change(problem, moved)
-            moves.append(along**2 / size if size > 0.0 else along)
-        return both, stands, max((m for m in moves if np.isfinite(m)), default=-np.inf)
+            there.append((problem, moved))
+        gains = (along**2 / size if size > 0.0 else along for along, size, _ in self._changes(there))
+        return max((gain for gain in gains if np.isfinite(gain)), default=-np.inf)
 
     def change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
         """
         Of a change of the prediction, the directions of the fit's unknowns projected out: its product with the residual, minus
         infinity where the model cannot take it; its squares; and those before the projection.
         """
-        try:
-            change = self.left - _flat(problem.residuals(x)[1])
-        except (CutvibError, np.linalg.LinAlgError):
-            return -np.inf, 0.0, 0.0
-        if not np.isfinite(change).all():
-            return -np.inf, 0.0, 0.0
-        pulled = self.normal.solved(self.rows @ change)
-        own = change - self.rows.T @ pulled
-        along, size = float(own @ self.left + pulled @ self.strain), float(own @ change)
-        return (along, size, float(change @ change)) if size > 0.0 else (0.0, 0.0, float(change @ change))
+        return self._changes([(problem, x)])[0]
+
+    def _changes(self, there: Sequence[tuple[Problem, FloatArray]]) -> list[tuple[float, float, float]]:
+        """The same of several, which are projected together: there are far more data than directions."""
+        found, out = [], [(-np.inf, 0.0, 0.0)] * len(there)
+        for i, (problem, x) in enumerate(there):
+            try:
+                change = self.left - _flat(problem.residuals(x)[1])
+            except (CutvibError, np.linalg.LinAlgError):
+                continue
+            if np.isfinite(change).all():
+                found.append((i, change))
+        if found:
+            changes = np.array([change for _, change in found])
+            seen = self.rows @ changes.T
+            for (i, change), own in zip(found, seen.T, strict=True):
+                pulled, whole = self.normal.solved(own), float(change @ change)
+                along = float(change @ self.left + pulled @ (self.strain - self.of_left))
+                size = whole - float(pulled @ own)
+                out[i] = (along, size, whole) if size > 0.0 else (0.0, 0.0, whole)
+        return out
 
 
 def _times(effect: Effect, factor: float) -> Effect:

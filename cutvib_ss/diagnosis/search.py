@@ -175,10 +175,11 @@ def _other_instants(nominal: Model, records: Records, r: Ranked) -> Ranked:
     if not problem.n_blow or not (slow := slow_frequencies(problem.predictions(r.fit.x))):
         return r
     # What a block cuts off of a mode that has not died out is periodic in the instant of the blow, where that is not stated.
-    tries = []
+    tries: list[tuple[float, Fit | None]] = []
     for periods in (0.0, -1.0, -0.5, 0.5, 1.0):
         x = problem.struck_at(r.fit.x, problem.blow_at(r.fit.x) + periods / min(slow))
-        tried = first_steps(nominal, sharp, r.fit.hypothesis, x, SETTINGS.search_later_steps)
+        reached = min((objective for objective, _ in tries), default=np.inf)
+        tried = first_steps(nominal, sharp, r.fit.hypothesis, x, SETTINGS.search_later_steps, reached)
         tries.append((np.inf if tried is None else tried.objective, tried))
     best = min(tries, key=lambda row: row[0])[1]
     if best is None or best is tries[0][1]:

@@ -242,12 +242,13 @@ class SimulatedProblem(Problem):
             if index is not None:
                 self._site_circles[index] = linear.circles
             here = _taken(p.model, sites, row, p.stiffness)
-        for i, scale, carried in moves:
-            closed = tuple((path, w) for path, w in carried if path[0] != "nonlinear")
+            closed = [tuple((path, w) for path, w in carried if path[0] != "nonlinear") for _, _, carried in moves]
+            slopes = linear.derivatives(closed)
+        for k_move, (i, scale, carried) in enumerate(moves):
             moved = x.copy()
             moved[i] += self._difference(i)
             change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
-            out[i] = scale * linear.derivative(closed)[row] - change
+            out[i] = scale * slopes[k_move][row] - change
             for k, sweep in p.sweeps.items():
                 out[i][k] = scale * sum(w * sweep.derivative(path) for path, w in carried)
         return [out[i] for i in sorted(out)]

@@ -98,7 +98,9 @@ class ByLevelProblem(Problem):
         shapes = self._levels(p.group)
         effects = self.effects(x)
         stages = [self.tuned(x), p.model]
-        out = [scale * p.derivative(carried) for scale, carried in self._tuning_moves(effects, stages)]
+        moves = list(self._tuning_moves(effects, stages))
+        slopes = p.derivatives([carried for _, carried in moves])
+        out = [scale * slope for (scale, _), slope in zip(moves, slopes, strict=True)]
         if self.n_blow:
             out.append(SETTINGS.record_blow_at_std * p.by_blow_at())
         # The shapes vary little between a line and the circles around the poles beside it.

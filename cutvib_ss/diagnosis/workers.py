@@ -14,6 +14,7 @@ from threading import Thread, current_thread, main_thread
 from types import MappingProxyType, TracebackType
 from typing import Any, TypeVar
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from cutvib_ss.effects.base import Effect
@@ -36,8 +37,19 @@ def _reduced(table: MappingProxyType[Any, Any]) -> tuple[Callable[..., Any], tup
 copyreg.pickle(MappingProxyType, _reduced)
 
 
+_KEPT = 31 * 2**20
+"""Bytes of a block from which the C library learns to keep what is freed; it learns from none above 32 MiB."""
+
+
+def _keep_memory() -> None:
+    """Have freed memory kept: the system would clear every page of it anew, which takes as long as the sums in it."""
+    # glibc gives back blocks larger than the largest that it has seen freed, which is 128 KiB before.
+    np.empty(_KEPT, dtype=np.uint8)
+
+
 def _start(registered: tuple[type[Effect], ...]) -> None:
     threadpool_limits(1)
+    _keep_memory()
     for kind in registered:
         EFFECTS.register(kind)
     Thread(target=_end_with_parent, daemon=True).start()
@@ -91,6 +103,7 @@ class Workers:
         self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> Workers:
+        _keep_memory()
         return self
 
     def __exit__(

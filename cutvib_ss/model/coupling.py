@@ -122,6 +122,8 @@ def head_core_changes(p: HeadParameters, rail_: Rail, guide: Guide | None, name:
     """How the core of a head moves with one of its parameters, or with ``"eccentricity"``."""
     torsion = rail_.torsion
     rows, parts = head_changes(p, name, torsion is not None, torsion.eccentricity if torsion else 0.0)
+    if guide is None:
+        return Changes(rows, parts)
     spread = _spread(torsion is not None, guide)
     return Changes(
         {port: row @ spread for port, row in rows.items()},

@@ -15,6 +15,7 @@ and so both masses, by the eccentricity e of that joint.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -31,7 +32,8 @@ HEAD_DOFS = ("theta1", "theta2", "base", "twist")
 _MASSES = {"m1": ("head_x", "head_z"), "m2": ("tool_x", "tool_z")}
 
 
-def head_rows(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> dict[str, FloatArray]:
+@lru_cache(maxsize=64)
+def head_rows(p: HeadParameters, twist: bool = False, eccentricity: float = 0.0) -> Mapping[str, FloatArray]:
     """Rows of the head's ports over (θ1, θ2, x_b) and, on a rail that twists, ψ, shape (3,) or (4,)."""
     a, b = p.theta01, p.theta01 + p.theta02
     x1, z1 = p.l1 * np.cos(a), -p.l1 * np.sin(a)

@@ -196,6 +196,8 @@ class ChainAtLines:
 
     def gathered(self, shown: ComplexArray, axis: int = -2) -> ComplexArray:
         """Outputs from the signals' motions times their factors, which are given away."""
+        if not self._leaks:
+            return shown
         parts = np.moveaxis(shown, axis, 0)
         for extra, k in enumerate(self._leaks, start=len(self.outputs)):
             parts[k] += parts[extra]

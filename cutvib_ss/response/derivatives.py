@@ -17,7 +17,7 @@ product for all values of what sits at r.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TypeAlias, cast
 
 import numpy as np
@@ -32,6 +32,8 @@ from cutvib_ss.response.receptance import ModelReceptance, Row
 from cutvib_ss.results import ComplexArray, FloatArray
 
 Rows: TypeAlias = Mapping[str, FloatArray]
+_FEW = 5
+"""Degrees of freedom of a head up to which the products of all their motions are formed."""
 # A part of dE: its factor over frequency, and a symmetric matrix or the row r of r rᵀ.
 Part: TypeAlias = tuple[ComplexArray | float, FloatArray]
 
@@ -70,6 +72,77 @@ class ResponseDerivatives:
         for i, u in enumerate(self._driven.motion):
             out = out + self.receptance.following[:, i, None] * u
         return out
+
+    def derivatives(self, paths: Sequence[Path]) -> ComplexArray:
+        """Derivatives of the responses to some of the model's values, shape (value, position, output, frequency)."""
+        out = np.empty(
+            (len(paths), len(self.receptance.positions), len(self.outputs), self.s.size), dtype=np.complex128
+        )
+        cores = {k: changes for k, path in enumerate(paths) if (changes := self._core_alone(path)) is not None}
+        if cores:
+            out[list(cores)] = self._by_cores(list(cores.values()))
+        smooth: dict[Path, list[int]] = {}
+        for k, path in enumerate(paths):
+            if len(path) > 2 and path[-2] == "coefficients":
+                smooth.setdefault(path[:-1], []).append(k)
+            elif k not in cores:
+                out[k] = self.derivative(path)
+        for at, which in smooth.items():
+            # All coefficients of a smooth function move it alone.
+            function: SmoothElement = part_at(self.model, at[:-1])
+            shapes = function.shapes(self.s)[[int(paths[k][-1]) for k in which]]
+            out[which] = self._of_value((*at, "unit")) * shapes[:, None, None]
+        return out
+
+    def _core_alone(self, path: Path) -> Changes | None:
+        """How a value moves the core of a small head, where it moves nothing else."""
+        receptance = self.receptance
+        if not receptance.interface or len(receptance.system.dofs) > _FEW or path[0] != "head":
+            return None
+        changes = self.model.core_changes(path)
+        if changes is None or any(a.moved(changes.rows) is not None for a in receptance.assembly.elements):
+            return None
+        return None if any(map(receptance.is_rail, (*self.outputs, self.input))) else changes
+
+    def _by_cores(self, changes: Sequence[Changes]) -> ComplexArray:
+        """dqᵀ X_p + X_qᵀ dp - X_qᵀ dE X_p of several values: products of two motions serve all of them."""
+        powers = (np.ones_like(self.s), self.s, self.s * self.s)
+        n = len(self._held)
+        upper = _pairs(n)
+        # Of each value and power of s the symmetric matrix, over pairs of motions.
+        weights = np.zeros((3, len(changes), upper[0].size))
+        for k, change in enumerate(changes):
+            for power, part in change.stiffness:
+                weights[power, k] -= part[upper[0]] * part[upper[1]] if part.ndim == 1 else part[upper]
+        driven, moving = self._driven_motion[:, :, None], self._moving
+        # Those of which a matrix is none need no product.
+        used = np.flatnonzero(weights.any(axis=(0, 1)))
+        weights = weights[:, :, used]
+        pairs = np.empty((used.size, *moving.shape[1:]), dtype=np.complex128)
+        for pair, a, b in zip(pairs, upper[0][used], upper[1][used], strict=True):
+            np.multiply(moving[a], driven[b], out=pair)
+            if a != b:
+                pair += moving[b] * driven[a]
+        out: ComplexArray = np.zeros((len(changes), *pairs.shape[1:]), dtype=np.complex128)
+        for factor, weight in zip(powers, weights, strict=True):
+            moved = np.flatnonzero(weight.any(axis=1))
+            if moved.size:
+                out[moved] += factor * mixed(weight[moved], pairs)
+        for k, change in enumerate(changes):
+            if (row := change.rows.get(self.model.port_of(self.input))) is not None:
+                out[k] += _read(row, moving)
+            for c, name in enumerate(self.outputs):
+                if (row := change.rows.get(self.model.port_of(name))) is not None:
+                    out[k][:, c] += self.factors[c] * _read(row, self._driven_motion)
+        return out
+
+    @cached_property
+    def _moving(self) -> ComplexArray:
+        """X of the outputs, with their factors, shape (n, position, output, frequency)."""
+        out = self._held[:, None] + self.receptance.following[:, 0, None, None] * self._motion[0]
+        for i in range(1, len(self._motion)):
+            out += self.receptance.following[:, i, None, None] * self._motion[i]
+        return np.asarray(out)
 
     def derivative(self, path: Path) -> ComplexArray:
         """Derivative of the responses to one of the model's values, shape (position, output, frequency)."""
@@ -258,6 +331,12 @@ class ResponseDerivatives:
             if modal:
                 found.append((c, modal / (2 * mass) * self.receptance.between(output, self.input)))
         return found
+
+
+@lru_cache(maxsize=8)
+def _pairs(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the upper triangle of a matrix."""
+    return np.triu_indices(n)
 
 
 def _plus(total: ComplexArray | None, more: ComplexArray) -> ComplexArray:

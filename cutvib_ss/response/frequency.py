@@ -144,11 +144,28 @@ class ChainedResponse:
             parts = [self._by_chain(path, input) for input in self.inputs]
         return parts[0][:, :, None] if len(parts) == 1 else np.stack(parts, axis=2)
 
-    def _mechanical(self, path: Path, input: str) -> ComplexArray:
-        """Derivative of one input's responses to a value of the mechanics, shape (position, output, frequency)."""
+    def derivatives(self, paths: Sequence[Path]) -> ComplexArray:
+        """Derivatives to several values, shape (value, position, output, input, frequency)."""
+        shape = (len(paths), self._places, len(self.outputs), len(self.inputs), self.s.size)
+        out: ComplexArray = np.empty(shape, dtype=np.complex128)
+        mechanical = [k for k, path in enumerate(paths) if path[0] != "chain"]
+        for i, input in enumerate(self.inputs):
+            if mechanical:
+                changes = self._changes_of(input).derivatives([paths[k] for k in mechanical])
+                out[mechanical, :, :, i] = self._lines.gathered(changes)
+            for k, path in enumerate(paths):
+                if path[0] == "chain":
+                    out[k, :, :, i] = self._by_chain(path, input)
+        return out
+
+    def _changes_of(self, input: str) -> ResponseDerivatives:
         if input not in self._changes:
             self._changes[input] = ResponseDerivatives(self.receptance, self._lines.signals, input, self._lines.factors)
-        return self._lines.gathered(self._changes[input].derivative(path))
+        return self._changes[input]
+
+    def _mechanical(self, path: Path, input: str) -> ComplexArray:
+        """Derivative of one input's responses to a value of the mechanics, shape (position, output, frequency)."""
+        return self._lines.gathered(self._changes_of(input).derivative(path))
 
     def _by_chain(self, path: Path, input: str) -> ComplexArray:
         """Derivative of one input's responses to a value of the chain, shape (position, output, frequency)."""

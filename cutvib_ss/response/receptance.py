@@ -135,7 +135,7 @@ class ModelReceptance:
 
     def is_rail(self, name: str) -> bool:
         """Whether a signal is one of the rail: its modal coordinates, ends and points."""
-        if self.assembly.rail is None:
+        if self.assembly.rail is None or not name.startswith(("rail", "eta")):
             return False
         return name in ("rail_left", "rail_right") or re.fullmatch(r"eta\d+|rail\(.*\)|rail@.*", name) is not None
 

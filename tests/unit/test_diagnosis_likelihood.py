@@ -13,8 +13,9 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Factored, Quadratic
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import Entry, Records, merged
+from cutvib_ss.diagnosis.records import By, Entry, Records, merged
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.model.structure import Structure
 from tests.unit.diagnosis_example import example_structure
 from tests.unit.record_example import entry_of
@@ -89,6 +90,29 @@ def test_evidence_of_sizes_is_that_of_the_dense_covariance(sizes: Sizes) -> None
     assert quadratic.log_evidence(sizes) - quadratic.log_evidence(other) == pytest.approx(
         dense(sizes) - dense(other), abs=1e-3
     )
+
+
+@pytest.mark.parametrize("by", [None, "session", "record"])
+def test_the_normal_matrix_is_that_of_the_columns_written_down(by: By | None) -> None:
+    structure = example_structure()
+    rng = np.random.default_rng(3)
+    struck = tuple(
+        e if e.record % 2 else replace(e, hits=rng.standard_normal((2, *e.data.shape)) + 0j)
+        for e in entries(structure, 3e-3, count=4)
+    )
+    cause = ParameterShift("structure", "stiffness", 1.2)
+    problem = Problem(structure, Records(struck, moving=True).groups(by), Hypothesis((cause,)))
+    problem.drifting_within = tuple(e.record for e in struck)
+    x = problem.start() + 0.1
+    predictions, residuals, _ = problem.residuals(x)
+    directions = Directions(problem, x, predictions)
+    assert all((directions.layout.pivots, directions.layout.hits, directions.layout.nominal))
+    matrix, gradient = directions.normal(residuals)
+    rows = directions.flat()
+    residual = np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])
+    size = np.sqrt(np.sum(rows**2, axis=1))
+    np.testing.assert_allclose(matrix / np.outer(size, size), rows @ rows.T / np.outer(size, size), atol=1e-12)
+    np.testing.assert_allclose(gradient / size, rows @ residual / size, atol=1e-9 * np.linalg.norm(residual))
 
 
 def test_a_structure_that_drifts_between_records_has_no_gap() -> None:
