@@ -275,8 +275,9 @@ class Climb:
         here, tried = np.concatenate([x, self.at.drift.ravel()]), damping
         for harder in (1e1, 1e2, 1e3, 1e4):
             step = np.clip(start + _step(matrix, gradient, tried, start, low, high), low, high) - start
-            # Damped so far that even the quadratic gains nothing by it.
-            if tried > damping and 2.0 * gradient @ step - step @ matrix @ step < worth:
+            # Not even the quadratic gains by it what is needed; of a whole step it may promise too little.
+            promised = 2.0 * gradient @ step - step @ matrix @ step
+            if promised < (worth if tried > damping else SETTINGS.fit_promise * worth):
                 break
             there = np.concatenate([x + step[:n], self._drifted(step[n:]).ravel()])
             ahead = trail.ahead(here, there - here, weight) if tried == damping else None

@@ -259,7 +259,10 @@ def _rough(
         for i in range(len(found))
     ]
     kept = sorted(chosen)
-    fits = workers.map(partial(_scouted, nominal, few), [ordered[i] for i in kept])
+    firsts = workers.map(partial(_from_start, nominal, few), [ordered[i][0] for i in kept])
+    # What the best reaches from its first start the others have to come up to.
+    rival = min((f.objective for f in firsts if f is not None), default=np.inf)
+    fits = workers.map(partial(_scouted, nominal, few, rival=rival), [ordered[i] for i in kept], firsts)
     pairs = [(found[i], f) for i, f in zip(kept, fits, strict=True) if f is not None]
     return sorted(pairs, key=lambda pair: cost(pair[1]))
 
@@ -272,21 +275,26 @@ def _tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:
     return any(path in strained for carried in moved.values() for path, _ in carried)
 
 
-def _scouted(nominal: Model, few: Records, starts: Sequence[Effect]) -> Fit | None:
+def _scouted(nominal: Model, few: Records, starts: Sequence[Effect], first: Fit | None, rival: float) -> Fit | None:
     """A candidate from the best of its starts, which are in order of promise; None where the model takes none."""
-    # All start from the untuned model: the tuning of a model that lacks the cause leads away.
-    tries: list[Fit] = []
-    for k, e in enumerate(starts[: SETTINGS.search_starts_most]):
+    tries: list[Fit] = [] if first is None else [first]
+    for k, e in enumerate(starts[1 : SETTINGS.search_starts_most], 1):
         left = min((f.reduced for f in tries), default=np.inf)
         if k >= SETTINGS.search_starts_climbed and left < SETTINGS.search_enough:
             # Far from the truth first order tells little of which start is best; these leave nothing beside the widened noise.
             break
-        if (f := first_steps(nominal, few, Hypothesis((e,)), None, SETTINGS.search_start_steps)) is not None:
+        if (f := _from_start(nominal, few, e, rival)) is not None:
             tries.append(f)
     if not tries:
         return None
     best = min(tries, key=cost)
-    return fit(nominal, few, best.hypothesis, best.x, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain)
+    steps, gain = SETTINGS.search_later_steps, SETTINGS.search_coarse_gain
+    return fit(nominal, few, best.hypothesis, best.x, steps, gain, rival=rival)
+
+
+def _from_start(nominal: Model, few: Records, start: Effect, rival: float = np.inf) -> Fit | None:
+    """A cause after its first steps, from the untuned model: the tuning of a model that lacks the cause leads away."""
+    return first_steps(nominal, few, Hypothesis((start,)), None, SETTINGS.search_start_steps, rival)
 
 
 def _rough_laws(

@@ -169,6 +169,8 @@ class Settings:
     fit_gain: float = _of(0.1, "objective", "Gain at which steps end", "coarser fits",
         "a twentieth of what tells two causes apart by a factor of e")
     fit_passes: int = _of(3, "climbs", "Times that a fit climbs at most", "longer", _TIME)
+    fit_promise: float = _of(0.1, "needed gain", "That a whole step has to promise to be tried",
+        "starts far from the truth are given up", _TIME)
     fit_trail: int = _of(3, "steps", "By which the next one is extrapolated", "longer memory", _NUMERICAL)
     fit_scout_steps: int = _of(10, "steps", "A fit of no more steps climbs once", "more scouts", _TIME)
     fit_start_lines: int = _of(120, "lines", "Lines on which drifting sessions are started", "longer", _TIME)
