@@ -279,7 +279,9 @@ def test_a_family_s_part_keeps_what_leaks_into_its_outputs() -> None:
     chain = replace(MACHINE.chain, cross_axis=0.05)
     family = cv.schedule(replace(MACHINE, chain=chain), PLACES, outputs=["base_x", "tool_z"])
     both = family.frequency_response(0.3, [100.0]).data
-    assert np.array_equal(family.sel(output="tool_z").frequency_response(0.3, [100.0]).data, both[:, 1:])
+    # Matrices of another size are multiplied in another order: rounding apart.
+    alone = family.sel(output="tool_z").frequency_response(0.3, [100.0]).data
+    np.testing.assert_allclose(alone, both[:, 1:], rtol=1e-12)
     assert np.array_equal(family.sel(output="tool_z").exact(0.3).C, family.exact(0.3).C[1:])
 
 
