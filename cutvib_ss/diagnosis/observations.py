@@ -221,8 +221,12 @@ def _band(e: Entry, record: Record, first: float) -> tuple[float, float]:
     low = SETTINGS.record_below_first_mode * first if below else float(told[0])
     high = min(_highest_quiet(e, low), float(told[-1]))
     if record.kind == "timeseries":
-        # Of noise, too, some lines pass: the band ends where from then on fewer are heard than not.
-        high = min(high, float(e.freq[np.argmax(np.cumsum(np.where(heard, 1, -1) * (e.freq >= low)))]))
+        # Of noise, too, some lines pass: the band begins and ends where beyond it fewer are heard than not.
+        surplus = np.cumsum(np.where(heard, 1, -1) * (e.freq >= low))
+        last = int(np.argmax(surplus))
+        before = np.concatenate([[0], surplus])[: last + 1]
+        low = max(low, float(e.freq[before.size - 1 - np.argmin(before[::-1])]))
+        high = min(high, float(e.freq[last]))
     if record.kind != "frf":
         # Near the Nyquist frequency the digitiser's filter falls off.
         high = min(high, 0.9 * float(e.freq[-1]))

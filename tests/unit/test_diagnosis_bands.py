@@ -1,6 +1,7 @@
 """Bands that stand out of noise and drift; FRAC and MAC; single blows that order with their force."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -219,3 +220,23 @@ def test_the_floor_of_an_error_is_what_the_accepted_answer_leaves():
     assert [(f.label, f.error, f.noise, f.floor) for f in by_position] == [(0.1, 4.5, 1.0, 2.0), (0.5, 6.0, 1.0, 1.0)]
     by_channel = where.by_channel(tuned, ("a", "b"), 1.0, accepted)
     assert [(f.label, f.error, f.floor) for f in by_channel] == [("a", 3.5, 1.5), ("b", 7.0, 1.5)]
+
+
+def test_lines_of_a_recording_that_nothing_drives_are_left_out():
+    """Of a free body, whose band no natural frequency begins: lines below the excitation pass one by one by chance."""
+    rng = np.random.default_rng(4)
+    fs, count = 320.0, 8192
+    driven = (np.fft.rfftfreq(count, 1 / fs) >= 20.0) & (np.fft.rfftfreq(count, 1 / fs) <= 120.0)
+    force = np.fft.irfft(driven * np.fft.rfft(rng.standard_normal(count)))
+    # A slow drift of the sensor is heard in the first lines.
+    slow = 0.05 * np.sin(2 * np.pi * 0.5 * np.arange(count) / fs)
+    shown = force / 2.0 + slow + 1e-3 * rng.standard_normal(count)
+    system = SecondOrder(np.eye(1) * 2.0, np.eye(1), np.zeros((1, 1)), ("x",), {"p": np.ones(1)})
+    body = Structure(system, {"a": Channel("p", "acceleration")}, "p")
+    noisy = force + 1e-2 * force.std() * rng.standard_normal(count) + slow
+    record = Record(
+        "r", "timeseries", None, None, None, ("a",), ("acceleration",), (History(fs, noisy, shown[None], ("a",)),)
+    )
+    (e,) = observe(Campaign("", Path(), body, (record,), ()), body).entries
+    assert 15.0 < e.freq[0] < 21.0
+    assert 110.0 < e.freq[-1] < 125.0

@@ -14,6 +14,7 @@ from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, SineTest, merged, thinned
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
 from cutvib_ss.diagnosis.sweeps import branches, swept
+from cutvib_ss.diagnosis.unknown_element import UnknownForce
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.model.second_order import Channel, SecondOrder
@@ -232,3 +233,14 @@ def test_what_a_record_states_of_its_sine():
     np.testing.assert_allclose(four.sine.held, column * gain)
     # Which force is not known without either.
     assert seen(controlled="response", peak_force=4.0).sine is None
+
+
+def test_an_unknown_force_of_displacements_differs_from_line_to_line():
+    """What a sine's displacements leave has no block that cuts rigid motion off, for which every line would need one element."""
+    force = np.full(FREQ.size, 5.0)
+    records = Records(
+        tuple(record(upper(scale * force), SineTest(scale * force), k, k) for k, scale in enumerate((1.0, 3.0)))
+    )
+    problem = problem_for(oscillator(), records, Hypothesis((UnknownForce("x", "x", 0.1, FREQ[0], FREQ[-1]),)))
+    x = 0.3 * np.random.default_rng(0).standard_normal(problem.size)
+    assert all(np.isfinite(p.data).all() for p in problem.predictions(x))
