@@ -19,7 +19,13 @@ import numpy as np
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.linearity import chance_of_order, level_stands_out, levels_compared, motions
+from cutvib_ss.diagnosis.linearity import (
+    chance_of_order,
+    drift_for_levels,
+    level_stands_out,
+    levels_compared,
+    motions,
+)
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
 from cutvib_ss.diagnosis.prediction import slow_frequencies
@@ -91,6 +97,8 @@ def search(
         none, ranked = _moving(nominal, records, none, ranked, workers)
     # Drift from record to record may take all up that a restoring force does.
     ordered = by_level and chance_of_order(none.fit.spread, records) < SETTINGS.level_drift
+    # Or drift from session to session does, where each has a level of its own.
+    ordered = ordered or drift_for_levels(none.fit, records)
     dependent: Sequence[Candidate] = ()
     motion: dict[str, float] = {}
     # Where the re-tuned model leaves less than the noise itself, a widened noise would hide all that is left.

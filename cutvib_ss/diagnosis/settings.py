@@ -234,6 +234,8 @@ class Settings:
     level_drift: float = _of(0.05, "probability",
         "Of drift that orders with the level by chance as much as it does, from which restoring forces are looked for all the same",
         "more searches in vain", _TIME)
+    level_hiding_drift: float = _of(3e-3, "relative std", "Of drift between sessions of a level each, from which it may hide a "
+        "restoring force, and these are looked for", "fewer searches", "machines repeat to 0.1-0.3 % in most cases")
     level_trend: float = _of(0.25, "probability",
         "That drift within sessions is a trend in time and goes with the level, since all were measured in its order",
         "surer linear answers", "half of all drift is warming; of two orders of the levels half are the same in all sessions")

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.linearity import confounded
+from cutvib_ss.diagnosis.linearity import confounded, drift_for_levels
 from cutvib_ss.diagnosis.ranking import some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknown_by_level import ByLevelProblem
 from cutvib_ss.diagnosis.unknown_element import UnknownElement, UnknownForce, UnknownSensor
+from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from tests.unit.record_example import entry_of
@@ -110,6 +113,22 @@ def test_a_level_for_each_session_is_confounded() -> None:
     assert not confounded(apart)
     named = tuple(replace(e, session="quiet" if e.level == LEVELS[0] else "loud") for e in apart.entries)
     assert confounded(Records(named))
+
+
+@pytest.mark.parametrize(("louder", "hidden"), [(3.0, True), (1.0, False)])
+def test_of_continuous_records_the_force_tells_the_level_in_which_drift_may_hide(louder: float, hidden: bool) -> None:
+    noise = np.random.default_rng(1).standard_normal(256)
+    apart = records({10.0: 0.0, 100.0: 0.05})
+    continuous = []
+    for k, e in enumerate(apart.entries):
+        force = noise if e.level == LEVELS[0] else louder * noise
+        replay = Replay((force,), 256.0, np.arange(100), block=64)
+        continuous.append(replace(e, level=None, session=f"run {k}", replay=replay))
+    assert confounded(Records(tuple(continuous))) is hidden
+    # Sessions that drift by half a percent; less than machines do hides nothing.
+    for drift, looked_for in ((5e-3, hidden), (1e-3, False)):
+        tuned: Any = SimpleNamespace(spread=SimpleNamespace(sizes=SimpleNamespace(drift=drift)))
+        assert drift_for_levels(tuned, Records(tuple(continuous))) is looked_for
 
 
 def test_a_machine_that_moves_between_levels_of_a_session_is_followed() -> None:
