@@ -207,12 +207,7 @@ class Structure(BaseModel):
     def spring_at(self, place: str) -> Spring | None:
         # A port between two degrees of freedom, e_i - e_j, spans -K_ij; one that is a degree of freedom, its spring to ground,
         # the sum of that row of K.
-        row = self.system.port(place)
-        if _spanned(row, self.system.stiffness) <= 0.0:
-            # What the modes' factors put there is no spring.
-            return None
-        # As it is once the factors are written into the matrices.
-        spring = _spanned(row, self._by_mode[2])
+        spring = _spanned(self.system.port(place), self.system.stiffness)
         return (self.scales[2] * spring, ((("scales", 2), spring),)) if spring > 0.0 else None
 
     def carried_at(self, place: str) -> tuple[float, float, float]:

@@ -1,6 +1,5 @@
 """Modes of another structure err one by one: factors on each, their derivatives, and what tuning takes of them."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,12 +8,9 @@ import pytest
 from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import of_mode, tuning_paths
-from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.model.paths import value_at, with_value, with_values
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
-from cutvib_ss.model_files.reading import read_machine
-from cutvib_ss.model_files.writing import write_machine
 from cutvib_ss.parameters import StructureTolerances
 from cutvib_ss.response.frequency import ChainedResponse
 from cutvib_ss.response.modes import modes
@@ -47,25 +43,6 @@ def test_what_is_written_has_the_factors_in_its_matrices():
     written = moved.as_written
     assert written.mode_stiffness == written.mode_damping == (1.0, 1.0, 1.0)
     assert modes(written).poles == pytest.approx(modes(moved).poles)
-
-
-def test_a_corrected_structure_reads_back_with_any_effect(tmp_path):
-    """Its spring between two masses is that of the matrices as written: a law in proportion to it had failed to be written."""
-    nominal = chain()
-    link = {"link": np.array([-1.0, 1.0, 0.0])}
-    nominal = replace(nominal, system=replace(nominal.system, ports={**nominal.system.ports, **link}))
-    moved = with_values(nominal, {("mode_stiffness", 0): 1.01, ("mode_stiffness", 2): 0.99, ("mode_damping", 1): 0.9})
-    file, written = tmp_path / "machine.toml", set()
-    for kind in EFFECTS.values():
-        for place in kind.places(moved):
-            for _, at in kind.examples(moved, place):
-                effect = at(1.0)
-                corrected = effect.apply(moved)
-                write_machine(corrected, file)
-                assert read_machine(file).effects == corrected.effects
-                written.add((effect.effect, place))
-    assert ("bilinear_stiffness", "link") in written
-    assert ("bilinear_stiffness", "first") in written
 
 
 def test_a_rigid_motion_and_a_single_mode_have_no_factor():
