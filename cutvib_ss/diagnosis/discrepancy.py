@@ -9,8 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.unknowns import from_unknown, of_mode
-from cutvib_ss.model.paths import Path
+from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.results import FloatArray
 
 if TYPE_CHECKING:
@@ -48,28 +47,21 @@ def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
     A row is the derivative to one tolerance. A frequency moves by half of what its stiffness moves. A damping drifts by as many
     tolerances as the stiffness beside it.
     """
-    tolerance = {_kind(path): t for path, t in problem.tuning}
-    beside = {"c1": "k1", "c2": "k2", "damping_ratio": "first_frequency", 1: 2, "mode_damping": "mode_stiffness"}
-    stiff = {"k1": 1.0, "k2": 1.0, "first_frequency": 0.5, 2: 1.0, "mode_stiffness": 1.0}
+    tolerance = {path[-1]: t for path, t in problem.tuning}
+    beside = {"c1": "k1", "c2": "k2", "damping_ratio": "first_frequency", 1: 2}
+    stiff = {"k1": 1.0, "k2": 1.0, "first_frequency": 0.5, 2: 1.0}
     drift, nominal = np.zeros(len(problem.tuning)), np.zeros(len(problem.tuning))
     for i, (path, own) in enumerate(problem.tuning):
-        name = _kind(path)
+        name = path[-1]
         if name in stiff:
-            drift[i] = stiff[name] / own
-            # Of a structure's modes the matrix errs for all.
-            nominal[i] = 0.0 if name == "mode_stiffness" else drift[i]
+            drift[i] = nominal[i] = stiff[name] / own
         elif name in beside:
             other = beside[name]
             drift[i] = stiff[other] / tolerance[other] if other in tolerance else 10.0 / own
     if not nominal.any():
         # A free body has no stiffness to err: its mass does.
-        nominal = np.array([1.0 / t if _kind(path) in (0, "m1", "m2") else 0.0 for path, t in problem.tuning])
+        nominal = np.array([1.0 / t if path[-1] in (0, "m1", "m2") else 0.0 for path, t in problem.tuning])
     return drift, nominal
-
-
-def _kind(path: Path) -> str | int:
-    """What a tuned value is: its name, the number of a structure's matrix, or which part of its modes."""
-    return path[0] if of_mode(path) else path[-1]
 
 
 def cause_weights(problem: Problem, x: FloatArray) -> FloatArray:

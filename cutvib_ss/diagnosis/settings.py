@@ -99,9 +99,6 @@ class Settings:
         "longer", _TIME)
     discrepancy_variance_left: float = _of(0.02, "1", "Variance that its pivots may leave", "fewer pivots", _NUMERICAL)
     discrepancy_most_pivots: int = _of(40, "pivots", "Number of its pivots at most", "longer", _TIME)
-    tuning_modes: float = _of(0.5, "tolerance", "Of a matrix of another structure, by which each of its modes errs by itself",
-        "small causes that move single modes are taken for tuning", "elements are known no better than the matrix they make up")
-    tuning_most_modes: int = _of(12, "modes", "That are tuned by themselves, the lowest ones", "longer", _TIME)
     calibration_shapes: int = _of(8, "shapes",
         "Polynomials that a calibration error is made of: what a first-order corner or a resonance outside of the band leaves of "
         "1 % is 0.01 %",

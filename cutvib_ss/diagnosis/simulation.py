@@ -23,7 +23,6 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.sweeps import SweptRecord, swept
 from cutvib_ss.diagnosis.unknown_by_level import ByLevelProblem
 from cutvib_ss.diagnosis.unknown_element import ByLevel
-from cutvib_ss.diagnosis.unknowns import of_mode
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
@@ -226,10 +225,8 @@ class SimulatedProblem(Problem):
                 by_simulation.append(i)
         if any(e.replay is not None and e.replay.block for same in p.group.entries for e in same):
             # Windowed blocks leak by more than a step moves them: their derivative is not that of the response.
-            # What a mode errs by itself is small, and there are many.
-            own = [move for move in moves if move[0] < self.n_tuning and of_mode(self.tuning[move[0]][0])]
-            by_simulation += [i for i, *_ in moves if i not in {j for j, *_ in own}]
-            moves = own
+            by_simulation += [i for i, _, _ in moves]
+            moves = []
         out = {i: self._by_simulation(x, i, p) for i in by_simulation}
         out.update(self._by_force_scale(x, index, p))
         if self.force_offset > 0.0:

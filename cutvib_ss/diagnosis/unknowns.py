@@ -8,7 +8,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.polynomial import legendre
 
-from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model, Range
 from cutvib_ss.model.paths import Path, value_at
 from cutvib_ss.parameters import Tolerances
@@ -29,30 +28,7 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
             path = ("scales", ("mass", "damping", "stiffness").index(f.name))
         if value_at(model, path) != 0.0:
             found.append((path, float(tolerance)))
-    return (*found, *_of_modes(model))
-
-
-def of_mode(path: Path) -> bool:
-    """Whether a value is that of one mode of a structure by itself."""
-    return path[0] in ("mode_stiffness", "mode_damping")
-
-
-def _of_modes(model: Model) -> list[tuple[Path, float]]:
-    """
-    Stiffness and damping of each mode of a structure by itself, with a part of the tolerance of their matrices.
-
-    Matrices of a real structure are fitted mode by mode or part by part: the ratios of their elements are known little better than
-    the elements. Modes far above all that is measured would move nothing.
-    """
-    if isinstance(model.tolerance, Tolerances):
-        return []
-    names = {"mode_damping": model.tolerance.damping, "mode_stiffness": model.tolerance.stiffness}
-    return [
-        ((name, k), SETTINGS.tuning_modes * tolerance)
-        for name, tolerance in names.items()
-        if tolerance > 0.0
-        for k in range(min(len(getattr(model, name)), SETTINGS.tuning_most_modes))
-    ]
+    return tuple(found)
 
 
 def to_unknown(value: float, r: Range) -> float:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.base import BaseModel, Spring
@@ -47,9 +45,6 @@ class Structure(BaseModel):
         How well the matrices are known.
     scales : tuple of float
         Factors on mass, damping and stiffness, which tuning moves.
-    mode_stiffness, mode_damping : tuple of float
-        Factors on what each mode of the matrices adds to stiffness and damping beside, in order of frequency, which tuning moves
-        too; none where there is one such mode, which the factors of the matrices move. Left out: one.
     attachments : tuple of Attachment
         Elements in parallel at ports; none by default.
     chain : MeasurementChain
@@ -68,8 +63,6 @@ class Structure(BaseModel):
     input_quantity: Literal["force", "acceleration"] = "force"
     tolerance: StructureTolerances = field(default_factory=StructureTolerances)
     scales: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    mode_stiffness: tuple[float, ...] = ()
-    mode_damping: tuple[float, ...] = ()
     attachments: tuple[Attachment, ...] = ()
     chain: MeasurementChain = field(default_factory=MeasurementChain)
     nonlinear: tuple[NonlinearElement, ...] = ()
@@ -80,12 +73,6 @@ class Structure(BaseModel):
         object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
         if np.linalg.eigvalsh(self.system.mass).min() <= 0.0:
             raise ParameterError("the mass matrix is not positive definite; check the masses and their signs")
-        own = _modes_of(self.system)
-        for name in ("mode_stiffness", "mode_damping"):
-            rows = getattr(own, name)
-            if len(getattr(self, name)) != len(rows):
-                # Those of other matrices are no factors of these.
-                object.__setattr__(self, name, (1.0,) * len(rows))
         self.system.port(self.input_port)
         for name, channel in self.channels.items():
             if channel.port not in self.system.ports:
@@ -137,26 +124,14 @@ class Structure(BaseModel):
     @property
     def scaled(self) -> SecondOrder:
         """The matrices with their factors applied."""
-        mass, damping, stiffness = (k * x for k, x in zip(self.scales, self._by_mode, strict=True))
-        return replace(self.system, mass=mass, damping=damping, stiffness=stiffness)
-
-    @property
-    def _by_mode(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Mass, damping and stiffness with the factors of each mode, without those of the matrices."""
-        s, own = self.system, _modes_of(self.system)
-        damping, stiffness = (
-            matrix + (rows.T * (np.array(factors) - 1.0)) @ rows if any(f != 1.0 for f in factors) else matrix
-            for matrix, rows, factors in (
-                (s.damping, own.mode_damping, self.mode_damping),
-                (s.stiffness, own.mode_stiffness, self.mode_stiffness),
-            )
-        )
-        return s.mass, damping, stiffness
+        m, c, k = self.scales
+        s = self.system
+        return replace(s, mass=m * s.mass, damping=c * s.damping, stiffness=k * s.stiffness)
 
     @property
     def as_written(self) -> Structure:
         """The factors of a tuned structure are written into its matrices."""
-        return replace(self, system=self.scaled, scales=(1.0, 1.0, 1.0), mode_stiffness=(), mode_damping=())
+        return replace(self, system=self.scaled, scales=(1.0, 1.0, 1.0))
 
     @property
     def assembly(self) -> Assembly:
@@ -181,14 +156,10 @@ class Structure(BaseModel):
         )
 
     def core_changes(self, path: Path) -> Changes | None:
-        if path[0] in ("mode_stiffness", "mode_damping"):
-            order = int(path[0] == "mode_damping")
-            row = getattr(_modes_of(self.system), str(path[0]))[int(path[1])]
-            return Changes({}, [(order, np.sqrt(self.scales[2 - order]) * row)])
         if path[0] != "scales":
             return None
         k = int(path[1])
-        return Changes({}, [(2 - k, self._by_mode[k])])
+        return Changes({}, [(2 - k, (self.system.mass, self.system.damping, self.system.stiffness)[k])])
 
     def second_order(
         self, position: float | None = None, viscous_at: float | None = None, points: Mapping[str, float] | None = None
@@ -287,38 +258,6 @@ class Structure(BaseModel):
         return forces
 
 
-class _Modes(NamedTuple):
-    """Rows r of r rᵀ, what each mode of a structure adds to its stiffness and its damping; none where there is one alone."""
-
-    mode_stiffness: FloatArray
-    mode_damping: FloatArray
-
-
-def _modes_of(system: SecondOrder) -> _Modes:
-    """The modes of a structure, of which some matter at frequencies of a measurement."""
-    return _modes(*(x.tobytes() for x in (system.mass, system.damping, system.stiffness)), len(system.dofs))
-
-
-@lru_cache(maxsize=32)
-def _modes(mass: bytes, damping: bytes, stiffness: bytes, n: int) -> _Modes:
-    m, c, k = (np.frombuffer(x).reshape(n, n) for x in (mass, damping, stiffness))
-    squares, shapes = linalg.eigh(k, m, check_finite=False)
-    rows = (m @ shapes).T
-    losses = np.sum(shapes * (c @ shapes), axis=0)
-    return _Modes(*(_own_parts(rows, values) for values in (squares, losses)))
-
-
-def _own_parts(rows: FloatArray, values: FloatArray) -> FloatArray:
-    """Rows of the modes that have a part of a matrix of their own, times its root."""
-    held = np.flatnonzero(values > _NO_PART * max(float(values.max()), 0.0))
-    if held.size < 2:
-        held = held[:0]
-    found = rows[held] * np.sqrt(values[held])[:, None]
-    found.flags.writeable = False
-    return np.asarray(found)
-
-
-_NO_PART = 1e-9  # Of the largest eigenvalue: below it there is rounding of a rigid motion
 _NO_SPRING = 1e-5  # Of the largest stiffness of a degree of freedom: what five digits of a matrix leave of a sum
 
 
