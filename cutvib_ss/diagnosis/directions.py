@@ -186,7 +186,7 @@ class Directions:
                         index.append(np.array([lay.first_hit + lay.hits.index(key) for _, key in of_hits]))
                         parts.append(np.zeros((len(of_hits), len(rows), g.freq.size), dtype=np.complex128))
                         for n, (j, key) in enumerate(of_hits):
-                            parts[-1][n, j] = g.hits[rows[j]][key][c] * np.sqrt(2.0 / g.variance[rows[j], c])
+                            parts[-1][n, j] = g.hits[rows[j]][key][c] * g.weight[rows[j], c]
                     yield i, rows, c, np.concatenate(index), np.concatenate(parts)
 
     def _of_cause(self, group: int, rows: np.ndarray) -> FloatArray:
@@ -287,7 +287,7 @@ class Directions:
     def _hit(self, group: int, row: int, key: tuple[int, int]) -> ComplexArray:
         """What a hit does to a row, weighted."""
         g = self.groups[group]
-        return np.asarray(g.hits[row][key] * np.sqrt(2.0 / g.variance[row]))
+        return np.asarray(g.hits[row][key] * g.weight[row])
 
     def correlation(self, residuals: Sequence[ComplexArray], coefficients: FloatArray, reduced: float) -> float:
         """

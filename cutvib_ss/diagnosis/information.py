@@ -137,9 +137,8 @@ class Space:
 
         if excess(np.log(low)) >= 0.0:
             return low
-        if (
-            excess(np.log(high)) <= 0.0
-        ):  # bounds can only add to the gain: less is rounding, of a change that tuning all but makes
+        if excess(np.log(high)) <= 0.0:
+            # Bounds can only add to the gain: less is rounding, of a change that tuning all but makes.
             return high
         return float(np.exp(optimize.brentq(excess, np.log(low), np.log(high), xtol=0.02)))
 
