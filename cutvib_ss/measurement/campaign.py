@@ -19,7 +19,7 @@ from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawRespo
 from cutvib_ss.measurement.inputs import struck_port
 from cutvib_ss.measurement.layout import layout_of
 from cutvib_ss.measurement.noise import frf_variance
-from cutvib_ss.measurement.plausibility import same_data
+from cutvib_ss.measurement.plausibility import refuse_undivided, same_data
 from cutvib_ss.measurement.reading import read_file
 from cutvib_ss.measurement.records import FORCE, Campaign, History, MachineLike, Record
 from cutvib_ss.measurement.rounding import words_on_steps
@@ -72,6 +72,7 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
         records.append(record)
         warnings += found
     warnings += same_data(records)
+    refuse_undivided(records, str(file))
     blows = [record for record in records if record.kind == "impact"]
     warnings += words_on_steps(blows, [[blow_start(h.force) for h in record.histories] for record in blows])
     title = tables.campaign.title or file.parent.resolve().name

@@ -1,4 +1,4 @@
-"""What looks wrong without being impossible: units off by a known factor, the same data twice, a sensor that drifts."""
+"""What looks wrong without being impossible: units off by a known factor, the same data twice, undivided responses, drift."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.estimation import blow_start
 from cutvib_ss.measurement.inputs import response_to
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
@@ -37,6 +38,11 @@ _FAR = 20.0
 
 _ALIKE = 1.0
 """Spread between the quartiles of that logarithm up to which the shapes are alike."""
+
+_LEVELS_APART = (
+    1.5  # Ratio of two levels from which a response that grows with the force can be told from one that does not
+)
+_IN_PROPORTION = 0.1  # of the logarithm of that ratio: how far a ratio of responses may be off
 
 _DRIFT = 0.02  # of a channel's largest value: a smaller drift is left alone
 _CLEAR = 6.0  # standard deviations that a drift must stand out
@@ -125,6 +131,43 @@ def same_data(records: Sequence[Record]) -> list[str]:
         else:
             words.append(f"{a.name} and {b.name} hold the same data{what}: they count as one measurement; remove one")
     return words
+
+
+def refuse_undivided(records: Sequence[Record], where: str) -> None:
+    """
+    Refuse estimated responses that grow in proportion to the stated force: they are spectra that were not divided by it.
+
+    No structure does that at most of its lines: a restoring force that gives way changes those near a resonance.
+    """
+    grown = [
+        (a.name, b.name, _grow(a.frf, b.frf, float(np.log(b.peak_force / a.peak_force))))
+        for i, a in enumerate(records)
+        for b in records[i + 1 :]
+        if (a.position, a.input, a.channels) == (b.position, b.input, b.channels)
+        and a.frf is not None
+        and b.frf is not None
+        and a.peak_force
+        and b.peak_force
+        and not 1 / _LEVELS_APART < a.peak_force / b.peak_force < _LEVELS_APART
+    ]
+    if grown and all(grows for _, _, grows in grown):
+        one, other, _ = grown[0]
+        raise DataFormatError(
+            f"{where}: responses grow in proportion to peak_force ({other} against {one}): they look like spectra that were not "
+            'divided by the force; divide each by its force, or give histories (kind = "timeseries" or "impact")'
+        )
+
+
+def _grow(one: MeasuredFrequencyResponse, other: MeasuredFrequencyResponse, by: float) -> bool:
+    """Whether every channel of another response is larger by a factor, given as its logarithm, at most lines."""
+    freq = one.freq[(one.freq >= other.freq[0]) & (one.freq <= other.freq[-1])]
+    for k in range(one.data.shape[1]):
+        a, b = (np.interp(freq, h.freq, np.abs(h.data[0, k, 0])) for h in (one, other))
+        seen = (a > 0.0) & (b > 0.0)
+        # By the median, since at a resonance friction and drag hold the growth back.
+        if not np.any(seen) or abs(float(np.median(np.log(b[seen] / a[seen]))) - by) > _IN_PROPORTION * abs(by):
+            return False
+    return True
 
 
 def _marks(record: Record) -> list[tuple[str, str]]:

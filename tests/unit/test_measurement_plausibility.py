@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+import cutvib_ss as cv
+from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement import History, read_campaign
 from cutvib_ss.measurement.plausibility import same_data, without_drift
 from tests.unit import lab_files as lab
@@ -65,6 +67,34 @@ def test_units_that_are_right(tmp_path, tables):
 def test_machines_with_a_gap_are_not_suspected(shared):
     for name in ("c02", "c03", "c06", "c11"):
         assert not [w for w in read_campaign(shared / "campaigns" / name).warnings if "nominal model" in w]
+
+
+FRF_HEAD = "freq [Hz],tool_x re [m/s^2/N],tool_x im [m/s^2/N]"
+
+
+def _levels(tmp_path, machine, responses):
+    """Stepped sines at levels of 1, 4 and 12 N, each what a function of the level makes of the machine's own response."""
+    freq = np.arange(20.0, 80.0, 0.5)
+    own = cv.frequency_response(machine, [0.4], freq, inputs=["force"], outputs=["tool_x"]).data[0, 0, 0]
+    toml = ""
+    for level in (1.0, 4.0, 12.0):
+        lines = [FRF_HEAD, *(f"{f},{h.real},{h.imag}" for f, h in zip(freq, responses(own, level), strict=True))]
+        (tmp_path / f"at_{level:.0f}.csv").write_text("\n".join(lines))
+        toml += f'[[record]]\nfile = "at_{level:.0f}.csv"\nkind = "frf"\nexcitation = "sine"\nposition = 0.4\n'
+        toml += f"peak_force = {level}\n"
+    return toml
+
+
+def test_spectra_that_were_not_divided_by_the_force_are_refused(tmp_path):
+    # Drag holds the resonance back, so that not all lines grow alike.
+    toml = _levels(tmp_path, cv.published_machine(), lambda h, level: level * h / (1.0 + 0.05 * level * np.abs(h)))
+    with pytest.raises(DataFormatError, match=r"campaign.toml: .*at_4.csv against at_1.csv.* divided by the force"):
+        _read(tmp_path, toml)
+
+
+def test_levels_that_differ_are_responses_all_the_same(tmp_path):
+    toml = _levels(tmp_path, cv.published_machine(), lambda h, level: h * level**0.5)
+    assert len(_read(tmp_path, toml).records) == 3
 
 
 def test_the_same_data_in_fit_and_check(tmp_path, tables):
