@@ -98,6 +98,7 @@ class Climb:
         # Sessions in another order would have other columns.
         self.problems = [p if p.sessions == problem.sessions else problem for p in problems]
         self.sizes = Sizes() if near is None else near.sizes
+        self.is_rough = problem.apart or bool(problem.drifting_within)
         alone = len(problem.drifting_within) == len(problem.sessions)
         within = self.sizes.within if near is not None and alone else None
         self.known = Known(problem.nominal.tolerance.drift, beside.known, within)
@@ -242,7 +243,7 @@ class Climb:
 
     def climb(self, max_iterations: int, tolerance: float) -> None:
         """Steps until they gain little."""
-        damping, trail, pace = 1e-3, Trail(), np.inf
+        damping, trail, pace, gained = 1e-3, Trail(), np.inf, 0.0
         for k in range(max_iterations):
             if self.at.quadratic is None:
                 self._linearise(self.at)
@@ -258,8 +259,11 @@ class Climb:
             # A residual of many times the noise needs no exact optimum.
             far = self.at.chi2 * self.sizes.noise > SETTINGS.fit_hopeless * self.count
             least = max(tolerance, SETTINGS.fit_hopeless_gain) if far else tolerance
-            if gain < SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0):
+            # Beside the drift of single records, or simulated, the objective is far from its quadratic for many small steps.
+            rough = SETTINGS.fit_rough_gain * gained if self.spread and self.is_rough else 0.0
+            if gain < max(SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0), rough):
                 break
+            gained += gain
             if max(gain, pace) < needed:
                 break
             pace = gain

@@ -168,6 +168,8 @@ class Settings:
         "one normal value in a million; tolerances are stated roughly, and right restoring forces were seen with 4")
     fit_gain: float = _of(0.1, "objective", "Gain at which steps end", "coarser fits",
         "a twentieth of what tells two causes apart by a factor of e")
+    fit_rough_gain: float = _of(1e-3, "of all gained before", "Gain at which steps end where records are simulated or drift "
+        "by themselves", "rougher", _TIME)
     fit_passes: int = _of(3, "climbs", "Times that a fit climbs at most", "longer", _TIME)
     fit_promise: float = _of(0.1, "needed gain", "That a whole step has to promise to be tried",
         "starts far from the truth are given up", _TIME)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cutvib_ss.diagnosis.equivalent_forces import EquivalentForces
 from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
@@ -26,11 +27,9 @@ from cutvib_ss.diagnosis.unknown_element import ByLevel
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
-from cutvib_ss.response.receptance import ModelReceptance
 from cutvib_ss.response.stepping import ModalForm, modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.results.arrays import position_at
-from cutvib_ss.units import DERIVATIVE_ORDER
 
 
 @dataclass(frozen=True)
@@ -241,16 +240,14 @@ class SimulatedProblem(Problem):
             linear = Prediction(p.model, sites, 0.0, None if index is None else self._site_circles[index])
             if index is not None:
                 self._site_circles[index] = linear.circles
-            here = _taken(p.model, sites, row, p.stiffness)
             closed = [tuple((path, w) for path, w in carried if path[0] != "nonlinear") for _, _, carried in moves]
-            slopes = linear.derivatives(closed)
-        for k_move, (i, scale, carried) in enumerate(moves):
-            moved = x.copy()
-            moved[i] += self._difference(i)
-            change = (_taken(self.applied(moved), sites, row, p.stiffness) - here) / (moved[i] - x[i])
-            out[i] = scale * slopes[k_move][row] - change
-            for k, sweep in p.sweeps.items():
-                out[i][k] = scale * sum(w * sweep.derivative(path) for path, w in carried)
+            slopes = linear.derivatives(closed)[:, row] - EquivalentForces(
+                p.model, sites, row, p.stiffness
+            ).derivatives(closed)
+            for (i, scale, carried), slope in zip(moves, slopes, strict=True):
+                out[i] = scale * slope
+                for k, sweep in p.sweeps.items():
+                    out[i][k] = scale * sum(w * sweep.derivative(path) for path, w in carried)
         return [out[i] for i in sorted(out)]
 
     def _by_simulation(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
@@ -301,29 +298,6 @@ def _sites(group: Group) -> tuple[Group, np.ndarray]:
     (sites,) = merged(entries)
     names = [site(same[0]) for same in sites.entries]
     return replace(sites, blow_at=np.nan_to_num(sites.blow_at)), np.array([names.index(site(e)) for e in entries])
-
-
-def _taken(model: Model, sites: Group, row: np.ndarray, stiffness: ComplexArray) -> ComplexArray:
-    """What equivalent stiffnesses at the elements' ports take away from each record's response."""
-    chain = model.chain.at(sites.channels, [DERIVATIVE_ORDER[q] for q in sites.quantities], 2j * np.pi * sites.freq)
-    receptance = ModelReceptance(model, sites.positions, chain.s)
-    ports = [e.port for e in model.nonlinear]
-    if not ports:
-        return np.zeros((row.size, len(sites.channels), chain.s.size), dtype=np.complex128)
-    out = np.array([[receptance.between(r, p) for p in ports] for r in chain.signals])
-    inputs = tuple(dict.fromkeys(sites.inputs))
-    drives = np.array([[receptance.between(p, i) for i in inputs] for p in ports])
-    own = np.array([[receptance.between(p, q) for q in ports] for p in ports])
-    # (record, frequency, ...): one small system a record and line. A structure has one row for all sites.
-    at = np.array([inputs.index(name) for name in sites.inputs])[row]
-    row = row if len(own[0, 0]) > 1 else np.zeros_like(row)
-    drive = drives[:, at, row if drives.shape[2] > 1 else 0 * row]
-    z = stiffness.transpose(0, 2, 1)
-    a_pr, a_rr = (np.moveaxis(a, (-2, -1), (0, 1))[row] for a in (out, own))
-    a_rq = np.moveaxis(drive, 0, -1)
-    below = np.eye(len(ports)) + a_rr * z[:, :, None, :]
-    taken = np.einsum("rfcp,rfp,rfp->rcf", a_pr, z, np.linalg.solve(below, a_rq[..., None])[..., 0])
-    return chain.shown(taken)
 
 
 def unforced_problem(nominal: Model, records: Records, hypothesis: Hypothesis) -> Problem:

@@ -123,7 +123,8 @@ def test_the_corrected_model_with_a_law_is_the_closest_without_its_discrepancy()
         return problem.residuals(x)[2] + float(prior @ x**2)
 
     least = squares(found.corrected.x)
-    assert least < 0.6 * squares(found.x)
+    # Far more than noise tells the two apart.
+    assert squares(found.x) > least + 100.0
     for i in (*range(problem.n_tuning), problem.first_effect):
         for step in (-0.02, 0.02):
             moved = found.corrected.x.copy()
