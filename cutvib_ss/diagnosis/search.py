@@ -125,6 +125,7 @@ def search(
             workers,
             SETTINGS.search_laws_refined,
         )
+        ranked = _by_their_names(nominal, records, ranked)
     if (
         pairs
         and _gap(ranked, none)
@@ -150,6 +151,22 @@ def search(
         if dependent and left:
             ranked += unknown_by_level(nominal, records, few, observed, none, workers)
     return (none, *_once(ranked))
+
+
+def _by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -> list[Ranked]:
+    """The causes, of which one that is another within the deviation of its fit goes by that one's name."""
+    fitted = {r.fit.hypothesis.causes for r in ranked if r.refined}
+    out = []
+    for r in ranked:
+        e, *others = r.fit.hypothesis.effects
+        alias = e.alias({name.partition(".")[2]: std for name, std in r.fit.stds.items()})
+        if others or alias is e or not r.refined:
+            out.append(r)
+        elif ((alias.effect, alias.place),) not in fitted:
+            hypothesis = replace(r.fit.hypothesis, effects=(alias,))
+            again = refit(nominal, records, hypothesis, r.fit.x[: r.fit.first_effect], SETTINGS.search_most_law_steps)
+            out.append(r if again is None else Ranked(f"{alias.effect} {alias.place}", again, True))
+    return out
 
 
 def _once(ranked: Sequence[Ranked]) -> tuple[Ranked, ...]:

@@ -154,6 +154,10 @@ class Effect(ABC):
         """Whether it is nothing at the weak end of its severity."""
         return True
 
+    def alias(self, stds: Mapping[str, float]) -> Effect:
+        """The effect by the name it goes by where its parameters were fitted with such standard deviations."""
+        return self
+
     @classmethod
     def is_alias(cls, values: Mapping[str, object]) -> bool:
         """Whether causes outside the catalogue may appear as the effect with these discrete values."""

@@ -19,18 +19,30 @@ from tests.unit.record_example import entry_of
 
 FREQ = np.linspace(20.0, 400.0, 96)
 SPRINGS = {"joint1": SpringDamperMass(3e4, 5.0), "joint2": SpringDamperMass(-900.0, 2.0)}
-PATHS = [("head", "k2"), ("head", "m1"), ("head", "l2"), ("rail", "parameters", "first_frequency"), ("chain", "cross_axis")]
+PATHS = [
+    ("head", "k2"),
+    ("head", "m1"),
+    ("head", "l2"),
+    ("rail", "parameters", "first_frequency"),
+    ("chain", "cross_axis"),
+]
 
 
 def _group(positions):
     data, variance = np.ones((3, FREQ.size), dtype=complex), np.ones((3, FREQ.size))
     channels, quantities = ("tool_x", "tool_z", "base_x"), ("acceleration",) * 3
-    return merged([entry_of(i, y, 10.0, data, variance, FREQ, channels, quantities) for i, y in enumerate(positions)])[0]
+    return merged([entry_of(i, y, 10.0, data, variance, FREQ, channels, quantities) for i, y in enumerate(positions)])[
+        0
+    ]
 
 
 def _machine():
     machine = published_machine()
-    for effect in (CubicStiffness("joint1", 1e8), QuadraticDamping("joint2", 5.0), CrossAxis("measurement", fraction=0.05)):
+    for effect in (
+        CubicStiffness("joint1", 1e8),
+        QuadraticDamping("joint2", 5.0),
+        CrossAxis("measurement", fraction=0.05),
+    ):
         machine = effect.apply(machine)
     return machine
 

@@ -10,8 +10,10 @@ from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.prediction import Prediction
+from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.diagnosis.scan import Scan
+from cutvib_ss.diagnosis.search import _by_their_names
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, _window, problem_for, simulated
 from cutvib_ss.diagnosis.unknowns import to_unknown
@@ -257,3 +259,19 @@ def test_a_window_leaves_continuous_recordings_alone():
     gain, window = _window(WindowDamping("measurement", 40.0).apply(MACHINE), continuous)
     assert gain == 1.0
     assert (window == 1.0).all()
+
+
+def test_a_cause_that_is_another_within_its_deviation_goes_by_that_name():
+    """Contacts in a joint of which nobody can tell that their slip torques differ are dry friction."""
+    seen = measured(records(10.0, 60.0), DryFriction("joint2", 0.1, 900.0).apply(MACHINE))
+    slip = fit(MACHINE, seen, Hypothesis((JointSlip("joint2", 900.0, 0.1, 0.2),)), None, 2)
+    one = Ranked("joint_slip joint2", slip, True)
+    told = {**slip.stds, "0.spread": 0.5 * slip.hypothesis.effects[0].spread}
+    untold = replace(one, fit=replace(slip, stds={**told, "0.spread": 1.0}))
+    assert _by_their_names(MACHINE, seen, [replace(one, fit=replace(slip, stds=told))])[0].name == one.name
+    (renamed,) = _by_their_names(MACHINE, seen, [untold])
+    assert renamed.name == "dry_friction joint2"
+    assert renamed.fit.hypothesis.causes == (("dry_friction", "joint2"),)
+    assert renamed.fit.hypothesis.effects[0].torque == pytest.approx(0.1, rel=0.05)
+    # Where dry friction was fitted itself, it is one cause and not two.
+    assert _by_their_names(MACHINE, seen, [renamed, untold]) == [renamed]
