@@ -190,9 +190,12 @@ class _HeldOutRules:
         if both is None:
             return
         first = _best(x for x in self.fitted if x.fit.hypothesis.causes == both.fit.hypothesis.causes[:1])
-        # The smooth function of the element holds what the cause does as well; that the cause is there, the cause shows.
+        # The smooth function of the element holds what the cause does as well; that the cause is there, the cause shows. Beside the
+        # cause the element takes what it took, or both are another explanation, and a worse one.
         if first and self.closed(first, unknown) > 0.5:
-            _give(self.odds, unknown, both)
+            alone, beside = (x.fit.log_evidence - first.fit.log_evidence for x in (unknown, both))
+            if beside > 0.5 * alone:
+                _give(self.odds, unknown, both)
 
     def of_one_place(self, both: Ranked, first: Ranked) -> None:
         """Pass on the probability of a known cause beside something unknown at its place: there is one part, of another form."""

@@ -96,16 +96,18 @@ def test_a_second_cause_is_not_named_where_both_stand_only_by_an_error_of_the_mo
     assert max(found, key=lambda name: found[name]) == "main"
 
 
-@pytest.mark.parametrize(("closed", "kept"), [(0.9, "both"), (0.3, "unknown")])
+@pytest.mark.parametrize(
+    ("closed", "evidence", "kept"), [(0.9, 80.0, "both"), (0.3, 80.0, "unknown"), (0.9, 15.0, "unknown")]
+)
 def test_what_is_unknown_at_the_place_of_a_cause_that_closes_most_is_that_cause_in_another_form(
-    closed: float, kept: str
+    closed: float, evidence: float, kept: str
 ) -> None:
     mass = AddedMass("joint1", 0.1)
     every = [
         NONE,
         ranked("mass", 10.0, mass),
         ranked("unknown", 90.0, UNKNOWN),
-        ranked("both", 80.0, mass, UNKNOWN),
+        ranked("both", evidence, mass, UNKNOWN),
         ranked("elsewhere", 80.0, MASS, UNKNOWN),
     ]
     odds = {"none": 0.0, "mass": 0.0, "unknown": 1.0, "both": 0.0, "elsewhere": 0.0}
