@@ -184,12 +184,15 @@ def _moving(
     # Levels of one session that differ since the machine moved between them would pass for a cause that depends on the level.
     workers.say("following the machine from record to record")
     best = sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[: SETTINGS.search_moving]
-    again = workers.map(partial(_followed, nominal, records), [none, *best])
+    first = workers.map(partial(_followed, nominal, records), [none, *best[:1]])
+    # What the best reaches the others have to come up to.
+    rival = min(r.fit.objective for r in first)
+    again = [*first, *workers.map(partial(_followed, nominal, records, rival=rival), best[1:])]
     return again[0], [*again[1:], *(r for r in ranked if r not in best)]
 
 
-def _followed(nominal: Model, records: Records, r: Ranked) -> Ranked:
-    again = refit(nominal, records, r.fit.hypothesis, r.fit.x, SETTINGS.search_most_steps, near=r.fit)
+def _followed(nominal: Model, records: Records, r: Ranked, rival: float = np.inf) -> Ranked:
+    again = refit(nominal, records, r.fit.hypothesis, r.fit.x, SETTINGS.search_most_steps, near=r.fit, rival=rival)
     return r if again is None else replace(r, fit=again)
 
 
