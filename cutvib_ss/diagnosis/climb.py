@@ -328,13 +328,22 @@ class Climb:
 def _step(
     matrix: FloatArray, gradient: FloatArray, damping: float, x: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """A damped step that leaves alone the unknowns that a bound holds."""
+    """A damped step within bounds: an unknown that comes to one ends there, and the others follow."""
     held = ((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0))
-    free = ~held
-    inner = matrix[np.ix_(free, free)]
-    # Unknowns of unlike size: equilibrated, the system is as well conditioned as its physics.
-    size = np.sqrt(np.diag(inner) + 1e-12)
-    scaled = inner / np.outer(size, size) + damping * np.eye(size.size)
-    step = np.zeros(x.size)
-    step[free] = linalg.solve(scaled, gradient[free] / size, assume_a="sym") / size
+    step, free = np.zeros(x.size), ~held
+    while free.any():
+        inner = matrix[np.ix_(free, free)]
+        # Unknowns of unlike size: equilibrated, the system is as well conditioned as its physics.
+        size = np.sqrt(np.diag(inner) + 1e-12)
+        scaled = inner / np.outer(size, size) + damping * np.eye(size.size)
+        pulled = gradient[free] - matrix[np.ix_(free, ~free)] @ step[~free]
+        way = linalg.solve(scaled, pulled / size, assume_a="sym") / size - step[free]
+        # Cut off where it leaves the bounds, a step along a narrow valley leads uphill: it turns at the first one instead.
+        room = np.where(way > 0.0, high[free] - x[free], low[free] - x[free]) - step[free]
+        part = np.divide(room, way, out=np.full(way.size, np.inf), where=way != 0.0)
+        first = max(float(part.min()), 0.0)
+        step[free] += min(first, 1.0) * way
+        if first >= 1.0:
+            break
+        free[np.flatnonzero(free)[part <= first]] = False
     return step
