@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cutvib_ss.diagnosis.climb import Trail
+from cutvib_ss.diagnosis.climb import Trail, _step
 
 
 def test_a_linear_iteration_is_followed_to_its_end() -> None:
@@ -28,3 +28,22 @@ def test_without_steps_before_there_is_nothing_to_go_by() -> None:
     assert trail.ahead(np.ones(2), np.full(2, 0.5), np.ones(2)) is not None
     trail.forget()
     assert trail.ahead(np.ones(2), np.ones(2), np.ones(2)) is None
+
+
+def test_a_step_turns_at_the_first_bound_and_never_promises_a_loss() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        # A narrow valley, across which a step that is only cut off climbs.
+        rows = rng.standard_normal((6, 6)) * 10.0 ** rng.uniform(-3, 3, 6)
+        matrix, gradient = rows @ rows.T + 1e-3 * np.eye(6), rng.standard_normal(6)
+        x, low, high = rng.uniform(-1.0, 1.0, 6), np.full(6, -1.0), np.full(6, 1.0)
+        step = _step(matrix, gradient, 1e-3, x, low, high)
+        assert (x + step >= low - 1e-12).all()
+        assert (x + step <= high + 1e-12).all()
+        assert 2.0 * gradient @ step - step @ matrix @ step >= 0.0
+
+
+def test_a_step_that_meets_no_bound_is_the_whole_one() -> None:
+    matrix, gradient, far = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([0.3, -0.2]), np.full(2, 1e9)
+    found = _step(matrix, gradient, 0.0, np.zeros(2), -far, far)
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, gradient), rtol=1e-9)
