@@ -278,7 +278,7 @@ class Climb:
         weight = np.concatenate([np.sqrt(np.diag(matrix)[:n]), np.full(self.at.drift.size, 1.0 / self.sizes.drift)])
         here, tried = np.concatenate([x, self.at.drift.ravel()]), damping
         for harder in (1e1, 1e2, 1e3, 1e4):
-            step = np.clip(start + _step(matrix, gradient, tried, start, low, high), low, high) - start
+            step = _step(matrix, gradient, tried, start, low, high)
             # Not even the quadratic gains by it what is needed; of a whole step it may promise too little.
             promised = 2.0 * gradient @ step - step @ matrix @ step
             if promised < (worth if tried > damping else SETTINGS.fit_promise * worth):
@@ -328,17 +328,20 @@ class Climb:
 def _step(
     matrix: FloatArray, gradient: FloatArray, damping: float, x: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """A damped step within bounds: an unknown that comes to one ends there, and the others follow."""
+    """
+    A damped step within bounds, which leaves alone the unknowns that a bound holds.
+
+    It is cut off where it leaves them. Along a narrow valley that may lead uphill: it turns at the first bound then, where an
+    unknown that comes to one ends, and the others follow.
+    """
     held = ((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0))
     step, free = np.zeros(x.size), ~held
+    step[free] = way = _solved(matrix, gradient, damping, step, free)
+    cut = np.clip(x + step, low, high) - x
+    if 2.0 * gradient @ cut - cut @ matrix @ cut > 0.0:
+        return np.asarray(cut)
+    step[:] = 0.0
     while free.any():
-        inner = matrix[np.ix_(free, free)]
-        # Unknowns of unlike size: equilibrated, the system is as well conditioned as its physics.
-        size = np.sqrt(np.diag(inner) + 1e-12)
-        scaled = inner / np.outer(size, size) + damping * np.eye(size.size)
-        pulled = gradient[free] - matrix[np.ix_(free, ~free)] @ step[~free]
-        way = linalg.solve(scaled, pulled / size, assume_a="sym") / size - step[free]
-        # Cut off where it leaves the bounds, a step along a narrow valley leads uphill: it turns at the first one instead.
         room = np.where(way > 0.0, high[free] - x[free], low[free] - x[free]) - step[free]
         part = np.divide(room, way, out=np.full(way.size, np.inf), where=way != 0.0)
         first = max(float(part.min()), 0.0)
@@ -346,4 +349,15 @@ def _step(
         if first >= 1.0:
             break
         free[np.flatnonzero(free)[part <= first]] = False
-    return step
+        way = _solved(matrix, gradient, damping, step, free)
+    return np.asarray(np.clip(x + step, low, high) - x)
+
+
+def _solved(matrix: FloatArray, gradient: FloatArray, damping: float, step: FloatArray, free: np.ndarray) -> FloatArray:
+    """What is left to go for the free unknowns, the others being where a step has taken them."""
+    inner = matrix[np.ix_(free, free)]
+    # Unknowns of unlike size: equilibrated, the system is as well conditioned as its physics.
+    size = np.sqrt(np.diag(inner) + 1e-12)
+    scaled = inner / np.outer(size, size) + damping * np.eye(size.size)
+    pulled = gradient[free] - matrix[np.ix_(free, ~free)] @ step[~free]
+    return np.asarray(linalg.solve(scaled, pulled / size, assume_a="sym") / size - step[free])

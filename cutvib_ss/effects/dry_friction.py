@@ -29,8 +29,8 @@ class DryFriction(LawElement):
     inspection = "look at {place} for rubbing faces, seals or a lack of grease"
 
     torque: float = parameter("N m", 1e-3, 20.0)  # Friction [N m; N at a port that is a displacement]
-    # Stiffness beside k while it sticks [N m/rad; N/m]. Infinite by default: Coulomb's law
-    sticking_stiffness: float = parameter("N m/rad", 1e2, 1e8, default=math.inf)
+    # Stiffness beside k while it sticks [N m/rad; N/m]. Infinite by default: Coulomb's law; soft it is no friction
+    sticking_stiffness: float = parameter("N m/rad", 1e2, 1e8, default=math.inf, limits=True)
 
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
