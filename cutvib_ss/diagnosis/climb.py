@@ -328,18 +328,14 @@ class Climb:
 def _step(
     matrix: FloatArray, gradient: FloatArray, damping: float, x: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """
-    A damped step within bounds, which leaves alone the unknowns that a bound holds.
-
-    It is cut off where it leaves them. Along a narrow valley that may lead uphill: it turns at the first bound then, where an
-    unknown that comes to one ends, and the others follow.
-    """
+    """A damped step that leaves alone the unknowns that a bound holds, and is cut off or turns where it comes to others."""
     held = ((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0))
     step, free = np.zeros(x.size), ~held
     step[free] = way = _solved(matrix, gradient, damping, step, free)
     cut = np.clip(x + step, low, high) - x
     if 2.0 * gradient @ cut - cut @ matrix @ cut > 0.0:
         return np.asarray(cut)
+    # Along a narrow valley what is cut off leads uphill. It turns at the first bound instead: what comes to it ends there.
     step[:] = 0.0
     while free.any():
         room = np.where(way > 0.0, high[free] - x[free], low[free] - x[free]) - step[free]
