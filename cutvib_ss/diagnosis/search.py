@@ -70,7 +70,8 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
         SETTINGS.search_linear_refined,
         (cost(scout), none.fit.log_evidence),
         workers,
-        near=none.fit if none.reduced < SETTINGS.search_enough else None,
+        # Drift may have taken up what a cause does, and leave what is not white: beside that no cause is found.
+        near=none.fit if none.reduced < SETTINGS.search_enough and none.fit.correlation <= 1.0 else None,
     )
     best = _best(ranked, none)
     ranked = [_other_instants(nominal, records, r) if r is best else r for r in ranked]
