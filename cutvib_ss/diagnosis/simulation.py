@@ -241,9 +241,8 @@ class SimulatedProblem(Problem):
             if index is not None:
                 self._site_circles[index] = linear.circles
             closed = [tuple((path, w) for path, w in carried if path[0] != "nonlinear") for _, _, carried in moves]
-            slopes = linear.derivatives(closed)[:, row] - EquivalentForces(
-                p.model, sites, row, p.stiffness
-            ).derivatives(closed)
+            taken = EquivalentForces(p.model, sites, row, p.stiffness)
+            slopes = linear.derivatives(closed)[:, row] - taken.derivatives(closed)
             for (i, scale, carried), slope in zip(moves, slopes, strict=True):
                 out[i] = scale * slope
                 for k, sweep in p.sweeps.items():

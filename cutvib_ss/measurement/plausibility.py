@@ -1,4 +1,4 @@
-"""What looks wrong without being impossible: units off by a known factor, the same data twice, undivided responses, drift."""
+"""What looks wrong: units off by a known factor, the same data twice, spectra not divided by the force, a sensor that drifts."""
 
 from __future__ import annotations
 
@@ -39,10 +39,11 @@ _FAR = 20.0
 _ALIKE = 1.0
 """Spread between the quartiles of that logarithm up to which the shapes are alike."""
 
-_LEVELS_APART = (
-    1.5  # Ratio of two levels from which a response that grows with the force can be told from one that does not
-)
-_IN_PROPORTION = 0.1  # of the logarithm of that ratio: how far a ratio of responses may be off
+_LEVELS_APART = 1.5
+"""Ratio of two levels from which a response that grows with the force can be told from one that does not."""
+
+_IN_PROPORTION = 0.1
+"""Of the logarithm of that ratio: by how much the responses' own may differ from it."""
 
 _DRIFT = 0.02  # of a channel's largest value: a smaller drift is left alone
 _CLEAR = 6.0  # standard deviations that a drift must stand out
