@@ -70,8 +70,7 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
         SETTINGS.search_linear_refined,
         (cost(scout), none.fit.log_evidence),
         workers,
-        # Drift may have taken up what a cause does, and leave what is not white: beside that no cause is found.
-        near=none.fit if none.reduced < SETTINGS.search_enough and none.fit.correlation <= 1.0 else None,
+        near=_beside(none.fit),
     )
     best = _best(ranked, none)
     ranked = [_other_instants(nominal, records, r) if r is best else r for r in ranked]
@@ -152,6 +151,12 @@ def search(
         if dependent and left:
             ranked += unknown_by_level(nominal, records, few, observed, none, workers)
     return (none, *_once(ranked))
+
+
+def _beside(none: Fit) -> Fit | None:
+    """The tuned model where it leaves noise, for causes to start beside; not where drift may have taken up what a cause does."""
+    drifts = none.spread.sizes.drift >= SETTINGS.sizes["drift"][-1][0]
+    return none if none.reduced < SETTINGS.search_enough and not drifts else None
 
 
 def _by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -> list[Ranked]:
