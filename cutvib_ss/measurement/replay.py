@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from scipy import signal
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy import fft, signal
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.blocks import welch_blocks
@@ -42,29 +44,35 @@ class Replay:
 
     def ratio(self, under: Sequence[FloatArray], over: Sequence[FloatArray]) -> ComplexArray:
         """H1 of some histories over others."""
+        return self._ratio([self._spectra(x) for x in under], over)
+
+    def _ratio(self, under: Sequence[ComplexArray], over: Sequence[FloatArray]) -> ComplexArray:
         crossed, power = np.zeros(0, dtype=np.complex128), np.zeros(0)
         for x, y in zip(under, over, strict=True):
-            if self.block:
-                c, p = self._welch(x, y), self._welch(x, x).real
-            else:
-                spectrum = np.fft.rfft(x)[self.lines]
-                c = spectrum.conj() * np.fft.rfft(y, axis=-1)[..., self.lines]
-                p = np.abs(spectrum) ** 2
+            c = np.einsum("bl,...bl->...l", x.conj(), self._spectra(y))
+            p = np.sum(np.abs(x) ** 2, axis=0)
             crossed, power = (c, p) if not power.size else (crossed + c, power + p)
         floor = 1e-28 * float(np.max(power, initial=0.0))
         return np.asarray(
             np.where(power > floor, crossed / np.maximum(power, floor + 1e-300), 0.0), dtype=np.complex128
         )
 
-    def _welch(self, x: FloatArray, y: FloatArray) -> ComplexArray:
-        """Cross-spectral density on the kept lines."""
-        x, y = x[(None,) * (y.ndim - 1)][..., self.begin :], y[..., self.begin :]
-        density = signal.csd(x, y, window="hann", nperseg=self.block, noverlap=self.overlap, detrend="constant")[1]
-        return np.asarray(density, dtype=np.complex128)[..., self.lines]
+    def _spectra(self, x: FloatArray) -> ComplexArray:
+        """Transforms of the blocks of some histories on the kept lines, shape (..., block, line)."""
+        if not self.block:
+            return np.asarray(fft.rfft(x)[..., None, self.lines])
+        blocks = sliding_window_view(x[..., self.begin :], self.block, axis=-1)[..., :: self.block - self.overlap, :]
+        level = blocks.mean(axis=-1, keepdims=True)
+        return np.asarray(fft.rfft((blocks - level) * signal.get_window("hann", self.block))[..., self.lines])
+
+    @cached_property
+    def _forces(self) -> list[ComplexArray]:
+        """Transforms of the forces."""
+        return [self._spectra(f) for f in self.forces]
 
     def data(self, responses: Sequence[FloatArray]) -> ComplexArray:
         """Frequency responses as the record's estimator would show them."""
-        return self.ratio(self.forces, responses)
+        return self._ratio(self._forces, responses)
 
     @property
     def clock(self) -> float:
