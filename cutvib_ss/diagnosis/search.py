@@ -72,6 +72,7 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
         workers,
         near=_beside(none.fit),
     )
+    ranked = _by_their_names(nominal, records, ranked)
     best = _best(ranked, none)
     ranked = [_other_instants(nominal, records, r) if r is best else r for r in ranked]
     none = _not_caught(nominal, records, none, ranked)
@@ -165,12 +166,13 @@ def _by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) 
     out = []
     for r in ranked:
         e, *others = r.fit.hypothesis.effects
-        alias = e.alias({name.partition(".")[2]: std for name, std in r.fit.stds.items()})
+        alias = e.alias(nominal, {name.partition(".")[2]: std for name, std in r.fit.stds.items()})
         if others or alias is e or not r.refined:
             out.append(r)
         elif ((alias.effect, alias.place),) not in fitted:
             hypothesis = replace(r.fit.hypothesis, effects=(alias,))
-            again = refit(nominal, records, hypothesis, r.fit.x[: r.fit.first_effect], SETTINGS.search_most_law_steps)
+            steps = SETTINGS.search_most_steps if e.linear else SETTINGS.search_most_law_steps
+            again = refit(nominal, records, hypothesis, r.fit.x[: r.fit.first_effect], steps)
             out.append(r if again is None else Ranked(f"{alias.effect} {alias.place}", again, True))
     return out
 

@@ -32,6 +32,7 @@ class AddedMass(PortElement):
     severity = Severity("zero", ("mass",))
     sentence = "{place} carries a mass that the model lacks"
     inspection = "weigh {place} with what is mounted on it: cables, sensors, brackets, tools"
+    less = "{place} weighs less than the model has it"
     example: ClassVar[Mapping[str, float]] = {"mass": 0.3}
 
     mass: float = parameter("kg", -0.3, 8.0, "linear", minimum=None)  # Mass [kg]; negative where the model has too much

@@ -53,6 +53,10 @@ class Effect(ABC):
     """What it means, for the report; ``{place}`` and ``{what}`` (its parameters that are names) are filled in."""
     inspection: ClassVar[str] = ""
     """What to look at on the machine, for the report; filled in likewise."""
+    less: ClassVar[str] = ""
+    """The sentence where the parameter that states the severity is negative; the same by default."""
+    less_inspection: ClassVar[str] = ""
+    """What to look at then; the same by default."""
     example: ClassVar[Mapping[str, float]] = {}
     """Values of a strong effect on the published machine, for the conformance suite; by default of its first start."""
 
@@ -154,8 +158,8 @@ class Effect(ABC):
         """Whether it is nothing at the weak end of its severity."""
         return True
 
-    def alias(self, stds: Mapping[str, float]) -> Effect:
-        """The effect by the name it goes by where its parameters were fitted with such standard deviations."""
+    def alias(self, model: Model, stds: Mapping[str, float]) -> Effect:
+        """The effect by the name it goes by on a model, where its parameters were fitted with such standard deviations."""
         return self
 
     @classmethod

@@ -198,7 +198,7 @@ def check_effect(kind: Any) -> None:
     for f in fields(kind):
         if "range" not in f.metadata and f.type in (float, "float") and f.default is MISSING:
             raise ParameterError(f"{who}.{f.name} has no range; write {f.name}: float = parameter(unit, low, high)")
-    for words in (kind.sentence, kind.inspection):
+    for words in (kind.sentence, kind.inspection, kind.less, kind.less_inspection):
         try:
             words.format(place="", what="")
         except (KeyError, IndexError, ValueError) as error:

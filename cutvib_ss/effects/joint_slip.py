@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cutvib_ss.effects.base import Severity, parameter
+from cutvib_ss.effects.base import Model, Severity, parameter
 from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
@@ -32,7 +32,7 @@ class JointSlip(LawElement):
     # Slip torques lie evenly between (1 - spread) and (1 + spread) times that, 0 to 1
     spread: float = parameter("1", 0.0, 1.0, "linear", default=0.0)
 
-    def alias(self, stds: Mapping[str, float]) -> LawElement:
+    def alias(self, model: Model, stds: Mapping[str, float]) -> LawElement:
         """The effect by the name it goes by: `dry_friction` where the spread is zero within its standard deviation."""
         if self.spread > stds.get("spread", 0.0):
             return self

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect, Measured, Model, Range, Severity, parameter, ports_of
 from cutvib_ss.effects.port_element import OBLIQUE, ObliqueElement
 from cutvib_ss.effects.scales import port_scale, resonances_at
@@ -53,6 +54,11 @@ class LocalResonator(ObliqueElement):
             own = model.carried_at(place)[0]
             masses = (own * 0.01, own * 0.06)
             yield place, tuple(cls(place, mass, float(f), 0.03) for f in grid for mass in masses)
+
+    def alias(self, model: Model, stds: Mapping[str, float]) -> Effect:
+        """On a structure it goes by `added_mass` where 1/frequency² is zero within its standard deviation."""
+        rigid = model.head is None and 2.0 * stds.get("frequency", 0.0) >= self.frequency
+        return AddedMass(self.place, self.mass) if rigid else self
 
     def element(self) -> SprungMass:
         return SprungMass(self.mass, self.frequency, self.damping_ratio)

@@ -92,7 +92,7 @@ def cause_name(effect: str, place: str, parameters: Mapping[str, FittedParameter
         return "a cause outside the catalogue" + ("" if place == "none" else f", at {place_name(place)}")
     parts = []
     for e, p in zip(effect.split("+"), place.split("+")):
-        words = (EFFECTS[e].sentence if e in EFFECTS else "") or e.replace("_", " ") + " at {place}"
+        words = _words(e, parameters)[0] or e.replace("_", " ") + " at {place}"
         parts.append(words.format(place=PLACES.get(p, p), what=_named(e, parameters)))
     return "; together with: ".join(parts)
 
@@ -101,10 +101,21 @@ def inspection_text(effect: str, place: str, parameters: Mapping[str, FittedPara
     """What to look at on the machine for a cause, as words without a full stop; empty where they say nothing."""
     parts = []
     for e, p in zip(effect.split("+"), place.split("+")):
-        if e in EFFECTS and EFFECTS[e].inspection:
-            words = EFFECTS[e].inspection.format(place=PLACES.get(p, p), what=_named(e, parameters))
-            parts.append(words)
+        if words := _words(e, parameters)[1]:
+            parts.append(words.format(place=PLACES.get(p, p), what=_named(e, parameters)))
     return "; ".join(parts)
+
+
+def _words(effect: str, parameters: Mapping[str, FittedParameter] | None) -> tuple[str, str]:
+    """What a cause means, and what to look at."""
+    if effect not in EFFECTS:
+        return "", ""
+    kind, found = EFFECTS[effect], parameters or {}
+    name = kind.grows().carried_by[0]
+    size = found.get(name, found.get(f"{effect}.{name}"))
+    if size is not None and isinstance(size.value, float) and size.value < 0.0:
+        return kind.less or kind.sentence, kind.less_inspection or kind.inspection
+    return kind.sentence, kind.inspection
 
 
 def _named(effect: str, parameters: Mapping[str, FittedParameter] | None) -> str:

@@ -244,8 +244,8 @@ def test_files_without_the_new_keys_mean_what_they_meant(tmp_path: Path) -> None
 
 def test_slip_without_spread_goes_by_the_name_of_friction() -> None:
     fitted = JointSlip("joint2", 900.0, 0.3, 0.04)
-    assert fitted.alias({"spread": 0.05}) == DryFriction("joint2", 0.3, 900.0)
-    assert fitted.alias({"spread": 0.01}) is fitted
+    assert fitted.alias(published_machine(), {"spread": 0.05}) == DryFriction("joint2", 0.3, 900.0)
+    assert fitted.alias(published_machine(), {"spread": 0.01}) is fitted
     one, other = (
         e.apply(published_machine()).nonlinear[0].restoring_force
         for e in (JointSlip("joint2", 900.0, 0.3), DryFriction("joint2", 0.3, 900.0))

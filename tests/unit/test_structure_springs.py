@@ -3,10 +3,17 @@
 import numpy as np
 import pytest
 
+from cutvib_ss.diagnosis.hypotheses import candidates
+from cutvib_ss.diagnosis.result import FittedParameter
+from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Measured, Motion, parameter_fields
 from cutvib_ss.effects.catalogue import EFFECTS
+from cutvib_ss.effects.local_resonator import LocalResonator
+from cutvib_ss.effects.tool_contact import ToolContact
+from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
+from cutvib_ss.report.wording import cause_name, inspection_text
 
 SPRINGS = (1.234567891e7, 0.987654321e7, 1.111111119e7)
 
@@ -52,3 +59,51 @@ def test_starts_of_laws_lie_in_their_ranges_at_every_port() -> None:
                 assert inside or not values, (kind.effect, place, name, low, high, values)
                 looked_at += 1
     assert looked_at > 10
+
+
+def test_a_spring_may_be_nearly_gone_and_the_structure_still_stands() -> None:
+    model = chain(8)
+    for place in ("held", "between"):
+        spring = model.spring_at(place)
+        assert spring is not None
+        low = ToolContact.ranges(model, place)["stiffness"].low
+        assert low == pytest.approx(-0.95 * spring[0])
+        left = ToolContact(place, low).apply(model).second_order().stiffness
+        assert np.linalg.eigvalsh(left).min() > 0.0
+        row = model.system.port(place)
+        np.testing.assert_allclose(left, model.system.stiffness + low * np.outer(row, row), rtol=1e-12)
+    # What spans no spring has none to lose.
+    assert ToolContact.ranges(model, "free")["stiffness"].low == 0.0
+    assert ToolContact.ranges(published_machine(), "tool")["stiffness"].low == 0.0
+
+
+def test_a_softer_spring_and_a_missing_mass_are_said_to_be_so() -> None:
+    softer = {"stiffness": FittedParameter(-2e6, 1e4, "N/m"), "damping": FittedParameter(0.0, 1.0, "N s/m")}
+    assert cause_name("tool_contact", "between", softer) == "between is softer than the model has it"
+    assert "crack" in inspection_text("tool_contact", "between", softer)
+    both = {
+        "tool_contact.stiffness": FittedParameter(2e6, 1e4, "N/m"),
+        "added_mass.mass": FittedParameter(-0.1, 0.01, "kg"),
+    }
+    assert cause_name("tool_contact+added_mass", "between+free", both).endswith(
+        "free weighs less than the model has it"
+    )
+    assert cause_name("tool_contact+added_mass", "between+free", both).startswith("something touches between")
+
+
+def test_a_resonator_far_above_the_band_is_a_mass_on_a_structure() -> None:
+    model, unseen, seen = chain(8), {"frequency": 400.0}, {"frequency": 40.0}
+    resonator = LocalResonator("free", 0.5, 700.0, 0.1)
+    assert resonator.alias(model, unseen) == AddedMass("free", 0.5)
+    assert resonator.alias(model, seen) is resonator
+    # On the machine a mass moves in X and Z, which a resonator in X does not.
+    on_tool = LocalResonator("tool", 0.5, 700.0, 0.1)
+    assert on_tool.alias(published_machine(), unseen) is on_tool
+
+
+def test_one_degree_of_freedom_has_one_name_for_each_of_its_values() -> None:
+    one = SecondOrder(np.eye(1), 5.0 * np.eye(1), 1e5 * np.eye(1), ("x",), {"x": np.ones(1)})
+    names = [c.name for c in candidates(Structure(one, {"y": Channel("x", "displacement")}, "x"), (10.0, 90.0), ("y",))]
+    assert [n for n in names if n.startswith("parameter_shift")] == ["parameter_shift structure.damping"]
+    several = [c.name for c in candidates(chain(8), (10.0, 400.0), ("y",))]
+    assert sum(n.startswith("parameter_shift") for n in several) == 3
