@@ -25,21 +25,15 @@ from cutvib_ss.model.restoring_forces.compiled import (
     steepest,
 )
 from cutvib_ss.model.restoring_forces.packed import JUMPS, SLIDES
+from cutvib_ss.response.compiled_alone import AWAY, STIFF, interact_alone
 from cutvib_ss.results import FloatArray
 
 _SWEEPS = 30
-"""Largest number of sweeps over several elements in a step. A single one needs two, the second with the mean that follows from
-the first: their error is that of the step times the same factor once more."""
+"""Largest number of sweeps over several elements in a step."""
 _SAME = 1e-9
 """Sweeps end when forces move by less than this part of the largest one so far."""
-_STIFF = 0.3
-"""Slope of a law times the step's compliance beyond which the force is held constant over the step, since its course there is not
-resolved anyway: stable at any slope, the mean of both ends' forces for displacement, the new one for velocity."""
-_AWAY = 1e3
-"""A motion this many times what the largest linear velocity could do over the record has run away (a softening law)."""
 
 
-@numba.njit(cache=True, fastmath=FAST)
 def interact(
     motion: FloatArray,
     surplus: FloatArray,
@@ -54,11 +48,32 @@ def interact(
     state: FloatArray,
 ) -> tuple[FloatArray, np.ndarray, FloatArray]:
     """Nonlinear forces at ports whose linear motion is known."""
+    loop = interact_alone if motion.shape[2] == 1 else _interact_together
+    found: tuple[FloatArray, np.ndarray, FloatArray] = loop(
+        motion, surplus, step, turn, pushes, reads, compliance, laws, values, sliders, state
+    )
+    return found
+
+
+@numba.njit(cache=True, fastmath=FAST)
+def _interact_together(
+    motion: FloatArray,
+    surplus: FloatArray,
+    step: float,
+    turn: FloatArray,
+    pushes: FloatArray,
+    reads: FloatArray,
+    compliance: FloatArray,
+    laws: np.ndarray,
+    values: FloatArray,
+    sliders: FloatArray,
+    state: FloatArray,
+) -> tuple[FloatArray, np.ndarray, FloatArray]:
+    """The same of several elements."""
     blows, _, elements, instants = motion.shape
     modes = turn.shape[1]
     forces = np.zeros((blows, elements, instants))
     away = np.zeros(blows, dtype=np.bool_)
-    sweeps = _SWEEPS if elements > 1 else 1 if laws[0].code == JUMPS else 2
     kept = state.copy()
     state_new, state_half = np.zeros(state.shape[1:]), np.zeros(state.shape[1:])
     codes, by_rate, stiffness = np.zeros(elements, np.int64), np.zeros(elements, np.bool_), np.zeros(elements)
@@ -97,13 +112,13 @@ def interact(
             forces[blow, e, 0] = f0[e]
             for k in range(instants):
                 peak = max(peak, abs(motion[blow, 1, e, k]))
-        bound = _AWAY * (bound + peak) * step * instants
+        bound = AWAY * (bound + peak) * step * instants
         for k in range(1, instants):
             for e in range(1, elements):
                 for m in range(modes):
                     re[m] += pushes[0, 0, e, m] * x0[e] + pushes[1, 0, e, m] * x1[e]
                     im[m] += pushes[0, 1, e, m] * x0[e] + pushes[1, 1, e, m] * x1[e]
-            # In one pass for the first element, mostly the only one: forces of the last step in, on to the new instant, motion out.
+            # In one pass for the first element: forces of the last step in, on to the new instant, motion out.
             start, end, dq, dv = x0[0], x1[0], 0.0, 0.0
             for m in range(modes):
                 r = re[m] + pushes[0, 0, 0, m] * start + pushes[1, 0, 0, m] * end
@@ -119,7 +134,7 @@ def interact(
                     dq += reads[0, 0, e, m] * re[m] + reads[0, 1, e, m] * im[m]
                     dv += reads[1, 0, e, m] * re[m] + reads[1, 1, e, m] * im[m]
                 q[e], v[e] = motion[blow, 0, e, k] - dq, motion[blow, 1, e, k] - dv
-            for sweep in range(sweeps):
+            for _ in range(_SWEEPS):
                 change = 0.0
                 for e in range(elements):
                     own_q, own_v = q[e], v[e]
@@ -136,7 +151,7 @@ def interact(
                         largest, change = max(largest, abs(new)), max(change, abs(new - before))
                         continue
                     slope = stiffness[e] if code == SLIDES else steepest(laws, code, p, own_q, own_v)
-                    held = slope * (b0 + b1 if by_rate[e] else a0 + a1) > _STIFF
+                    held = slope * (b0 + b1 if by_rate[e] else a0 + a1) > STIFF
                     if held:
                         old = 0.0 if by_rate[e] else 0.5
                         a, b = (1.0 - old) * (a0 + a1), (1.0 - old) * (b0 + b1)
@@ -158,17 +173,16 @@ def interact(
                     else:
                         before = x1[e]
                         x0[e], x1[e] = part, f + c
-                        if elements > 1 or sweep == 0:
-                            q1, v1 = own_q - a * f, own_v - b * f
-                            half_q = 0.5 * (q0[e] + q1) + 0.125 * step * (v0[e] - v1)
-                            half_v = 1.5 * (q1 - q0[e]) / step - 0.25 * (v0[e] + v1)
-                            if code == SLIDES:
-                                half = slide(sliders, e, state_now, state_half, half_q - q0[e])
-                                whole = (f0[e] + 4.0 * half + f) / 6.0
-                            else:
-                                course_q, course_v = (q0[e], half_q, q1), (v0[e], half_v, v1)
-                                whole = mean(laws, code, p, course_q, course_v, f0[e], f)
-                            extra[e] = whole - 0.5 * (f0[e] + f)
+                        q1, v1 = own_q - a * f, own_v - b * f
+                        half_q = 0.5 * (q0[e] + q1) + 0.125 * step * (v0[e] - v1)
+                        half_v = 1.5 * (q1 - q0[e]) / step - 0.25 * (v0[e] + v1)
+                        if code == SLIDES:
+                            half = slide(sliders, e, state_now, state_half, half_q - q0[e])
+                            whole = (f0[e] + 4.0 * half + f) / 6.0
+                        else:
+                            course_q, course_v = (q0[e], half_q, q1), (v0[e], half_v, v1)
+                            whole = mean(laws, code, p, course_q, course_v, f0[e], f)
+                        extra[e] = whole - 0.5 * (f0[e] + f)
                         new = f + extra[e]
                     largest = max(largest, abs(new))
                     change = max(change, abs(new - before))
