@@ -72,7 +72,7 @@ def _shown(model: Model, positions: FloatArray, levels: FloatArray, like: Entry)
         linear = frequency_response(model, places, like.freq, inputs=[like.input], outputs=like.channels).data[:, :, 0]
         out: ComplexArray = np.broadcast_to(linear[:, None], (linear.shape[0], levels.size, *linear.shape[1:]))
         return out
-    first = like.replay.only(1)
+    first = like.replay.first
     # Records that state no level are planned as loud as they were.
     louder = np.ones(levels.size) if like.level is None else levels / like.level
     planned = [

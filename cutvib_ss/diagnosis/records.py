@@ -306,7 +306,7 @@ def one_blow(e: Entry) -> Entry:
     blows = 0 if e.replay is None else len(e.replay.forces)
     if e.replay is None or e.replay.block or blows < 2:
         return e
-    first = e.replay.only(1)
+    first = e.replay.first
     hits = None if e.hits is None else np.sqrt(blows) * e.hits
     return replace(e.showing(first.data(first.measured), blows * e.variance), replay=first, hits=hits)
 

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,9 +29,21 @@ from cutvib_ss.diagnosis.unknown_element import ByLevel
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
+from cutvib_ss.model.measurement_chain import ChainAtLines
 from cutvib_ss.response.stepping import ModalForm, modal_form, step
 from cutvib_ss.results import ComplexArray, FloatArray
 from cutvib_ss.results.arrays import position_at
+
+
+class _Run(NamedTuple):
+    """One record's histories, and what makes responses of them."""
+
+    replay: Replay
+    chain: ChainAtLines
+    order: list[int]  # Of the signals among the stepped outputs
+    first: FloatArray | None  # Responses to the first blow; None where it is the only one
+    motions: FloatArray  # Of each nonlinear element's port
+    forces: FloatArray
 
 
 @dataclass(frozen=True)
@@ -39,11 +53,26 @@ class Simulated:
     model: Model  # The model
     group: Group  # The records, a row each
     data: ComplexArray  # The prediction
-    first: ComplexArray  # The same as the first blow of each record alone shows it
-    # Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port
-    stiffness: ComplexArray
+    runs: Mapping[int, _Run]  # What was stepped, by row; only derivatives ask for more than the prediction
     # Sine sweeps among the records, by row: they are balanced in their harmonics instead of stepped in time
     sweeps: Mapping[int, SweptRecord] = field(default_factory=dict)
+
+    @cached_property
+    def first(self) -> ComplexArray:
+        """The prediction as the first blow of each record alone shows it."""
+        out = self.data.copy()
+        for row, run in self.runs.items():
+            if run.first is not None:
+                out[row] = run.chain.shown(run.replay.first.simulated([run.first])[run.order])
+        return out
+
+    @cached_property
+    def stiffness(self) -> ComplexArray:
+        """Equivalent dynamic stiffness of each nonlinear element: H1 of its force over the motion of its port."""
+        out = np.zeros((len(self.data), len(self.model.nonlinear), self.group.freq.size), dtype=np.complex128)
+        for row, run in self.runs.items() if self.model.nonlinear else ():
+            out[row] = _equivalent(run.replay, run.motions, run.forces)
+        return out
 
 
 def simulated(
@@ -67,12 +96,11 @@ def simulated(
     windowed, steady = (c.at(group.channels, none, s) for c in (model.chain, replace(model.chain, decay_rate=0.0)))
     outputs = tuple(dict.fromkeys(steady.signals))
     data = np.zeros(group.data.shape, dtype=np.complex128)
-    first = np.zeros_like(data)
-    stiffness = np.zeros((len(data), len(elements), group.freq.size), dtype=np.complex128)
+    runs: dict[int, _Run] = {}
     still = SETTINGS.simulation_static_above * float(group.freq[-1])
     sweeps = {row: swept(model, group, row) for row in range(len(data)) if group.entries[row][0].sine is not None}
     for row, sweep in sweeps.items():
-        data[row] = first[row] = sweep.data
+        data[row] = sweep.data
     forms: dict[tuple[float | None, str], ModalForm] = {}
     for rows in _batches(group, wanted):
         position = position_at(group.positions[rows[0]])
@@ -90,18 +118,18 @@ def simulated(
         form = forms[position, struck]
         # All records at a position in one call: they share the modal sum.
         scales = np.ones(len(data)) if force_scale is None else force_scale
-        windows = [_window(model, r) for r in replays]
+        windows = [_window(model, r) for r in replays] if model.chain.decay_rate else []
         if first_blow:
-            replays = [r if r.block else r.only(1) for r in replays]
-            windows = [(gain, w[: len(r.forces)]) for r, (gain, w) in zip(replays, windows, strict=True)]
-        size = {row: scales[row] * gain for row, (gain, _) in zip(rows, windows, strict=True)}
+            replays = [r if r.block else r.first for r in replays]
+            windows = [(gain, w[: len(r.forces)]) for r, (gain, w) in zip(replays, windows, strict=False)]
+        size = dict(zip(rows, scales[rows] * np.array([gain for gain, _ in windows] or [1.0]), strict=True))
         forces = np.concatenate(
             [size[row] * np.stack(r.forces) + offset * _begun(r) for row, r in zip(rows, replays, strict=True)]
         )
         # An unstable model runs away: it leaves no finite residual, and no step is taken there.
         with np.errstate(all="ignore"):
             run = step(form, forces, replays[0].fs, elements, dynamic_below=still, steps=steps)
-        if model.chain.decay_rate:
+        if windows:
             for part in (run.responses, run.motions, run.forces):
                 part *= np.concatenate([w for _, w in windows])[:, None, :]
         begun = 0
@@ -111,12 +139,12 @@ def simulated(
             responses = list(run.responses[own] / size[row])
             chain = steady if replay.block else windowed
             order = [outputs.index(name) for name in chain.signals]
-            data[row] = first[row] = chain.shown(replay.simulated(responses)[order])
-            if len(responses) > 1 and not replay.block:
-                first[row] = chain.shown(replay.only(1).simulated(responses[:1])[order])
-            if elements:
-                stiffness[row] = _equivalent(replay, run.motions[own], run.forces[own])
-    return Simulated(model, group, data, first, stiffness, sweeps)
+            data[row] = chain.shown(replay.simulated(responses)[order])
+            apart = len(responses) > 1 and not replay.block
+            runs[row] = _Run(
+                replay, chain, order, responses[0].copy() if apart else None, run.motions[own], run.forces[own]
+            )
+    return Simulated(model, group, data, runs, sweeps)
 
 
 def _window(model: Model, replay: Replay) -> tuple[float, FloatArray]:

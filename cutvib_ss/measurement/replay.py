@@ -94,9 +94,10 @@ class Replay:
             y[..., 0] += less * (2.0 * y[..., -1] - y[..., -2])
         return self.data(ended)
 
-    def only(self, blows: int) -> Replay:
-        """The first blows alone."""
-        return replace(self, forces=self.forces[:blows], measured=self.measured[:blows])
+    @cached_property
+    def first(self) -> Replay:
+        """The first blow alone."""
+        return replace(self, forces=self.forces[:1], measured=self.measured[:1])
 
     def at(self, keep: np.ndarray | slice) -> Replay:
         """Some of the lines."""

@@ -18,6 +18,9 @@ from cutvib_ss.response.modal_basis import modal_basis
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity
 from cutvib_ss.units import DERIVATIVE_ORDER
 
+_FORMS = 40
+"""Sums that are kept."""
+
 
 @dataclass(frozen=True)
 class ModalForm:
@@ -90,7 +93,7 @@ def modal_form(
     return _form(matrices, system.dofs, classical_above, read, names, at, shares)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=_FORMS)
 def _form(
     matrices: tuple[bytes, ...],
     dofs: tuple[str, ...],
@@ -101,7 +104,8 @@ def _form(
     shares: tuple[float, ...],
 ) -> ModalForm:
     """The modal sum of a system of given matrices, rows of the outputs and rows of the inputs."""
-    # A restoring force is simulated on one machine with many values of its own: all share its modes.
+    # A restoring force is simulated on one machine with many values of its own: all share its modes. Where records drift each has a
+    # machine of its own, which comes again only after all others have come.
     mass, damping, stiffness, rows, forces = (np.frombuffer(m).reshape(-1, len(dofs)) for m in matrices)
     m = modal_basis(SecondOrder(mass, damping, stiffness, dofs, {}), classical_above)
     return ModalForm(

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -43,8 +44,8 @@ _BLOCK = 200_000
 """Fine instants of several blows that are treated together."""
 _CHUNK = 1 << 15
 """Instants of a free response that are computed at once."""
-_KEPT = 1 << 19
-"""Lines times modes from which a modal sum does not keep them: 16 MB."""
+_KEPT = 1 << 18
+"""Lines times modes from which a modal sum does not keep them: 8 MB."""
 
 
 @dataclass(frozen=True)
@@ -145,13 +146,16 @@ class _Run:
         self.size, self.rate, self.s, self.receptance, self.at_start = lines
 
     def _weight(self, samples: int, fine: int) -> FloatArray:
-        return np.asarray(np.exp(-self.rate / (self.fs * fine) * np.arange(samples)))
+        return _decay(self.rate / (self.fs * fine), samples)
 
     def _transform(self, history: FloatArray, fine: int) -> ComplexArray:
         """Spectrum of histories on the fine or coarse grid, the lines of the coarse one."""
         padded = np.zeros((*history.shape[:-1], self.size * fine))
         run = history.shape[-1]
-        np.multiply(history, self._weight(run, fine), out=padded[..., :run])
+        if self.rate:
+            np.multiply(history, self._weight(run, fine), out=padded[..., :run])
+        else:
+            padded[..., :run] = history
         # What goes before the first sample stands at the end of the transform's period, where it is earlier by one.
         before = _fade(_TAPER * fine)
         early = before / self._weight(before.size + 1, fine)[1:]
@@ -165,7 +169,8 @@ class _Run:
             spectrum = spectrum.copy()
             spectrum[..., -1] *= 0.5  # on the finer grid the coarse Nyquist line has a twin
         history: FloatArray = fft.irfft(spectrum, size, axis=-1)[..., :samples] * fine
-        history /= self._weight(samples, fine)
+        if self.rate:
+            history /= self._weight(samples, fine)
         return history
 
     def _wrapped(self, spectrum: ComplexArray, drives: ComplexArray) -> ComplexArray:
@@ -278,6 +283,13 @@ class _Run:
         return spectrum, away
 
 
+@lru_cache(maxsize=8)
+def _decay(rate: float, samples: int) -> FloatArray:
+    """The weight e^(-rate n), which a run takes several times."""
+    return np.asarray(np.exp(-rate * np.arange(samples)))
+
+
+@lru_cache(maxsize=32)
 def _fade(samples: int) -> FloatArray:
     """From nearly one to nearly nothing."""
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * np.arange(1, samples + 1) / (samples + 1)))
