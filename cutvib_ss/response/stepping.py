@@ -44,6 +44,8 @@ _BLOCK = 200_000
 """Fine instants of several blows that are treated together."""
 _CHUNK = 1 << 15
 """Instants of a free response that are computed at once."""
+_PART = 128
+"""Instants over which a mode's own turn is computed, once for all parts of a free response."""
 _KEPT = 1 << 18
 """Lines times modes from which a modal sum does not keep them: 8 MB."""
 
@@ -191,12 +193,16 @@ class _Run:
         for k in np.unique(octave):
             own = octave == k
             last = int(np.ceil(alive[own].max()))
-            rows_of = np.hstack([each[:, own].real, -each[:, own].imag])
+            # From the beginning of each part on a mode turns alike: e^(p (t + u)) = e^(pt) e^(pu).
+            turn = np.exp(self.form.poles[own, None] * (np.arange(_PART) / self.fs))
+            turns = np.vstack([turn.real, -turn.imag])
             for first in range(0, last, _CHUNK):
-                t = np.arange(first, min(last, first + _CHUNK)) / self.fs
-                turn = np.exp(self.form.poles[own, None] * t)
-                summed = (rows_of @ np.vstack([turn.real, turn.imag])).reshape(*out.shape[:2], -1)
-                out[..., first : first + t.size] += summed
+                t = np.arange(first, min(last, first + _CHUNK), _PART) / self.fs
+                begun = each[:, None, own] * np.exp(self.form.poles[own] * t[:, None])
+                rows_of = np.concatenate([begun.real, begun.imag], axis=-1).reshape(-1, 2 * len(turn))
+                summed = (rows_of @ turns).reshape(*out.shape[:2], -1)
+                count = min(last - first, summed.shape[-1])
+                out[..., first : first + count] += summed[..., :count]
         return out
 
     def result(self) -> Stepped:
