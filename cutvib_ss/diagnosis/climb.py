@@ -47,6 +47,7 @@ class At:
     chi2: float
     objective: float
     quadratic: Quadratic | None = None
+    directions: Directions | None = None  # Behind the quadratic
     factor: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -215,6 +216,7 @@ class Climb:
         for k, drift in enumerate(at.drift if self.spread else ()):
             first = lay.unknowns + k * lay.per_session
             offsets[first : first + drift.size] = drift
+        at.directions = directions
         at.quadratic = Quadratic(
             lay, matrix, gradient, at.squares, x, self.precision, free, self.problem.even, offsets, self.count
         )

@@ -75,17 +75,22 @@ class EquivalentForces:
     def _motions(self, paths: Sequence[Path]) -> ComplexArray:
         """Derivatives of the motions that are taken away, shape (value, record, signal, frequency)."""
         n, names = len(self.chain.signals), (*self.chain.signals, *self.ports)
-        found = {
-            name: ResponseDerivatives(self.receptance, names, name).derivatives(paths).swapaxes(1, 2)
-            for name in dict.fromkeys((*self.ports, *self.inputs))
-        }
-        # Axes (input, value, output, record, frequency); outputs are the signals, then the ports.
-        from_ports = self._by_record(np.array([found[name] for name in self.ports]))
-        driven = self._by_record(np.array([found[name][:, n:] for name in self.inputs]))
+        # Of a port the motions of the signals, then of the ports; of an input those of the ports alone.
+        of_ports = [self._changed(names, name, paths) for name in self.ports]
+        of_inputs = [
+            of_ports[self.ports.index(name)][:, n:] if name in self.ports else self._changed(self.ports, name, paths)
+            for name in self.inputs
+        ]
+        # Axes (input, value, output, record, frequency).
+        from_ports, driven = self._by_record(np.array(of_ports)), self._by_record(np.array(of_inputs))
         by_forces = np.einsum("pmorf,rfp->morf", from_ports, self.forces)
         to_ports = self._of_input(driven) - by_forces[:, n:]
         taken = by_forces[:, :n] + np.einsum("rfcp,mprf->mcrf", self.onward, to_ports)
         return np.asarray(taken.swapaxes(1, 2))
+
+    def _changed(self, outputs: Sequence[str], input: str, paths: Sequence[Path]) -> ComplexArray:
+        """Derivatives of the receptances from a signal to others, shape (value, output, site, frequency)."""
+        return ResponseDerivatives(self.receptance, outputs, input).derivatives(paths).swapaxes(1, 2)
 
     def _of_input(self, values: ComplexArray) -> ComplexArray:
         """Values, shape (input, ..., record, frequency), of each record's own input."""

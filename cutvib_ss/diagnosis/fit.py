@@ -13,7 +13,6 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.climb import Beside, Climb
-from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Quadratic, solved
 from cutvib_ss.diagnosis.predictive import Spread
@@ -229,9 +228,9 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         step[problem.size :] = offsets[problem.size :]
         scale = quadratic.layout.scale(search.sizes)
         step[problem.size :] -= quadratic.offsets[problem.size :] / scale[problem.size :]
-        directions = Directions(search.at.problem, search.at.each, search.at.predictions, like=quadratic.layout)
         reduced = search.at.chi2 * search.sizes.noise / search.count
-        correlation = directions.correlation(search.at.residuals, step * scale, reduced)
+        assert search.at.directions is not None
+        correlation = search.at.directions.correlation(search.at.residuals, step * scale, reduced)
     stds = {}
     for i, (k, name, r) in enumerate(problem.parameters):
         j = problem.first_effect + i

@@ -99,7 +99,7 @@ class ResponseDerivatives:
         receptance = self.receptance
         if not receptance.interface or len(receptance.system.dofs) > _FEW or path[0] != "head":
             return None
-        changes = self.model.core_changes(path)
+        changes = receptance.core_changes(path)
         if changes is None or any(a.moved(changes.rows) is not None for a in receptance.assembly.elements):
             return None
         return None if any(map(receptance.is_rail, (*self.outputs, self.input))) else changes
@@ -155,7 +155,7 @@ class ResponseDerivatives:
         return self._by_function[at] * function.derivative(str(path[-1]), self.s)
 
     def _of_value(self, path: Path) -> ComplexArray:
-        changes = self.model.core_changes(path)
+        changes = self.receptance.core_changes(path)
         d_rows = {} if changes is None else changes.rows
         moves = [
             (c, move)
@@ -237,7 +237,7 @@ class ResponseDerivatives:
     def _base_inertia_change(self, path: Path) -> Row | None:
         carried = self.model.influence
         assert carried is not None
-        changes, assembly = self.model.core_changes(path), self.receptance.assembly
+        changes, assembly = self.receptance.core_changes(path), self.receptance.assembly
         if changes is not None:
             masses = [part for power, part in changes.stiffness if power == 2]
             return -(masses[0] @ carried) if masses else None

@@ -21,7 +21,9 @@ from typing import TypeAlias
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.model.coupling import Changes
 from cutvib_ss.model.elements import Attachment, Element, SpringDamperMass, SprungMass
+from cutvib_ss.model.paths import Path
 from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.rail import rail_point
 from cutvib_ss.response.batched import CLOSED_FORM, dot, inverse, mixed
@@ -42,6 +44,7 @@ class ModelReceptance:
     def __init__(self, model: Model, positions: FloatArray, s: ComplexArray, ports: Sequence[str] = ()) -> None:
         self.model, self.positions, self.s = model, np.atleast_1d(positions), s
         self._ports: dict[str, PortReceptance] = {}
+        self._core_changes: dict[Path, Changes | None] = {}
         self.assembly = model.assembly
         self.system = system = self.assembly.core
         self.interface = interface = [system.dofs.index(d) for d in self.assembly.base]
@@ -92,6 +95,12 @@ class ModelReceptance:
         """The row of an element's foot over the head's degrees of freedom, shape (n,)."""
         self.row(attachment.port)
         return attachment.row(self.rows)
+
+    def core_changes(self, path: Path) -> Changes | None:
+        """How the core moves with one of the model's values."""
+        if path not in self._core_changes:
+            self._core_changes[path] = self.model.core_changes(path)
+        return self._core_changes[path]
 
     @cached_property
     def rail(self) -> RailReceptance:
