@@ -126,20 +126,24 @@ class Spread:
         seeing = _Seeing(own, problem, x, [(at, size) for _, at, size in columns], show)
         moved = np.zeros(own.layout.size)
         best = seeing.at(moved)
-        step = best.step if new else moved
+        step, longer = best.step if new else moved, np.inf
         for _ in range(SETTINGS.predictive_iterations if new else 0):
             try:
                 there = seeing.at(seeing.within(best.moved + step))
             except CutvibError:
-                step = step / 2.0
+                step, longer = step / 2.0, np.inf
                 continue
             gained = best.left - there.left
-            if gained > 0.0:
-                best, step = there, there.step
-            else:
-                step = step / 2.0
             if abs(gained) < SETTINGS.predictive_gain * there.left:
+                best = there if gained > 0.0 else best
                 break
+            if gained > 0.0:
+                best, step, longer = there, there.step, np.inf
+            elif -4.0 * gained >= longer:
+                # The parabola through what this step and one of twice its length lose rises from the start: none shorter gains.
+                break
+            else:
+                step, longer = step / 2.0, -gained
         return seeing.judged(best)
 
 
