@@ -152,7 +152,9 @@ def _without(campaign: Campaign, observed: Observations, odd: Mapping[int, float
 def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
     searched = _searched(campaign, nominal, observe(campaign, nominal), hold_out, seed, workers)
     linear = [r for r in searched.ranked[1:] if r.fit.hypothesis.linear]
-    odd = odd_records(nominal, searched.records, searched.ranked[0], linear)
+    # Where some cause, a restoring force too, leaves noise of all records, none is odd.
+    explained = any(r.refined and r.reduced < SETTINGS.search_enough for r in searched.ranked)
+    odd = {} if explained else odd_records(nominal, searched.records, searched.ranked[0], linear)
     if odd:
         # No single known cause left noise of the others, but two together do, or something unknown.
         searched = _searched(campaign, nominal, _without(campaign, searched.observed, odd), hold_out, seed, workers)
