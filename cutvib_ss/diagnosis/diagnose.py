@@ -248,9 +248,9 @@ def _shown(nominal: Model, searched: _Searched, odds: Mapping[str, float]) -> Sh
     else:
         nameless = kind_of(likeliest.fit.hypothesis) == "unknown"
         rivals = (r for r in by_odds if r.refined and not _same_cause(r, likeliest))
-        other = next((r for r in rivals if nameless or r.name in held or r.fit.hypothesis.linear), None)
+        # Beside something unknown the likeliest that has a name, however improbable; else what has any probability.
+        other = next((r for r in rivals if nameless or r.name in held), None)
         if other is not None:
-            # However improbable, so that the reader sees what the choice is worth.
             held[other.name] = judged(other)
     first = none if odds[none.name] >= odds[likeliest.name] else likeliest
     return Shown(
