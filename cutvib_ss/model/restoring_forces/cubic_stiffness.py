@@ -41,7 +41,8 @@ class CubicStiffness(Memoryless):
                 return math.nan
             change = (x + g * x * x * x - q) / slope
             x -= change
-            if abs(change) <= 1e-15 * abs(x):
+            # The next one would be about the square of this.
+            if abs(change) <= 1e-9 * abs(x):
                 break
         return p[0] * x * x * x
 
