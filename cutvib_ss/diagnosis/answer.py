@@ -80,15 +80,14 @@ def _parameters(fit: Fit) -> dict[str, FittedParameter]:
     out: dict[str, FittedParameter] = {}
     causes = fit.hypothesis.causes
     for k, e in enumerate(fit.hypothesis.effects):
+        units = e.units(fit.model)
         before = [x for x in fit.hypothesis.effects[:k] if (x.effect, x.place) == (e.effect, e.place)]
         again = f"_{len(before) + 1}" if before else ""
         for f in parameter_fields(type(e)):
             if f"{k}.{f.name}" not in fit.stds:
                 continue
             name = (f.name if len(causes) == 1 else f"{e.effect}.{f.name}") + again
-            out[name] = FittedParameter(
-                float(getattr(e, f.name)), float(fit.stds[f"{k}.{f.name}"]), f.metadata["range"].unit
-            )
+            out[name] = FittedParameter(float(getattr(e, f.name)), float(fit.stds[f"{k}.{f.name}"]), units[f.name])
         continuous = {f.name for f in parameter_fields(type(e))}
         for f in fields(e):
             if f.name not in continuous | {"place"}:
@@ -116,7 +115,7 @@ def places(ranked: Sequence[Ranked], odds: Mapping[str, float], rest: Cause) -> 
     """Probability of each place, or places of a sum: that of the hypotheses there, and of what none of them holds."""
     total: dict[str, float] = {"none": odds["none"]}
     for r in ranked[1:]:
-        place = r.fit.hypothesis.place
+        place = r.fit.hypothesis.places
         total[place] = total.get(place, 0.0) + odds[r.name]
     total[rest.place] = total.get(rest.place, 0.0) + rest.probability
     return tuple(sorted(total.items(), key=lambda item: -item[1]))

@@ -8,7 +8,7 @@ from cutvib_ss.diagnosis.cross_validation import Judged, reduced_chi2
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.result import CandidateEvidence
-from cutvib_ss.effects.base import discrete_values, parameter_fields
+from cutvib_ss.effects.base import discrete_values
 
 ENDS = "{} = {} is at its prior bound: the true value may lie beyond, or the cause be another"
 
@@ -43,7 +43,7 @@ def at_their_ends(fitted: Fit) -> list[str]:
     for name in fitted.at_end:
         which, parameter = name.split(".")
         effect = fitted.hypothesis.effects[int(which)]
-        [unit] = [f.metadata["range"].unit for f in parameter_fields(type(effect)) if f.name == parameter]
+        unit = effect.units(fitted.model)[parameter]
         value = f"{getattr(effect, parameter):.4g}" + ("" if unit == "1" else f" {unit}")
         out.append(ENDS.format(f"{parameter} of {effect.effect} at {effect.place}", value))
     return out

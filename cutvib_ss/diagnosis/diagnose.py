@@ -166,7 +166,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     odds = _odds(searched, counts, variants)
     shown = _shown(nominal, searched, odds)
     by_level, located, interference = _located(nominal, searched, problem, workers)
-    elsewhere = located.best if located.best != "none" else shown.first.fit.hypothesis.place
+    elsewhere = located.best if located.best != "none" else shown.first.fit.hypothesis.places
     rest = Cause("unknown", elsewhere, max(1.0 - sum(odds.values()), 0.0))
     rows = answer.causes(shown, odds, rest, observed.per_unit)
     interval = cross_validation.shrinkage_interval(shown.before, shown.after.records, seed)

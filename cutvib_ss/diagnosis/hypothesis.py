@@ -32,6 +32,11 @@ class Hypothesis:
         return "+".join(place for _, place in self.causes) or "none"
 
     @property
+    def places(self) -> str:
+        """The same, each once: two causes at one place are at that place."""
+        return "+".join(dict.fromkeys(place for _, place in self.causes)) or "none"
+
+    @property
     def linear(self) -> bool:
         """Whether the frequency response alone carries it."""
         return all(e.linear for e in self.effects)

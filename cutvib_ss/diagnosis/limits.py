@@ -112,7 +112,7 @@ def _limit(nominal: Model, scan: Scan, run: Run, noise: tuple[float, float], beh
     visible = _visible(std * math.sqrt(kept), behind, bounds, infinite)
     if infinite:
         allowed, visible = 1.0 / allowed, 1.0 / visible
-    return Limit(run.effect.effect, run.effect.place, run.head, run.unit, allowed, visible)
+    return Limit(run.effect.effect, run.effect.place, run.head, run.unit(nominal), allowed, visible)
 
 
 def _measured(scan: Scan, run: Run, severity: float) -> tuple[float, float, float, float] | None:

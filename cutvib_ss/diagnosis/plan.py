@@ -198,7 +198,7 @@ def plan(model: Model, campaign: PlannedCampaign, *, laws: bool = True) -> Plan:
             if factor > 1.0:
                 rivals.append((factor, other))
                 pairs.append((name, other, factor))
-        causes.append(_cause(own[0], seen[i], middle, max(rivals, default=(1.0, ""))))
+        causes.append(_cause(model, own[0], seen[i], middle, max(rivals, default=(1.0, ""))))
     return Plan(campaign, tuple(causes), tuple(sorted(pairs, key=lambda p: -p[2])), threshold)
 
 
@@ -207,7 +207,7 @@ def _middle(seen: Sequence[Seen]) -> Seen | None:
     return sorted(seen, key=lambda s: s.size)[len(seen) // 2] if seen else None
 
 
-def _cause(run: Run, seen: Sequence[Seen], middle: Seen | None, rival: tuple[float, str]) -> PlannedCause:
+def _cause(model: Model, run: Run, seen: Sequence[Seen], middle: Seen | None, rival: tuple[float, str]) -> PlannedCause:
     factor, other = rival
     ordered = sorted(seen, key=lambda s: s.size)
     named = None
@@ -220,7 +220,7 @@ def _cause(run: Run, seen: Sequence[Seen], middle: Seen | None, rival: tuple[flo
         effect=run.effect.effect,
         place=run.effect.place,
         parameter=run.head,
-        unit=run.unit,
+        unit=run.unit(model),
         weak_end=run.weak_end,
         seen=None if middle is None else middle.value,
         seen_best=ordered[0].value if ordered else None,

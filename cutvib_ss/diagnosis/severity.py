@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cutvib_ss.diagnosis.hypotheses import Candidate
-from cutvib_ss.effects.base import Effect, identifying_values, parameter_fields
+from cutvib_ss.effects.base import Effect, Model, identifying_values, parameter_fields
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,9 @@ class Run:
         """The parameter that tells the severity."""
         return self.effect.grows().carried_by[0]
 
-    @property
-    def unit(self) -> str:
-        """Its SI unit."""
-        found = {f.name: f.metadata["range"].unit for f in parameter_fields(type(self.effect))}
-        return str(found.get(self.head, ""))
+    def unit(self, model: Model) -> str:
+        """Its SI unit on a model."""
+        return self.effect.units(model).get(self.head, "")
 
     @property
     def weak_end(self) -> str:

@@ -162,6 +162,10 @@ class Effect(ABC):
         """The effect by the name it goes by on a model, where its parameters were fitted with such standard deviations."""
         return self
 
+    def units(self, model: Model) -> Mapping[str, str]:
+        """SI unit of each parameter on a model."""
+        return {f.name: f.metadata["range"].unit for f in parameter_fields(type(self))}
+
     @classmethod
     def is_alias(cls, values: Mapping[str, object]) -> bool:
         """Whether causes outside the catalogue may appear as the effect with these discrete values."""

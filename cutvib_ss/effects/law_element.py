@@ -65,6 +65,15 @@ class LawElement(Effect):
         # A law that belongs to a spring grows with that.
         return names if own.issuperset(names) else ()
 
+    def units(self, model: Model) -> Mapping[str, str]:
+        # Joints of the machine turn, ports of another structure move in m.
+        given = super().units(model)
+        return (
+            given
+            if model.head is not None
+            else {n: u.replace("N m", "N").replace("rad", "m") for n, u in given.items()}
+        )
+
     @classmethod
     def _needs_spring(cls) -> bool:
         """Whether the law changes a spring that has to be there."""

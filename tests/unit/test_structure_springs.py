@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from cutvib_ss.diagnosis.hypotheses import candidates
+from cutvib_ss.diagnosis.hypotheses import candidates, nonlinear_candidates
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.result import FittedParameter
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Measured, Motion, parameter_fields
 from cutvib_ss.effects.catalogue import EFFECTS
+from cutvib_ss.effects.freeplay import Freeplay
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.model.machine import published_machine
@@ -107,3 +109,24 @@ def test_one_degree_of_freedom_has_one_name_for_each_of_its_values() -> None:
     assert [n for n in names if n.startswith("parameter_shift")] == ["parameter_shift structure.damping"]
     several = [c.name for c in candidates(chain(8), (10.0, 400.0), ("y",))]
     assert sum(n.startswith("parameter_shift") for n in several) == 3
+
+
+def test_restoring_forces_of_a_structure_are_in_newtons_and_metres() -> None:
+    found = {
+        (e.effect, name): unit
+        for c in nonlinear_candidates(chain(8), {"between": Motion(1e-6, 2e-5, 5e-3, 50.0)})
+        for e in c.starts[:1]
+        for name, unit in e.units(chain(8)).items()
+    }
+    assert found["cubic_stiffness", "stiffness3"] == "N/m^3"
+    assert found["quadratic_damping", "coefficient"] == "N s^2/m^2"
+    assert found["freeplay", "gap"] == "m"
+    assert found["joint_slip", "slip_torque"] == "N"
+    assert found["joint_slip", "spread"] == "1"
+    assert Freeplay("joint2", 1e-5).units(published_machine())["gap"] == "rad"
+
+
+def test_two_causes_at_one_place_are_at_that_place() -> None:
+    both = Hypothesis((ToolContact("between", 1e5), AddedMass("between", 0.1)))
+    assert (both.place, both.places) == ("between+between", "between")
+    assert Hypothesis((ToolContact("between", 1e5), AddedMass("free", 0.1))).places == "between+free"
