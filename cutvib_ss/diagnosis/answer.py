@@ -80,6 +80,9 @@ def _parameters(fit: Fit) -> dict[str, FittedParameter]:
     out: dict[str, FittedParameter] = {}
     causes = fit.hypothesis.causes
     for k, e in enumerate(fit.hypothesis.effects):
+        if e.effect == "unknown":
+            # Coefficients of a smooth function say nothing one by one.
+            continue
         units = e.units(fit.model)
         before = [x for x in fit.hypothesis.effects[:k] if (x.effect, x.place) == (e.effect, e.place)]
         again = f"_{len(before) + 1}" if before else ""
