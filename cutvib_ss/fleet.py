@@ -22,6 +22,7 @@ from typing import Any
 import cutvib_ss
 from cutvib_ss.errors import CutvibError, DataFormatError, ParameterError
 from cutvib_ss.measurement.schema import read_campaign_file
+from cutvib_ss.model_files import read_machine
 from cutvib_ss.validation.files import canonical, digest, packed_files, unpack, write_bytes
 from cutvib_ss.validation.workers import alone, spread
 
@@ -62,6 +63,7 @@ class Task:
     root: str  # Folder of the fleet: where it lies here, or within the archive
     archive: bytes | None  # The files, for a worker on another machine
     report: bool  # Whether its report is wanted
+    machine: bytes | None = None  # machine.toml of the nominal model, if not the campaign's own
 
 
 @dataclass(frozen=True)
@@ -85,11 +87,17 @@ def diagnose_fleet(
     reports: bool = False,
     jobs: int = 1,
     scheduler: str | None = None,
+    machine: str | os.PathLike[str] | None = None,
     progress: Progress = lambda name, done, total: None,
     worker: Worker | None = None,
 ) -> tuple[FleetRow, ...]:
-    """Diagnose every campaign below a folder, or those that an earlier call left; one row each, in the order of their paths."""
+    """
+    Diagnose every campaign below a folder, or those that an earlier call left; one row each, in the order of their paths.
+
+    With `machine`, a machine.toml, against that nominal model; each against its own by default.
+    """
     root = Path(folder)
+    nominal = None if machine is None else _machine_file(Path(machine))
     if jobs < 1:
         raise ParameterError(f"jobs = {jobs} must be at least 1")
     if not root.is_dir():
@@ -103,7 +111,7 @@ def diagnose_fleet(
     for name in names:
         try:
             files = _files(root / name)
-            key = _key(root / name, files)
+            key = _key(root / name, files, nominal)
         except (CutvibError, OSError) as fault:
             rows[name] = FleetRow(name, error=str(fault))
             continue
@@ -115,7 +123,8 @@ def diagnose_fleet(
     if left:
         _prepare(kept, left)
     progress("", len(rows), len(names))
-    tasks = ((name, partial(_task, root, name, left[name][1], reports, scheduler is not None)) for name in left)
+    away = scheduler is not None
+    tasks = ((name, partial(_task, root, name, left[name][1], reports, away, nominal)) for name in left)
     for name, found in spread(worker or diagnose_one, tasks, jobs, scheduler):
         rows[name] = _keep(name, kept / name / left[name][0], found)
         progress(name, len(rows), len(names))
@@ -133,6 +142,9 @@ def diagnose_one(task: Task) -> Diagnosed:
             root = here / "files" / task.root
         diagnosis, report = here / "diagnosis.json", here / "report.html"
         command = [sys.executable, "-m", "cutvib_ss", "diagnose", task.name, "--json", str(diagnosis)]
+        if task.machine is not None:
+            (here / "nominal.toml").write_bytes(task.machine)
+            command += ["--machine", str(here / "nominal.toml")]
         status, words = alone([*command, "--report", str(report)] if task.report else command, root, here)
         if status or not diagnosis.is_file():
             said = words.splitlines()
@@ -191,10 +203,17 @@ def _files(folder: Path) -> list[Path]:
     return list(dict.fromkeys(named))
 
 
-def _key(folder: Path, files: Sequence[Path]) -> str:
+def _machine_file(file: Path) -> bytes:
+    """The machine.toml of a nominal model, which must be one."""
+    read_machine(file)
+    return file.read_bytes()
+
+
+def _key(folder: Path, files: Sequence[Path], machine: bytes | None = None) -> str:
     """A hash of the files by name and content, and of the version that diagnoses; the folder's own name is not in it."""
     content = {os.path.relpath(p, folder): digest(p.read_bytes()) if p.is_file() else None for p in files}
-    return digest(canonical({"files": content, "version": cutvib_ss.__version__}))
+    own = {} if machine is None else {"machine": digest(machine)}
+    return digest(canonical({"files": content, "version": cutvib_ss.__version__, **own}))
 
 
 def _prepare(kept: Path, names: dict[str, Any]) -> None:
@@ -208,16 +227,16 @@ def _prepare(kept: Path, names: dict[str, Any]) -> None:
         raise ParameterError(f"{kept}: cannot be written to ({error.strerror}); choose another with --out") from error
 
 
-def _task(root: Path, name: str, files: Sequence[Path], report: bool, away: bool) -> Task:
+def _task(root: Path, name: str, files: Sequence[Path], report: bool, away: bool, machine: bytes | None = None) -> Task:
     """A campaign for a worker here, which reads it where it lies, or elsewhere, which gets the files."""
     top = root.resolve()
     if not away:
-        return Task(name, str(top), None, report)
+        return Task(name, str(top), None, report, machine)
     # Links are left as they are named: the campaign looks for its files under these names.
     real = [Path(os.path.normpath(top / p.relative_to(root))) for p in files if p.is_relative_to(root)]
     base = Path(os.path.commonpath([top, *(p.parent for p in real)]))
     found = {p.relative_to(base).as_posix(): p for p in real if p.is_file()}
-    return Task(name, top.relative_to(base).as_posix(), packed_files(found), report)
+    return Task(name, top.relative_to(base).as_posix(), packed_files(found), report, machine)
 
 
 def _kept_row(name: str, stem: Path, reports: bool) -> FleetRow | None:

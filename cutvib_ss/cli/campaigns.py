@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cutvib_ss.cli.options import CampaignArgument, JsonOption, MachineOption, SaveMachineOption, limits, load_model
+from cutvib_ss.cli.options import CampaignArgument, JsonOption, NominalOption, SaveMachineOption, limits, load_model
 from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, text_writer, working, write_all
 from cutvib_ss.cli.progress import progress
 from cutvib_ss.errors import ParameterError
@@ -62,7 +62,7 @@ def diagnose_command(
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Same input and seed, same output.")] = 0,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes to use.")] = 1,
-    machine: MachineOption = None,
+    machine: NominalOption = None,
     save_machine: SaveMachineOption = None,
 ) -> None:
     """
@@ -87,7 +87,7 @@ def identify_command(
         BaseName, typer.Option("--base", help="Fit with the base held, as the paper does, or moving with the rail.")
     ] = BaseName.RAIL,
     band: Annotated[str, typer.Option("--band", metavar="LO:HI", help="Band of the fit [Hz].")] = "150:300",
-    machine: MachineOption = None,
+    machine: NominalOption = None,
     json: JsonOption = None,
     save_machine: SaveMachineOption = None,
 ) -> None:

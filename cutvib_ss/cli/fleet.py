@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cutvib_ss.cli.options import JsonOption, SchedulerOption, TablePageOption, existing_folder
+from cutvib_ss.cli.options import JsonOption, NominalOption, SchedulerOption, TablePageOption, existing_folder
 from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, text_writer, write_all
 
 
@@ -16,6 +16,7 @@ def fleet_command(
         Path,
         typer.Argument(metavar="DIR", help="Folder that holds campaigns, at any depth.", callback=existing_folder),
     ],
+    machine: NominalOption = None,
     json: JsonOption = None,
     report: TablePageOption = None,
     reports: Annotated[
@@ -44,7 +45,9 @@ def fleet_command(
     check_outputs(json, report)
     from cutvib_ss.fleet import HEAD, cells, diagnose_fleet, table_data
 
-    rows = diagnose_fleet(folder, out=out, reports=reports, jobs=jobs, scheduler=scheduler, progress=_progress)
+    rows = diagnose_fleet(
+        folder, out=out, reports=reports, jobs=jobs, scheduler=scheduler, machine=machine, progress=_progress
+    )
     if report is not None:
         from cutvib_ss.report.fleet import fleet_html
 

@@ -96,6 +96,15 @@ MachineOption = Annotated[
         "--machine", metavar="FILE.toml", help="The model; by default the published machine.", callback=existing_machine
     ),
 ]
+NominalOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--machine",
+        metavar="FILE.toml",
+        help="The nominal model; by default the campaign's own.",
+        callback=existing_machine,
+    ),
+]
 JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the figures as JSON; - is standard output."),

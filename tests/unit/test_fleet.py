@@ -10,6 +10,7 @@ import pytest
 
 from cutvib_ss.cli import main
 from cutvib_ss.cli.output import json_text
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.fleet import KEPT, Diagnosed, FleetRow, Task, _files, _task, diagnose_fleet, diagnose_one, table_data
 from cutvib_ss.report.fleet import fleet_html
 from tests.unit.blind_example import diagnosis
@@ -211,3 +212,21 @@ def test_page_loads_nothing_and_escapes(tmp_path: Path) -> None:
     assert "&lt;noisy&gt;" in page
     assert "b/campaign.toml: &lt;broken&gt;" in page
     assert "0.02 g/N" in page
+
+
+def test_a_nominal_model_of_its_own_is_given_to_every_campaign(fleet: Path) -> None:
+    own, given = Counting(), []
+
+    def remembers(task: Task) -> Diagnosed:
+        given.append(task.machine)
+        return own(task)
+
+    diagnose_fleet(fleet, worker=own)
+    machine = fleet / "plain" / "machine.toml"
+    diagnose_fleet(fleet, machine=machine, worker=remembers)
+    assert given == [machine.read_bytes()] * 2
+    # Another model is another diagnosis; the same goes on where it was.
+    diagnose_fleet(fleet, machine=machine, worker=remembers)
+    assert len(given) == 2
+    with pytest.raises(CutvibError, match="absent"):
+        diagnose_fleet(fleet, machine=fleet / "absent.toml", worker=own)
