@@ -17,7 +17,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.blocks import without_run_in
-from cutvib_ss.measurement.blow_noise import blow_scatter, hit_directions
+from cutvib_ss.measurement.blow_noise import blow_scatter, hit_directions, pretrigger_noise
 from cutvib_ss.measurement.estimation import measured_response, rounded_part
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
@@ -180,9 +180,10 @@ def _by_blows(e: Entry, record: Record) -> Entry:
     if record.kind != "impact" or len(record.histories) < SETTINGS.level_blows:
         return e
     # The variance keeps what orders: a hand may hit elsewhere when it hits harder.
-    lines, hits = hit_directions(record, e.estimator.exponential_decay)
+    noise = pretrigger_noise(record)
+    lines, hits = hit_directions(record, e.estimator.exponential_decay, noise=noise)
     e = replace(e, hits=hits[..., np.isin(lines.round(9), e.freq.round(9))] if len(hits) else None)
-    found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])))
+    found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])), noise=noise)
     ordering = tuple(float(p) if np.isfinite(p) else None for p in found.significance)
     return replace(e, response=replace(e.response, estimator=replace(e.estimator, ordering=ordering)))
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import signal, stats
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.measurement.estimation import blow_start, h1, spectra_of_blows
+from cutvib_ss.measurement.estimation import h1, spectra_of_blows
 from cutvib_ss.measurement.noise import NOISE_BINS, high_pass_variance, smooth_noise
 from cutvib_ss.measurement.records import History, Record
 from cutvib_ss.measurement.rounding import orders_by_rounding
@@ -90,7 +90,12 @@ def pretrigger_noise(record: Record) -> SensorNoise:
     return SensorNoise(freq, on_force, np.stack(densities), variance, np.array(samples_of))
 
 
-def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_bins: int = NOISE_BINS) -> BlowScatter:
+def blow_scatter(
+    record: Record,
+    band: tuple[float, float] | None = None,
+    noise_bins: int = NOISE_BINS,
+    noise: SensorNoise | None = None,
+) -> BlowScatter:
     """
     What of the scatter from blow to blow orders with the peak force, and the rest.
 
@@ -108,7 +113,7 @@ def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_
         raise ParameterError(
             f"record {record.name!r} is of kind {record.kind!r}; only blows can be compared one by one"
         )
-    noise = pretrigger_noise(record)
+    noise = noise or pretrigger_noise(record)
     fs = record.histories[0].fs
     _, force, response, window, peaks = spectra_of_blows(record)
     samples = window.size
@@ -152,12 +157,14 @@ def blow_scatter(record: Record, band: tuple[float, float] | None = None, noise_
         weight = 1 / smooth_noise((np.abs(g) ** 2 * input_power + left) / (count - 1), np.abs(h), noise_bins)
         statistic = float(np.mean(np.abs(g) ** 2 * input_power * weight) / np.mean(left / (count - 2) * weight))
         significance[k] = float(stats.f.sf(statistic, freedom, freedom * (count - 2)))
-    rounded = orders_by_rounding(record, [blow_start(h.force) for h in record.histories])
+    rounded = orders_by_rounding(record, [h.start for h in record.histories])
     significance = np.where(rounded, np.nan, significance)
     return BlowScatter(freq, ordered, rest, single, ratio, significance, spread)
 
 
-def hit_directions(record: Record, decay_rate: float = 0.0, most: int = 2) -> tuple[FloatArray, ComplexArray]:
+def hit_directions(
+    record: Record, decay_rate: float = 0.0, most: int = 2, noise: SensorNoise | None = None
+) -> tuple[FloatArray, ComplexArray]:
     """
     What a hand's hits do to the mean of a record's blows: lines, and directions of H1 with coefficients of unit variance.
 
@@ -167,7 +174,7 @@ def hit_directions(record: Record, decay_rate: float = 0.0, most: int = 2) -> tu
     of the noise are directions, and H1 is off along each by the standard deviation of their scores over the root of the number
     of blows. Shape (direction, channel, frequency); none with fewer than three blows, or where the noise is not known.
     """
-    noise = pretrigger_noise(record).variance * len(record.histories)
+    single = (noise or pretrigger_noise(record)).variance * len(record.histories)
     freq, force, response, _, peaks = spectra_of_blows(record, decay_rate)
     count = len(force)
     none = np.zeros((0, *response.shape[1:]), dtype=np.complex128)
@@ -175,7 +182,7 @@ def hit_directions(record: Record, decay_rate: float = 0.0, most: int = 2) -> tu
         return freq, none
     force = force[:, None]
     power = np.sum(np.abs(force) ** 2, axis=0)
-    heard = (power[0] > _HEARD * np.max(power)) & np.all(np.isfinite(noise) & (noise > 0.0), axis=0)
+    heard = (power[0] > _HEARD * np.max(power)) & np.all(np.isfinite(single) & (single > 0.0), axis=0)
     if not np.any(heard):
         return freq, none
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -185,7 +192,7 @@ def hit_directions(record: Record, decay_rate: float = 0.0, most: int = 2) -> tu
     off = np.where((power > 0.0) & np.isfinite(off), off, 0.0)
     for same in (np.ones(count), peaks - peaks.mean()):
         off -= np.multiply.outer(same, np.tensordot(same, off, 1)) / max(float(same @ same), 1e-300)
-    weighted = (off / np.sqrt(noise / 2))[..., heard].reshape(count, -1)
+    weighted = (off / np.sqrt(single / 2))[..., heard].reshape(count, -1)
     scores, sizes, _ = np.linalg.svd(np.concatenate([weighted.real, weighted.imag], axis=1), full_matrices=False)
     # What the sensors' noise alone would give each of them.
     alone = 2.0 * weighted.shape[1]
@@ -216,7 +223,7 @@ def _freedom(lines: int, ratio: float) -> float:
 
 def _quiet_force(history: History) -> list[FloatArray]:
     """Before the blow, and from a while after it to the end: a force is noise but for its blow."""
-    start = blow_start(history.force)
+    start = history.start
     force = history.force
     peak = float(np.max(np.abs(force - np.median(force))))
     loud = np.flatnonzero(np.abs(force - np.median(force)) > 0.05 * peak)
@@ -229,7 +236,7 @@ def _quiet_force(history: History) -> list[FloatArray]:
 def _quiet_response(history: History, channel: int) -> list[FloatArray]:
     """Before the blow; and the last eighth, where it has died out."""
     values = history.responses[channel]
-    before = values[: blow_start(history.force)]
+    before = values[: history.start]
     eighth = values.size // 8
     last, earlier = values[-eighth:], values[-2 * eighth : -eighth]
     parts = [before]

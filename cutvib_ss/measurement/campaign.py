@@ -13,7 +13,6 @@ import numpy as np
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.measurement.checks import check_record, guesses_left
 from cutvib_ss.measurement.conversion import frf_of, histories_of, motion_factor, to_contents
-from cutvib_ss.measurement.estimation import blow_start
 from cutvib_ss.measurement.formats import format_of
 from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawResponse, Signal, TextOptions
 from cutvib_ss.measurement.inputs import struck_port
@@ -74,7 +73,7 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
     warnings += same_data(records)
     refuse_undivided(records, str(file))
     blows = [record for record in records if record.kind == "impact"]
-    warnings += words_on_steps(blows, [[blow_start(h.force) for h in record.histories] for record in blows])
+    warnings += words_on_steps(blows, [[h.start for h in record.histories] for record in blows])
     title = tables.campaign.title or file.parent.resolve().name
     return Campaign(title, file.parent, machine, tuple(records), _told_once(warnings))
 

@@ -176,22 +176,6 @@ def coherence(force: ComplexArray, response: ComplexArray) -> FloatArray:
     return np.minimum(_quotient(cross, powers).real, 1.0)
 
 
-def blow_start(force: FloatArray) -> int:
-    """
-    Sample before which the structure is at rest: a little before the force first leaves its noise.
-
-    The blow has begun where the force passes 5 % of its peak, and six times its noise (1.48 times the median deviation:
-    a force is noise but for the blow). A sixteenth of the samples before that, eight at least,
-    are given away: a digitiser's filter rings before an edge.
-    """
-    offset = float(np.median(force))
-    size = np.abs(force - offset)
-    peak = float(np.max(size))
-    threshold = min(max(0.05 * peak, 6 * 1.48 * float(np.median(size))), 0.5 * peak)
-    onset = int(np.argmax(size > threshold))
-    return max(onset - max(8, onset // 16), 0)
-
-
 class BlowSpectra(NamedTuple):
     """Transforms of the blows of a record, each less what its channels read before it."""
 
@@ -251,7 +235,7 @@ def _rounding_variance(
 ) -> FloatArray | float:
     """What rounding to coarse steps does alike in every blow, see `rounding`."""
     total: FloatArray | float = 0.0
-    for more in coarser(record, [blow_start(h.force) for h in record.histories]):
+    for more in coarser(record, [h.start for h in record.histories]):
         _, other, scatter, _, _ = _from_blows(more.record, estimator, decay_rate, noise_bins)
         seen = np.maximum(scatter - variance, 0.0) if len(record.histories) > 1 else None
         total = total + rounding_error(data, other, seen, more.shares)
@@ -264,7 +248,7 @@ def rounded_part(record: Record, width: float) -> FloatArray:
 
     The lines are those of `estimate`. Zero where no steps are coarse.
     """
-    if not coarser(record, [blow_start(h.force) for h in record.histories]):
+    if not coarser(record, [h.start for h in record.histories]):
         return np.zeros((len(record.channels), min(h.force.size for h in record.histories) // 2 + 1))
     freq, data, variance, _, _ = _from_blows(record, "H1", 0.0, NOISE_BINS)
     by_steps = _rounding_variance(record, "H1", 0.0, NOISE_BINS, data, variance) + np.zeros(data.shape)
@@ -276,7 +260,7 @@ def rounded_part(record: Record, width: float) -> FloatArray:
 
 def without_offset(history: History, samples: int) -> tuple[FloatArray, FloatArray]:
     """Force and responses of a blow, less what they read before it."""
-    rest = min(blow_start(history.force), samples)
+    rest = min(history.start, samples)
     force, responses = history.force[:samples], history.responses[:, :samples]
     if rest == 0:
         return force, responses
@@ -295,7 +279,7 @@ def _estimates(
 def _single_blow_variance(
     history: History, channel: int, data: ComplexArray, input_power: FloatArray, window: FloatArray, noise_bins: int
 ) -> FloatArray:
-    rest = blow_start(history.force)
+    rest = history.start
     if rest < _FEWEST_REST:
         return high_pass_variance(data, noise_bins)
     energy = float(np.sum(window**2)) / history.fs**2

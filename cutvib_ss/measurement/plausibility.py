@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError
-from cutvib_ss.measurement.estimation import blow_start
 from cutvib_ss.measurement.inputs import response_to
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
 from cutvib_ss.model.protocol import Model
@@ -217,7 +216,7 @@ def without_drift(record: Record, where: str) -> tuple[Record, list[str]]:
 
 def _drift(values: FloatArray, history: History) -> float:
     """Slope per second of a drift that stands out; zero where none does."""
-    start = blow_start(history.force)
+    start = history.start
     tail = values.size // 10
     if start < 32 or tail < 64:
         return 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeAlias
 
@@ -94,6 +95,27 @@ class History:
     def duration(self) -> float:
         """Length of the recording [s]: number of samples over sampling frequency."""
         return self.force.size / self.fs
+
+    @cached_property
+    def start(self) -> int:
+        """Sample before which the structure is at rest, of a blow: see `blow_start`."""
+        return blow_start(self.force)
+
+
+def blow_start(force: FloatArray) -> int:
+    """
+    Sample before which the structure is at rest: a little before the force first leaves its noise.
+
+    The blow has begun where the force passes 5 % of its peak, and six times its noise (1.48 times the median deviation:
+    a force is noise but for the blow). A sixteenth of the samples before that, eight at least,
+    are given away: a digitiser's filter rings before an edge.
+    """
+    offset = float(np.median(force))
+    size = np.abs(force - offset)
+    peak = float(np.max(size))
+    threshold = min(max(0.05 * peak, 6 * 1.48 * float(np.median(size))), 0.5 * peak)
+    onset = int(np.argmax(size > threshold))
+    return max(onset - max(8, onset // 16), 0)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import pytest
 from cutvib_ss.measurement import Campaign, History, Record, estimate, read_campaign, write_campaign
 from cutvib_ss.measurement import estimation as estimation_module
 from cutvib_ss.measurement.blow_noise import blow_scatter
-from cutvib_ss.measurement.estimation import blow_start, rounded_part
+from cutvib_ss.measurement.estimation import rounded_part
 from cutvib_ss.measurement.rounding import COARSER, DITHERED, NONE, coarser, steps_of
 from tests.unit.measurement_rig import FREQ, FS, blow, impact, small_campaign
 
@@ -170,7 +170,7 @@ def test_error_of_a_single_coarse_blow_is_of_the_size_stated():
 
 def test_dithered_responses_are_left_to_their_scatter():
     record = _digitised(impact(noise=0.2, force_noise=0.02), 0.2, 0.02)
-    starts = [blow_start(h.force) for h in record.histories]
+    starts = [h.start for h in record.histories]
     assert coarser(record, starts) == ()
     assert np.array_equal(estimate(record).variance[0, :, 0], estimation_module._from_blows(record, "H1", 0.0, 15)[2])
 
