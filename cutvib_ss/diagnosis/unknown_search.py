@@ -60,7 +60,7 @@ def unknown_elements(
         return found
     both = [_beside(there, h) for h in alone if _site(h) == site.site]
     if not any(r.fit.hypothesis.causes == both[0].causes for r in found):
-        found += best_unknown(nominal, records, few, both, there.x[: there.first_effect], workers)
+        found += best_unknown(nominal, records, few, both, there.x[: there.first_effect], workers, rival)
     return found
 
 
