@@ -9,10 +9,10 @@ dH(z) gives the derivative: no residue has to be differentiated. Fast modes have
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,15 @@ class Predicted(Protocol):
         ...
 
 
+class Tail(NamedTuple):
+    """What a block cuts off at one position."""
+
+    position: int
+    points: NDArray[np.intp]  # Of its circles, behind the lines
+    lag: ComplexArray  # e^(zT) dz / 2πi there
+    kernel: FloatArray  # By which real and imaginary parts of responses there make the tail at the lines
+
+
 @dataclass(frozen=True)
 class Circles:
     """Circles around the slow poles of a group's positions."""
@@ -52,6 +61,8 @@ class Circles:
     # many predictions, and so does this
     inverse: tuple[ComplexArray, ...]
     steady: bool = True  # Whether the poles have not just left the circles before these
+    # Tails by the blocks' rest and the lines: those of the last prediction that was made with these circles
+    tails: dict[tuple[bytes, bytes], list[Tail]] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
     def centres(self) -> ComplexArray:
@@ -112,9 +123,16 @@ class Prediction:
         return np.moveaxis(out, 0, -3)
 
     @cached_property
-    def _tails(self) -> list[tuple[int, NDArray[np.intp], ComplexArray, FloatArray]]:
-        """For each position with slow poles: its circles' points, e^(zT) dz / 2πi there, and what makes the tail of responses."""
-        found = []
+    def _tails(self) -> list[Tail]:
+        """For each position with slow poles what makes the tail of responses."""
+        # Neither circles nor lines change while a model moves little.
+        key = (self.rest.tobytes(), self.s.tobytes())
+        if key not in self.circles.tails:
+            self.circles.tails.clear()
+            self.circles.tails[key] = list(self._made_tails())
+        return self.circles.tails[key]
+
+    def _made_tails(self) -> Iterator[Tail]:
         # Where there are no circles at all there are no inverses.
         for i, (inverse, rest) in enumerate(zip(self.circles.inverse, self.rest, strict=False)):
             own = np.flatnonzero(self.circles.position == i)
@@ -126,8 +144,7 @@ class Prediction:
                 upper, lower = np.stack([lag, lag.conj()])[:, :, None] * inverse.reshape(2, own.size, -1)
                 # Of real and of imaginary parts, so that the products are real ones.
                 kernel = np.concatenate([upper + lower, 1j * (upper - lower)]) * np.exp(-self.s * rest)
-                found.append((i, self.s.size + own, lag, np.asarray(kernel, dtype=np.complex128).view(np.float64)))
-        return found
+                yield Tail(i, self.s.size + own, lag, np.asarray(kernel, dtype=np.complex128).view(np.float64))
 
     def _estimate(self, values: ComplexArray) -> ComplexArray:
         """The estimator's view of responses on line and circles, shape (…, row, channel, s), which are given away."""
