@@ -81,6 +81,10 @@ def best_unknown(
 ) -> list[Ranked]:
     """The best unknown elements, or restoring forces, on all lines: the best site with each amplitude, the next with its best."""
     steps = partial(first_steps, nominal, few, steps=SETTINGS.search_later_steps)
+    there = None if rival is None else steps(rival.fit.hypothesis, rival.fit.x)
+    if there is not None:
+        # What does not come close to the rival is left out below: of equal cost it has more unknowns, and a smaller objective.
+        steps = partial(steps, rival=there.objective + SETTINGS.search_close)
     tried = workers.map(steps, hypotheses, [warm] * len(hypotheses))
     at: dict[str, Fit] = {}
     for f in sorted((f for f in tried if f is not None), key=cost):
@@ -94,10 +98,9 @@ def best_unknown(
     ]
     resized = workers.map(steps, [h for h, _ in others], [x for _, x in others])
     fits = sorted([*sites, *(f for f in resized if f is not None)], key=cost)
-    if rival is not None:
+    if there is not None:
         # Few lines and a widened noise understate how far behind a cause that leaves noise they are.
-        there = steps(rival.fit.hypothesis, rival.fit.x)
-        fits = [f for f in fits if there is None or cost(f) - cost(there) < SETTINGS.search_close]
+        fits = [f for f in fits if cost(f) - cost(there) < SETTINGS.search_close]
     own = {_unknown_of(f).site: f for f in reversed(fits)}
     fewer = records.still.coarse(SETTINGS.fit_fewer_lines, 0.0)
     sharp = _refitted(nominal, fewer, [f for f in fits if f is own[_unknown_of(f).site]], workers)
