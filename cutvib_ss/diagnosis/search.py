@@ -294,9 +294,13 @@ def _rough(
         [found[i].starts[k] for k in sorted(range(len(tried[i])), key=lambda k: -tried[i][k][0])]
         for i in range(len(found))
     ]
-    kept = sorted(chosen)
-    firsts = workers.map(partial(_from_start, nominal, few), [ordered[i][0] for i in kept])
-    # What the best reaches from its first start the others have to come up to.
+    # The one that promises most is one for the others to come up to.
+    kept = sorted(chosen, key=lambda i: -best[i])
+    start = partial(_from_start, nominal, few)
+    firsts = workers.map(start, [ordered[i][0] for i in kept[:1]])
+    rival = min((f.objective for f in firsts if f is not None), default=np.inf)
+    firsts += workers.map(partial(start, rival=rival), [ordered[i][0] for i in kept[1:]])
+    # What the best reaches from its first start they have to come up to from the others.
     rival = min((f.objective for f in firsts if f is not None), default=np.inf)
     fits = workers.map(partial(_scouted, nominal, few, rival=rival), [ordered[i] for i in kept], firsts)
     pairs = [(found[i], f) for i, f in zip(kept, fits, strict=True) if f is not None]
