@@ -120,6 +120,15 @@ def test_circles_of_a_model_close_by_serve():
     assert np.abs(Prediction(close, g, circles=first.circles).data - exact).max() < 1e-5 * scale
 
 
+def test_circles_that_are_kept_serve_another_instant_of_the_blow():
+    machine, g = published_machine(), group(blow_at=np.nan, quantity="displacement")
+    first = Prediction(machine, g, 0.05)
+    later = Prediction(machine, g, 0.06, first.circles)
+    assert later.circles is first.circles
+    np.testing.assert_array_equal(later.data, Prediction(machine, g, 0.06).data)
+    assert np.abs(later.data - first.data).max() > 1e-3 * np.abs(first.data).max()
+
+
 @pytest.mark.parametrize(
     "effect", [LocalResonator("head", 1.0, 200.0, 0.02, 0.4), WindowDamping("measurement", 3.0)], ids=lambda e: e.effect
 )

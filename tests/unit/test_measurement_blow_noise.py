@@ -1,5 +1,7 @@
 """Noise of blows told apart, on blows whose parts are known: a one-mode rig, noise and scatter put on by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import signal, stats
@@ -196,3 +198,12 @@ def test_what_hits_do_is_told_with_its_size():
 def test_noise_what_orders_with_the_force_and_two_blows_give_no_direction(sizes, ordered):
     record, _ = _beside(np.random.default_rng(12), sizes, ordered)
     assert len(hit_directions(record)[1]) == 0
+
+
+def test_noise_that_is_known_is_not_told_again():
+    record, _ = _beside(np.random.default_rng(11), (0.5, -0.5, 1.0, -1.0, 0.2, 0.0))
+    noise = pretrigger_noise(record)
+    np.testing.assert_array_equal(hit_directions(record, noise=noise)[1], hit_directions(record)[1])
+    np.testing.assert_array_equal(blow_scatter(record, noise=noise).noise, blow_scatter(record).noise)
+    quieter = replace(noise, variance=noise.variance / 4)
+    np.testing.assert_allclose(blow_scatter(record, noise=quieter).noise, blow_scatter(record).noise / 4)
