@@ -27,6 +27,7 @@ from cutvib_ss.model.restoring_forces.base import Values
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
 from cutvib_ss.model_files import read_machine, write_machine
+from cutvib_ss.response import compiled
 from cutvib_ss.response.compiled_forces import forces
 from cutvib_ss.response.harmonic_balance import sine_response
 from cutvib_ss.response.port_motion import harmonic_tables
@@ -69,6 +70,19 @@ def test_a_free_carriage_converges_as_steps_are_halved(name: str, c: float) -> N
     assert errors[3] < within
     assert errors[1] < max(1.5 * errors[0], 1e-8)
     assert errors[1] < max(0.7 * errors[0], within)
+
+
+@pytest.mark.parametrize("name", CARRIAGE)
+def test_the_loop_of_one_element_is_that_of_several(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    law, parameters, within = CARRIAGE[name]
+    model = mass(95.0, 4e5, 300.0, law, **parameters)
+    blows = np.stack([PUSH, -0.3 * PUSH])
+    alone = step(modal_form(model), blows, 1000.0, model.nonlinear, 8)
+    monkeypatch.setattr(compiled, "interact_alone", compiled._interact_together)
+    together = step(modal_form(model), blows, 1000.0, model.nonlinear, 8)
+    # Alone two sweeps of a step are made, together as many as move a force: a small part of what steps leave.
+    most = np.abs(together.motions).max()
+    np.testing.assert_allclose(alone.motions, together.motions, rtol=0.0, atol=1e-3 * within * most)
 
 
 @pytest.mark.parametrize("name", ["Coulomb", "elastic"])
