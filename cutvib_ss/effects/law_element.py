@@ -66,13 +66,11 @@ class LawElement(Effect):
         return names if own.issuperset(names) else ()
 
     def units(self, model: Model) -> Mapping[str, str]:
-        # Joints of the machine turn, ports of another structure move in m.
         given = super().units(model)
-        return (
-            given
-            if model.head is not None
-            else {n: u.replace("N m", "N").replace("rad", "m") for n, u in given.items()}
-        )
+        if model.head is not None:
+            return given
+        # Joints of the machine turn, ports of another structure move in m.
+        return {name: unit.replace("N m", "N").replace("rad", "m") for name, unit in given.items()}
 
     @classmethod
     def _needs_spring(cls) -> bool:
