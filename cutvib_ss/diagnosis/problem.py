@@ -9,6 +9,7 @@ the blow is fitted where records do not state it; the effect's parameters are ev
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -192,10 +193,12 @@ class Problem:
         built: dict[int, Model] = {}
         return [built[id(x)] if id(x) in built else built.setdefault(id(x), self.applied(x)) for x in each]
 
-    def share_circles(self, other: Problem) -> None:
-        """Start from the circles around another problem's slow poles, on the same groups: they serve while they hold this one's."""
-        if [id(g) for g in self.groups] == [id(g) for g in other.groups]:
-            self._circles = list(other._circles)
+    def share(self, other: Problem) -> None:
+        """Start from another problem's circles around slow poles, tuned models and calibration errors, on the same groups."""
+        if self.nominal is other.nominal and [id(g) for g in self.groups] == [id(g) for g in other.groups]:
+            # The circles serve while they hold this one's poles.
+            self._circles = [c if c is None or c.steady else replace(c, steady=True) for c in other._circles]
+            self._tuned, self._gains = other._tuned, other._gains
 
     def forget_circles(self) -> None:
         """Draw the circles around slow poles anew at the next prediction."""

@@ -123,7 +123,7 @@ class Scan:
         """The fit underneath with a cause at its start: both, their problem, and its unknowns."""
         both = Hypothesis((*self.effects, effect), self.motion)
         problem = problem_for(self.nominal, self.records, both, self.apart)
-        problem.share_circles(self.problem)
+        problem.share(self.problem)
         return both, problem, problem.start(self.warm)
 
     def _freed(self, residual: FloatArray) -> float:
@@ -211,6 +211,9 @@ class Scan:
         """The same of several, which are projected together: there are far more data than directions."""
         found, out = [], [(-np.inf, 0.0, 0.0)] * len(there)
         for i, (problem, x) in enumerate(there):
+            if (like := _most_alike([other for _, other in there[:i]], x)) is not None:
+                # Its slow poles are nearer than those without the cause.
+                problem.share(there[like][0])
             try:
                 change = self.left - _flat(problem.residuals(x)[1])
             except (CutvibError, np.linalg.LinAlgError):
@@ -245,6 +248,14 @@ def _shapes(starts: Sequence[Effect]) -> list[Effect]:
         found.setdefault((*np.round(np.log(np.abs(sizes / sizes[0])), 3).tolist(), *rest), e)
     each = list(found.values())
     return [each[i] for i in np.unique(np.linspace(0, len(each) - 1, SETTINGS.scan_shapes).round().astype(int))]
+
+
+def _most_alike(others: Sequence[FloatArray], x: FloatArray) -> int | None:
+    """Index of the unknowns that differ least from some; none of another number of parameters."""
+    same = [k for k, other in enumerate(others) if other.size == x.size]
+    if not same:
+        return None
+    return same[int(np.argmin(np.sum((np.array([others[k] for k in same]) - x) ** 2, axis=1)))]
 
 
 def _flat(residuals: Sequence[ComplexArray]) -> FloatArray:
