@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from cutvib_ss.absorber import WORKING_FREQUENCY
-from cutvib_ss.control_design import check_controller, prototype, schedule
 from cutvib_ss.diagnosis.consequence_result import Consequence, Consequences, Loop
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.linearity import motions
@@ -183,6 +182,9 @@ def _loops(nominal: Model, corrected: Model, positions: FloatArray) -> tuple[tup
     """The prototype on both machines; none for other structures."""
     if nominal.rail is None or corrected.rail is None:
         return (), ()
+    # Late: python-control takes long to load, and without a rail there is no controller.
+    from cutvib_ss.control_design import check_controller, prototype, schedule
+
     kind = prototype(CONTROLLER)
     hardware = kind.hardware(kind.port, None)
     try:

@@ -28,7 +28,7 @@ def nu_gap(
 ) -> NuGap:
     """The largest ν-gaps of a campaign, and the winding condition."""
     positions = dict.fromkeys(m.position for m in rows)
-    pairs = {position: Pair(nominal, corrected, position, scales) for position in positions}
+    pairs = {position: Pair(nominal, corrected, position, scales, band) for position in positions}
     out = []
     for channel in dict.fromkeys(m.channel for m in rows):
         quiet = [
@@ -47,15 +47,15 @@ def nu_gap(
                 tuned=max(m.tuned.nu_gap for m in seen),
                 after=max(m.after.nu_gap for m in seen),
                 noise=max(m.noise_nu_gap for m in seen),
-                models=max(pair.apart(band, only) for pair in pairs.values()),
+                models=max(pair.apart(only) for pair in pairs.values()),
             )
         )
-    return NuGap(tuple(out), *_winding(pairs, band, bool(corrected.nonlinear)))
+    return NuGap(tuple(out), *_winding(pairs, bool(corrected.nonlinear)))
 
 
-def _winding(pairs: Mapping[float | None, Pair], band: tuple[float, float], nonlinear: bool) -> tuple[str, str]:
+def _winding(pairs: Mapping[float | None, Pair], nonlinear: bool) -> tuple[str, str]:
     for position, pair in pairs.items():
-        turns, reason = pair.winding(band)
+        turns, reason = pair.winding()
         if turns is None:
             return "not checked", reason
         if turns != 0:
@@ -73,6 +73,7 @@ class Pair:
     second: Model
     position: float | None
     scales: Mapping[str, float]
+    band: tuple[float, float]
 
     @cached_property
     def modes(self) -> tuple[Modes, Modes]:
@@ -86,29 +87,36 @@ class Pair:
         freq = np.unique(np.concatenate([np.geomspace(low, high, 1500), sharp]))
         return freq[(freq >= low) & (freq <= high)]
 
-    def responses(self, freq: FloatArray, channels: Sequence[str]) -> tuple[ComplexArray, ComplexArray]:
+    def responses(self, freq: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Of both, shape (output, frequency)."""
-        divide = np.array([self.scales[c] for c in channels])[:, None]
+        divide = np.array(list(self.scales.values()))[:, None]
         places = None if self.position is None else [self.position]
         first, second = (
-            frequency_response(m, places, freq, outputs=channels).data[0, :, 0] / divide
+            frequency_response(m, places, freq, outputs=list(self.scales)).data[0, :, 0] / divide
             for m in (self.first, self.second)
         )
         return first, second
 
-    def apart(self, band: tuple[float, float], channels: Sequence[str]) -> float:
-        """Largest distance over a band."""
-        return float(chordal_distance(*self.responses(self.grid(*band), channels)).max())
+    @cached_property
+    def _over_band(self) -> tuple[ComplexArray, ComplexArray]:
+        """Responses over the band."""
+        return self.responses(self.grid(*self.band))
 
-    def winding(self, band: tuple[float, float]) -> tuple[int | None, str]:
+    def apart(self, channels: Sequence[str]) -> float:
+        """Largest distance of some channels over the band."""
+        own = [k for k, c in enumerate(self.scales) if c in channels]
+        first, second = self._over_band
+        return float(chordal_distance(first[own], second[own]).max())
+
+    def winding(self) -> tuple[int | None, str]:
         """Turns of 1 + P₂ᴴP₁ around the origin, all channels together; None and the reason where they cannot be told."""
         for found in self.modes:
-            if (found.damping_ratio <= 0.0).any() or (found.natural_freq <= 1e-6 * band[1]).any():
+            if (found.damping_ratio <= 0.0).any() or (found.natural_freq <= 1e-6 * self.band[1]).any():
                 return (
                     None,
                     "a pole on or beyond the imaginary axis: its encirclements cannot be counted off a response",
                 )
-        freq = self.grid(1e-3 * band[0], SETTINGS.nu_gap_beyond * band[1])
+        freq = self.grid(1e-3 * self.band[0], SETTINGS.nu_gap_beyond * self.band[1])
         values = self._product(freq)
         for _ in range(SETTINGS.nu_gap_rounds):
             fast = np.flatnonzero(np.abs(np.angle(values[1:] / values[:-1])) > SETTINGS.nu_gap_turn)
@@ -127,6 +135,6 @@ class Pair:
         return round(turns), ""
 
     def _product(self, freq: FloatArray) -> ComplexArray:
-        p1, p2 = self.responses(freq, list(self.scales))
+        p1, p2 = self.responses(freq)
         value: ComplexArray = 1.0 + np.sum(p2.conj() * p1, axis=0)
         return value

@@ -84,7 +84,7 @@ class Prediction:
         self.model, self.group = model, group
         self._inputs = tuple(dict.fromkeys(group.inputs))
         # Records at one position share its response.
-        self._positions, self._at = np.unique(group.positions, return_inverse=True)
+        self._positions, self._at = group.places
         sigma = float(group.decay_rate[0])
         self.s: ComplexArray = np.asarray(sigma + 2j * np.pi * group.freq, dtype=np.complex128)
         start = np.where(np.isnan(group.blow_at), blow_at, group.blow_at)
@@ -143,8 +143,11 @@ class Prediction:
                 lag = np.exp(self.circles.points[own] * rest) * self.circles.weights[own]
                 upper, lower = np.stack([lag, lag.conj()])[:, :, None] * inverse.reshape(2, own.size, -1)
                 # Of real and of imaginary parts, so that the products are real ones.
-                kernel = np.concatenate([upper + lower, 1j * (upper - lower)]) * np.exp(-self.s * rest)
-                yield Tail(i, self.s.size + own, lag, np.asarray(kernel, dtype=np.complex128).view(np.float64))
+                kernel = np.empty((2, *upper.shape), dtype=np.complex128)
+                np.add(upper, lower, out=kernel[0])
+                np.multiply(1j, np.subtract(upper, lower, out=lower), out=kernel[1])
+                kernel *= np.exp(-self.s * rest)
+                yield Tail(i, self.s.size + own, lag, kernel.reshape(2 * own.size, -1).view(np.float64))
 
     def _estimate(self, values: ComplexArray) -> ComplexArray:
         """The estimator's view of responses on line and circles, shape (…, row, channel, s), which are given away."""
@@ -196,23 +199,15 @@ def slow_frequencies(predictions: Sequence[Predicted]) -> list[float]:
 
 def still_inside(circles: Circles, values: ComplexArray) -> bool:
     """Whether every circle still holds its pole well inside."""
-    count = circles.points.size // SETTINGS.tail_points
-    points, weights = (
-        circles.points.reshape(count, SETTINGS.tail_points),
-        circles.weights.reshape(count, SETTINGS.tail_points),
-    )
-    owner, centre = circles.position[:: SETTINGS.tail_points], circles.centres
-    radius = np.abs(points[:, 0] - centre)
-    for k in range(count):
-        if abs(centre[k].imag) < 1e-9 * radius[k]:
-            # Rigid motion stays where it is.
-            continue
-        samples = values[owner[k], :, k * SETTINGS.tail_points : (k + 1) * SETTINGS.tail_points]
-        best = samples[np.argmax(np.abs(samples).sum(axis=1))] * weights[k]
-        total = best.sum()
-        if total == 0 or abs((best @ points[k]) / total - centre[k]) > 0.5 * radius[k]:
-            return False
-    return True
+    points = circles.points.reshape(-1, SETTINGS.tail_points)
+    weights, centre, count = circles.weights.reshape(points.shape), circles.centres, np.arange(len(points))
+    own = values.reshape(*values.shape[:2], *points.shape)[circles.position[:: SETTINGS.tail_points], :, count]
+    best = own[count, np.abs(own).sum(axis=2).argmax(axis=1)] * weights
+    total, radius = best.sum(axis=1), np.abs(points[:, 0] - centre)
+    left = np.abs((best * points).sum(axis=1) - total * centre) > 0.5 * radius * np.abs(total)
+    # Rigid motion stays where it is.
+    rigid = np.abs(centre.imag) < 1e-9 * radius
+    return not np.any((left | (total == 0)) & ~rigid)
 
 
 def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray) -> Circles:

@@ -142,6 +142,11 @@ class Group:
         return {}
 
     @cached_property
+    def places(self) -> tuple[FloatArray, NDArray[np.intp]]:
+        """The positions, each once, and the index of each row's."""
+        return np.unique(self.positions, return_inverse=True)
+
+    @cached_property
     def weight(self) -> FloatArray:
         """Of each real part: one over its standard deviation."""
         return np.asarray(np.sqrt(2.0 / self.variance))

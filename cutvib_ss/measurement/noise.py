@@ -40,10 +40,12 @@ def smooth_noise(power: FloatArray, gain: FloatArray, half_width: int) -> FloatA
     g = np.where(known, gain, 0.0) ** 2
     g = g / (float(np.max(g)) or 1.0)
     weight = known.astype(float)
-    expected = np.maximum(_running(weight * p, half_width) / np.maximum(_running(weight, half_width), 1e-300), 1e-12)
+    total, count = _running(np.array([weight * p, weight]), half_width)
+    expected: FloatArray = np.maximum(total / np.maximum(count, 1e-300), 1e-12)
+    terms = np.array([np.ones_like(g), g, g * g, p, g * p])
     for _ in range(4):
         w = weight / expected**2
-        s0, s1, s2, t0, t1 = (_running(w * x, half_width) for x in (np.ones_like(g), g, g * g, p, g * p))
+        s0, s1, s2, t0, t1 = _running(w * terms, half_width)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             constant = t0 / s0
             proportional = t1 / s2
@@ -174,18 +176,20 @@ def floored(variance: FloatArray, gain: FloatArray) -> FloatArray:
 
 
 def _running(values: FloatArray, half_width: int) -> FloatArray:
-    """Running sum over a window that is cut at the ends."""
+    """Running sums along the last axis over a window that is cut at the ends."""
     # Sums of 1, 2, 4, ... neighbours are put together to the window's length: as exact as adding them up, where differences of
     # one long sum lose what is small beside the rest of it.
     width = 2 * half_width + 1
-    part = np.pad(values, half_width)
-    total = np.zeros(values.size)
+    size = values.shape[-1]
+    part = np.zeros((*values.shape[:-1], size + 2 * half_width))
+    part[..., half_width : half_width + size] = values
+    total = np.zeros(values.shape)
     done, length = 0, 1
     while True:
         if width & length:
-            total += part[done : done + values.size]
+            total += part[..., done : done + size]
             done += length
         if done == width:
             return total
-        part = part[:-length] + part[length:]
+        part = part[..., :-length] + part[..., length:]
         length *= 2

@@ -71,7 +71,7 @@ def test_what_is_farther_than_noise_shows():
 
 def test_winding_holds_between_models_close_by():
     scales = {"y": 1e-3}
-    assert Pair(oscillator(1e4), oscillator(1.1e4), None, scales).winding((1.0, 100.0)) == (0, "")
+    assert Pair(oscillator(1e4), oscillator(1.1e4), None, scales, (1.0, 100.0)).winding() == (0, "")
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_winding_counts_zeros_of_the_loop(stiffness, damping, expected):
     # A sensor the wrong way round, so that there is something to count.
     first, second = oscillator(1e4), oscillator(stiffness, damping)
     chain = second.chain.with_channel("y", ChannelChain(gain=-1.0))
-    turns, _ = Pair(first, replace(second, chain=chain), None, {"y": 1e-4}).winding((1.0, 100.0))
+    turns, _ = Pair(first, replace(second, chain=chain), None, {"y": 1e-4}, (1.0, 100.0)).winding()
     loop = 1 - control.tf([1e8], [1, -damping, stiffness]) * control.tf([1], [1, 2.0, 1e4])
     # Both poles of the mirrored second model lie to the right.
     assert turns == 2 - np.count_nonzero(loop.zeros().real > 0)
@@ -89,6 +89,6 @@ def test_winding_counts_zeros_of_the_loop(stiffness, damping, expected):
 
 
 def test_undamped_model_is_not_checked():
-    turns, why = Pair(oscillator(1e4, 0.0), oscillator(1e4), None, {"y": 1.0}).winding((1.0, 100.0))
+    turns, why = Pair(oscillator(1e4, 0.0), oscillator(1e4), None, {"y": 1.0}, (1.0, 100.0)).winding()
     assert turns is None
     assert "imaginary axis" in why
