@@ -190,7 +190,9 @@ def _loops(nominal: Model, corrected: Model, positions: FloatArray) -> tuple[tup
     try:
         made = schedule(lambda y: kind.design(nominal, y, hardware), positions)
         machines = {"nominal": nominal, "corrected": replace(corrected, nonlinear=())}
-        check = check_controller(made, machines, positions, hardware, CONTROLLER, SETTINGS.consequence_modes)
+        # Over the band nothing is shown.
+        lines, modes = [WORKING_FREQUENCY], SETTINGS.consequence_modes
+        check = check_controller(made, machines, positions, hardware, CONTROLLER, modes, lines)
     except CutvibError as error:
         return (), (f"no controller was checked: {error}",)
     told = ["the controller was checked without the nonlinear force"] if corrected.nonlinear else []
