@@ -7,7 +7,8 @@ s = 1/√D (`Scan` gives both). d is the derivative at no cause: nearly all of a
 size the residual would be its curvature.
 
 *Allowed.* With an even prior on u ≥ 0 the posterior is a normal one cut off at zero; the bound b leaves 5 % of it:
-Φ((b - û)/s) = 1 - 0.05 Φ(û/s). Of a cause of either sign the bound is on the magnitude, |û| + 1.96 s.
+Φ((b - û)/s) = 1 - 0.05 Φ(û/s). So it is of a mass too, which a machine may lack: the bound is on what is added. Of a cause of
+either sign alike (a delay) the bounds are the pair û ± 1.96 s.
 
 *Visible.* In half of repetitions at a true size u the cause gains at least χ² = u²/s². Its evidence beside the accepted answer is
 exp(u²/2s²) times the Occam factor √(2π) s p(u), p the prior density of its size, and it starts behind by the ratio of the priors.
@@ -87,7 +88,7 @@ def _behind(beside_one: bool, counts: Counts) -> float:
 def _weakest(found: Sequence[Limit | None], end: str) -> Limit | None:
     there = [x for x in found if x is not None]
     pick = min if end == "infinity" else max
-    return pick(there, key=lambda x: x.allowed) if there else None
+    return pick(there, key=lambda x: np.abs(x.allowed).max()) if there else None
 
 
 def _limit(nominal: Model, scan: Scan, run: Run, noise: tuple[float, float], behind: float) -> Limit | None:
@@ -95,7 +96,7 @@ def _limit(nominal: Model, scan: Scan, run: Run, noise: tuple[float, float], beh
     heat, kept = noise
     infinite = run.weak_end == "infinity"
     bounds = type(run.effect).ranges(nominal, run.effect.place)[run.head]
-    signed = not infinite and bounds.low < 0.0
+    signed = bounds.low == -bounds.high
     severity, measured = 1.0, None
     for _ in range(2):
         measured = _measured(scan, run, severity)
@@ -106,12 +107,17 @@ def _limit(nominal: Model, scan: Scan, run: Run, noise: tuple[float, float], beh
     if measured is None:
         return None
     size, along, squares, _ = measured
-    std = size * math.sqrt(heat / squares)
-    allowed = _bound(size * along / squares, std, signed)
+    estimate, std = size * along / squares, size * math.sqrt(heat / squares)
     # The diagnosis names a cause on all lines, these are some: where noise decides, it sees so much more.
     visible = _visible(std * math.sqrt(kept), behind, bounds, infinite)
-    if infinite:
-        allowed, visible = 1.0 / allowed, 1.0 / visible
+    allowed: float | tuple[float, float]
+    if signed:
+        sign = math.copysign(1.0, float(getattr(run.effect, run.head)))
+        allowed = _interval(sign * estimate, std)
+    elif infinite:
+        allowed, visible = 1.0 / _bound(estimate, std), 1.0 / visible
+    else:
+        allowed = _bound(estimate, std)
     return Limit(run.effect.effect, run.effect.place, run.head, run.unit(nominal), allowed, visible)
 
 
@@ -133,10 +139,14 @@ def _measured(scan: Scan, run: Run, severity: float) -> tuple[float, float, floa
     return (1.0 / value if run.weak_end == "infinity" else value), along, squares, moved_by
 
 
-def _bound(estimate: float, std: float, signed: bool) -> float:
+def _interval(estimate: float, std: float) -> tuple[float, float]:
+    """Sizes outside of which 5 % of the posterior lie, half on either side."""
+    out = -float(std * special.ndtri(SETTINGS.limits_tail / 2.0))
+    return estimate - out, estimate + out
+
+
+def _bound(estimate: float, std: float) -> float:
     """Size beyond which 5 % of the posterior lie."""
-    if signed:
-        return float(abs(estimate) - std * special.ndtri(SETTINGS.limits_tail / 2.0))
     at = max(estimate / std, SETTINGS.limits_farthest)
     return float(std * (at - special.ndtri(SETTINGS.limits_tail * special.ndtr(at))))
 

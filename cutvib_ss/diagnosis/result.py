@@ -65,7 +65,8 @@ class Limit:
     place: str
     parameter: str
     unit: str
-    allowed: float  # 95 % bound of its size beside the accepted answer; of a compliance the lowest stiffness
+    # 95 % bound of its size beside the accepted answer; of a compliance the lowest stiffness, of a signed value a pair
+    allowed: float | tuple[float, float]
     visible: float  # Size at which it would be named with 0.9 in half of repetitions
 
 
