@@ -30,7 +30,7 @@ def confounded(records: Records) -> bool:
     """Whether every session has one level, and they differ: drift then does what a law that depends on the level does."""
     levels: dict[tuple[float | str, ...], list[float]] = {}
     for e in records.entries:
-        if (level := _driven(e)) is not None:
+        if (level := e.driven) is not None:
             levels.setdefault(session_of(e), []).append(level)
     apart = SETTINGS.level_apart
     every = [level for own in levels.values() for level in own]
@@ -44,13 +44,6 @@ def confounded(records: Records) -> bool:
 def drift_for_levels(fit: Fit, records: Records) -> bool:
     """Whether sessions, each of a level of its own, drift by so much that a restoring force may hide in it."""
     return confounded(records) and fit.spread.sizes.drift >= SETTINGS.level_hiding_drift
-
-
-def _driven(e: Entry) -> float | None:
-    """Level of a record: stated, or of a continuous one what its force says; None where neither tells."""
-    if e.level is not None or e.replay is None or not e.replay.block:
-        return e.level
-    return float(np.sqrt(np.mean([np.mean(f**2) for f in e.replay.forces]))) or None
 
 
 def level_stands_out(records: Records, model: Model | None = None, blow_at: float = 0.0) -> bool:
@@ -97,7 +90,7 @@ def chance_of_order(spread: Spread, records: Records) -> float:
         levels = {session_of(e): e for e in records.entries}
         of, first = [levels[name] for name in lay.sessions if name in levels], lay.unknowns
         names = [() for _ in of]
-    driven = [_driven(e) for e in of]
+    driven = [e.driven for e in of]
     if not of or any(level is None for level in driven):
         return 1.0
     free = len(of) - len(set(names)) - 1

@@ -102,6 +102,13 @@ class Entry:
         return self.response.estimator
 
     @property
+    def driven(self) -> float | None:
+        """Level that is stated, or of a continuous recording the root mean square of its force; None where neither tells."""
+        if self.level is not None or self.replay is None or not self.replay.block:
+            return self.level
+        return float(np.sqrt(np.mean([np.mean(f**2) for f in self.replay.forces]))) or None
+
+    @property
     def precision(self) -> FloatArray:
         """What each datum tells: one over its variance, nothing where it is lost."""
         told: FloatArray = 1.0 / self.variance

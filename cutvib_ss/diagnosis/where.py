@@ -77,7 +77,8 @@ def level_dependence(entries: Sequence[Entry], model: Model | None = None, blow_
     """
     Reduced χ² of the levels at each position, in each session, against their mean: sessions differ by drift.
 
-    Records on different grids are compared in pairs; where their blocks differ, by a model.
+    Records whose levels are known to be about the same differ for another reason. Records on different grids are compared in
+    pairs; where their blocks differ, by a model.
     """
     total, freedom = 0.0, 0
     places: dict[tuple[object, ...], list[Entry]] = {}
@@ -86,7 +87,8 @@ def level_dependence(entries: Sequence[Entry], model: Model | None = None, blow_
         session = (e.session,) if e.session is not None else ()
         places.setdefault((*measured_at(e), *estimator_of(e), *session), []).append(e)
     for same in places.values():
-        if len(same) < 2:
+        levels = [e.driven or 0.0 for e in same]
+        if len(same) < 2 or 0.0 < max(levels) <= SETTINGS.level_apart * min(levels):
             continue
         precision = np.array([e.precision for e in same])
         data = np.array([e.data for e in same])

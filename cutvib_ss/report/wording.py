@@ -167,10 +167,12 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         if gap.after <= 1.05 * gap.noise_floor:
             return f"{said}: no more than the noise of the measurement ({figure(gap.noise_floor)})."
         repeats = repeatability_in_gap(diagnosis)
-        if math.isfinite(repeats) and repeats > 0.2 * gap.after:
+        if repeats >= gap.after:
+            return f"{said}: no more than the rig repeats to; noise alone leaves {figure(gap.noise_floor)}."
+        if repeats > 0.2 * gap.after:
             return (
-                f"{said}; about {figure(min(repeats, gap.after))} of that is the rig's repeatability, and noise alone "
-                f"leaves {figure(gap.noise_floor)}."
+                f"{said}; about {figure(repeats)} of that is the rig's repeatability, and noise alone leaves "
+                f"{figure(gap.noise_floor)}."
             )
         return f"{said}; noise alone leaves {figure(gap.noise_floor)}."
     if diagnosis.verdict == "ambiguous":

@@ -128,8 +128,10 @@ def test_levels_that_agree_and_levels_that_do_not():
     apart = [entry(i, level=10.0 * (i + 1), scale=1.0 + 0.1 * i) for i in range(3)]
     assert where.level_dependence(apart) > SETTINGS.level_excess
     assert np.isnan(where.level_dependence([entry(0)]))
+    # What differs at one level is no matter of the level.
+    assert np.isnan(where.level_dependence([entry(i, level=10.0 + 0.3 * i, scale=1.0 + 0.1 * i) for i in range(3)]))
     # Two sessions between which the machine has moved are not two levels.
-    moved = [entry(i, scale=1.0 + 0.1 * (i // 2)) for i in range(4)]
+    moved = [entry(i, level=10.0 * (i % 2 + 1), scale=1.0 + 0.1 * (i // 2)) for i in range(4)]
     assert where.level_dependence(moved) > SETTINGS.level_excess
     named = [dataclasses.replace(e, session=("first", "second")[e.record // 2]) for e in moved]
     assert where.level_dependence(named) == pytest.approx(1.0, abs=0.1)
