@@ -33,6 +33,7 @@ def test_repeatability_is_told_in_the_gap_s_unit_where_it_matters() -> None:
     assert repeatability_in_gap(d) == pytest.approx(0.02 * mean * np.mean(np.hypot(*drawn)), rel=0.01)
     assert "of that is the rig's repeatability" in verdict_sentence(d)
     assert "repeats" not in verdict_sentence(replace(EXAMPLE, repeatability=1e-5))
+    assert "no more than the rig repeats to; noise alone" in verdict_sentence(replace(EXAMPLE, repeatability=1.0))
 
 
 def test_partly_explained_names_what_is_known_and_what_is_not() -> None:
