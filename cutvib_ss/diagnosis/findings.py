@@ -121,7 +121,7 @@ class ElementType:
 
 @dataclass(frozen=True)
 class DynamicStiffness:
-    """One unknown dynamic stiffness z(ω) at a place: what the records ask for there, whatever its law."""
+    """One unknown dynamic stiffness z(ω) at a place: what the records ask for there, whatever its form."""
 
     place: str  # Where, in which way, and which function of that
     variant: str

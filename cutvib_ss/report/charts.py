@@ -110,7 +110,7 @@ def _stiffness(z: DynamicStiffness, d: Diagnosis) -> dict[str, Any]:
         )
     named = _named_law(z, d)
     if named is not None:
-        carried = "the element, as fitted" if d.causes[0].effect == "unknown" else "law of the named cause"
+        carried = "the element, as fitted" if d.causes[0].effect == "unknown" else "dynamic stiffness of the named cause"
         laws.append((carried, named))
     levels = [
         {
@@ -144,7 +144,7 @@ def _named_law(z: DynamicStiffness, d: Diagnosis) -> ComplexArray | None:
 
 
 def _restoring(e: NonlinearElement, d: Diagnosis) -> dict[str, Any]:
-    """Restoring force of a place over a cycle of its deflection: of its spring alone, and with the named law."""
+    """Restoring force of a place over a cycle of its deflection: of its spring alone, and with the named restoring force."""
     machine = d.corrected_machine
     scale, spring = port_scale(d.nominal, e.port), machine.spring_at(e.port)
     rate = WORKING_FREQUENCY if d.nominal.has_position else scale.natural_freq or FREE_FREQUENCY

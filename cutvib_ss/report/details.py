@@ -58,7 +58,7 @@ def stiffness_sentences(functions: Sequence[DynamicStiffness]) -> list[str]:
         elif z.with_level:
             said = f"shows {z.with_level}"
         else:
-            said = "follows none of the simple laws"
+            said = "follows none of the simple element types"
         out.append(f"The {z.quantity} identified at {what} {said}.")
     return out
 

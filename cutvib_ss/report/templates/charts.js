@@ -87,7 +87,7 @@
     const r = data.restoring[k];
     draw(`restoring-${k}`, [
       { x: r.q, y: r.alone, mode: "lines", name: "spring of the model", line: { color: css("--nominal"), dash: "dash", width: 1.5 }, hovertemplate: "%{x:.3g}: %{y:.4g}<extra>spring of the model</extra>" },
-      { x: r.q, y: r.with, mode: "lines", name: "with the named law", line: { color: css("--corrected"), width: 2 }, hovertemplate: "%{x:.3g}: %{y:.4g}<extra>with the named law</extra>" },
+      { x: r.q, y: r.with, mode: "lines", name: "with the named restoring force", line: { color: css("--corrected"), width: 2 }, hovertemplate: "%{x:.3g}: %{y:.4g}<extra>with the named restoring force</extra>" },
     ], layout(360, { hovermode: "closest", xaxis: axis(r.x, { exponentformat: "power" }), yaxis: axis(r.y, { exponentformat: "power" }) }));
   }
 
