@@ -110,7 +110,9 @@ def _stiffness(z: DynamicStiffness, d: Diagnosis) -> dict[str, Any]:
         )
     named = _named_law(z, d)
     if named is not None:
-        carried = "the element, as fitted" if d.causes[0].effect == "unknown" else "dynamic stiffness of the named cause"
+        carried = (
+            "the element, as fitted" if d.causes[0].effect == "unknown" else "dynamic stiffness of the named cause"
+        )
         laws.append((carried, named))
     levels = [
         {
