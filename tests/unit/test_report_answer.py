@@ -198,7 +198,10 @@ def test_axes_of_the_dynamic_stiffness_hold_the_law_s_peak() -> None:
     data = charts._stiffness(z, replace(EXAMPLE, corrected_machine=carried))
     low, high = data["limits"]["imag"]
     assert low < law.imag.min() < law.imag.max() < high < 1.5 * law.imag.max()
-    assert [w["name"] for w in data["laws"]] == ["element type of its shape: sprung mass", "dynamic stiffness of the named cause"]
+    assert [w["name"] for w in data["laws"]] == [
+        "element type of its shape: sprung mass",
+        "dynamic stiffness of the named cause",
+    ]
     strange = replace(EXAMPLE, corrected_machine=carried, causes=(Cause("unknown", "head", 1.0, {}, 0.1),))
     assert charts._stiffness(z, strange)["laws"][1]["name"] == "the element, as fitted"
     # The element that the corrected machine carries, and the formula of the shape: the same law by two routes.
