@@ -291,8 +291,11 @@ def of_known_form(
     ends where another takes over: a resonance far above the band is a mass.
 
     An unknown element has no form that could err, but a known cause in a form that the catalogue lacks fits no other hypothesis
-    either: no evidence tells the two apart, and priors have to. The nearest known cause has the rest of an unknown element,
-    and of a known cause beside one the nearest pair of that cause with another known one, where it leaves no more than noise.
+    either: no evidence tells the two apart, and priors have to. A known cause of its place is the answer in another form, and
+    keeps what such an answer keeps, where it leaves no more of what the element explains than the largest error of its dynamic
+    stiffness that is believed: squared, since the excess is of squares. Else the nearest known cause has the rest of an unknown
+    element, and of a known cause beside one the nearest pair of that cause with another known one, where it leaves no more than
+    noise.
     """
     out = dict(odds)
     likely = [r for r in ranked if odds[r.name] >= SETTINGS.verdict_hardly and r.fit.hypothesis.causes]
@@ -300,16 +303,28 @@ def of_known_form(
     for r in strained:
         out[r.name] *= SETTINGS.verdict_form
     named = [r for r in ranked if r.refined and UNKNOWN not in dict(r.fit.hypothesis.causes)]
-    for r in [r for r in likely if r not in strained]:
-        *first, (last, _) = r.fit.hypothesis.causes
-        if last != UNKNOWN:
-            continue
-        if not first:
-            nearest = _best(x for x in named if x.fit.hypothesis.causes)
-        else:
-            nearest = _best(
-                x for x in named if len(x.fit.hypothesis.causes) > 1 and first[0] in x.fit.hypothesis.causes
-            )
-        if nearest and (not first or held(nearest).reduced <= SETTINGS.verdict_noise):
-            _give(out, r, nearest, 1.0 - SETTINGS.verdict_form)
+    for r in [r for r in likely if r not in strained and r.fit.hypothesis.causes[-1][0] == UNKNOWN]:
+        known, part = _another_form(r, named, held)
+        if known:
+            _give(out, r, known, part)
     return out
+
+
+def _another_form(r: Ranked, named: Sequence[Ranked], held: Callable[[Ranked], HeldOut]) -> tuple[Ranked | None, float]:
+    """The known cause that something unknown may be in another form, and the part of its probability that it has then."""
+    *first, _ = r.fit.hypothesis.causes
+    rest = 1.0 - SETTINGS.verdict_form
+    if first:
+        nearest = _best(x for x in named if len(x.fit.hypothesis.causes) > 1 and first[0] in x.fit.hypothesis.causes)
+        return (nearest, rest) if nearest and held(nearest).reduced <= SETTINGS.verdict_noise else (None, rest)
+    single = [x for x in named if kind_of(x.fit.hypothesis) == "known"]
+    bare = _best(x for x in named if not x.fit.hypothesis.causes)
+    here = _best(x for x in single if x.fit.hypothesis.place == r.fit.hypothesis.place)
+    if bare and here and _as_much(held(here).squares, held(r).squares, held(bare).squares):
+        return here, SETTINGS.verdict_form
+    return _best(x for x in named if x.fit.hypothesis.causes), rest
+
+
+def _as_much(known: float, unknown: float, bare: float) -> bool:
+    """Whether a known cause closes what an unknown element does but for the largest error of a cause, by their mean squares."""
+    return known < bare and known - unknown <= SETTINGS.sizes["cause"][-1][0] ** 2 * (bare - unknown)

@@ -326,6 +326,17 @@ def test_something_unknown_may_be_a_known_cause_in_another_form() -> None:
     kept = SETTINGS.verdict_form
     found = of_known_form([none, near, far, unknown], {"none": 0.0, "near": 0.0, "far": 0.0, "unknown": 1.0}, held())
     assert found == pytest.approx({"none": 0.0, "near": 1.0 - kept, "far": 0.0, "unknown": kept})
+    # A cause of its place that leaves no more than the largest error of a cause, 0.3 squared, is the answer in another form.
+    here = replace(
+        near, fit=replace(cast(WithSizes, near.fit), hypothesis=Hypothesis((replace(MASS, place="joint1"),)))
+    )
+    odds = {"none": 0.0, "near": 0.0, "unknown": 1.0}
+    for left, part in ((0.08, kept), (0.1, 1.0 - kept), (0.0, kept)):
+        seen = held(none=TUNED, near=Leaves(squares=left), unknown=Leaves())
+        assert of_known_form([none, here, unknown], odds, seen)["near"] == pytest.approx(part)
+    # What leaves as much as no cause is none, whatever the element leaves.
+    seen = held(none=TUNED, near=Leaves(squares=1.0), unknown=Leaves(squares=2.0))
+    assert of_known_form([none, here, unknown], odds, seen)["near"] == pytest.approx(1.0 - kept)
     # Without a known cause to compare with it stands alone.
     assert of_known_form([none, unknown], {"none": 0.0, "unknown": 1.0}, held()) == {"none": 0.0, "unknown": 1.0}
 
