@@ -304,13 +304,15 @@ def of_known_form(
         out[r.name] *= SETTINGS.verdict_form
     named = [r for r in ranked if r.refined and UNKNOWN not in dict(r.fit.hypothesis.causes)]
     for r in [r for r in likely if r not in strained and r.fit.hypothesis.causes[-1][0] == UNKNOWN]:
-        known, part = _another_form(r, named, held)
+        known, part = _another_form(r, named, out, held)
         if known:
             _give(out, r, known, part)
     return out
 
 
-def _another_form(r: Ranked, named: Sequence[Ranked], held: Callable[[Ranked], HeldOut]) -> tuple[Ranked | None, float]:
+def _another_form(
+    r: Ranked, named: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
+) -> tuple[Ranked | None, float]:
     """The known cause that something unknown may be in another form, and the part of its probability that it has then."""
     *first, _ = r.fit.hypothesis.causes
     rest = 1.0 - SETTINGS.verdict_form
@@ -321,7 +323,9 @@ def _another_form(r: Ranked, named: Sequence[Ranked], held: Callable[[Ranked], H
     bare = _best(x for x in named if not x.fit.hypothesis.causes)
     here = _best(x for x in single if x.fit.hypothesis.place == r.fit.hypothesis.place)
     if bare and here and _as_much(held(here).squares, held(r).squares, held(bare).squares):
-        return here, SETTINGS.verdict_form
+        # Of what both have together it keeps as much as the answer in another form does.
+        both = odds[here.name] + odds[r.name]
+        return here, max(SETTINGS.verdict_form * both - odds[here.name], 0.0) / odds[r.name]
     return _best(x for x in named if x.fit.hypothesis.causes), rest
 
 

@@ -334,6 +334,13 @@ def test_something_unknown_may_be_a_known_cause_in_another_form() -> None:
     for left, part in ((0.08, kept), (0.1, 1.0 - kept), (0.0, kept)):
         seen = held(none=TUNED, near=Leaves(squares=left), unknown=Leaves())
         assert of_known_form([none, here, unknown], odds, seen)["near"] == pytest.approx(part)
+    # What it has already counts to that.
+    odds = {"none": 0.0, "near": 0.5, "unknown": 0.5}
+    seen = held(none=TUNED, near=Leaves(), unknown=Leaves())
+    assert of_known_form([none, here, unknown], odds, seen)["near"] == pytest.approx(kept)
+    odds = {"none": 0.0, "near": 0.7, "unknown": 0.3}
+    assert of_known_form([none, here, unknown], odds, seen)["near"] == pytest.approx(0.7)
+    odds = {"none": 0.0, "near": 0.0, "unknown": 1.0}
     # What leaves as much as no cause is none, whatever the element leaves.
     seen = held(none=TUNED, near=Leaves(squares=1.0), unknown=Leaves(squares=2.0))
     assert of_known_form([none, here, unknown], odds, seen)["near"] == pytest.approx(1.0 - kept)
