@@ -102,7 +102,8 @@ class _Lines(NamedTuple):
     rate: float  # Of the weight e^(-rate t) on the histories [1/s]
     s: ComplexArray
     receptance: ComplexArray  # Shape (output, input, line)
-    at_start: tuple[ComplexArray, ComplexArray]  # 1/(s - p) and 1/(s̄ - p), weighted for the mean over all lines
+    at_start: tuple[ComplexArray, ComplexArray]  # 1/(s - p) and 1/(s̄ - p), shape (line, mode)
+    ends: FloatArray  # Weight of each line in the mean over all lines, the conjugate ones too
 
 
 def _lines(form: ModalForm, fs: float, run: int) -> _Lines:
@@ -113,13 +114,12 @@ def _lines(form: ModalForm, fs: float, run: int) -> _Lines:
     size = 2 * int(fft.next_fast_len((run + _TAPER + 1) // 2, real=True))
     slowest = float(np.min(-form.poles.real))
     rate = max(0.0, _WRAP * fs / size - slowest)
-    s = np.asarray(rate + 2j * np.pi * fs / size * np.arange(size // 2 + 1), dtype=np.complex128)
+    s = _at_lines(rate, fs, size)
     # The modal sum is made of the first and of the conjugate of the second.
     upper, lower = (1.0 / (z - form.poles[:, None]) for z in (s, s.conj()))
-    # Mode k at the first sample is the mean over all lines, the conjugate ones too, of drive · force/(s - p_k).
-    ends = np.ones(s.size)
-    ends[[0, -1]] = 0.5
-    made = _Lines(size, rate, s, form.summed(upper, lower), ((ends / size * upper).T, (ends / size * lower).T))
+    ends = np.full(s.size, 1.0 / size)
+    ends[[0, -1]] *= 0.5
+    made = _Lines(size, rate, s, form.summed(upper, lower), (upper.T, lower.T), ends)
     if s.size * form.poles.size < _KEPT:
         form.at_lines[fs, run] = made
     return made
@@ -145,7 +145,7 @@ class _Run:
         self.force = np.hstack([force, force[:, -1:] * _fade(_TAPER)])
         self.run = self.samples + _TAPER
         lines = _lines(form, fs, self.run)
-        self.size, self.rate, self.s, self.receptance, self.at_start = lines
+        self.size, self.rate, self.s, self.receptance, self.at_start, self.ends = lines
 
     def _weight(self, samples: int, fine: int) -> FloatArray:
         return _decay(self.rate / (self.fs * fine), samples)
@@ -165,20 +165,21 @@ class _Run:
         spectrum: ComplexArray = fft.rfft(padded, axis=-1)[..., : self.s.size] / fine
         return spectrum
 
-    def _history(self, spectrum: ComplexArray, samples: int, fine: int = 1) -> FloatArray:
+    def _history(
+        self, spectrum: ComplexArray, samples: int, fine: int = 1, out: FloatArray | None = None
+    ) -> FloatArray:
         size = self.size * fine
         if fine > 1:
             spectrum = spectrum.copy()
             spectrum[..., -1] *= 0.5  # on the finer grid the coarse Nyquist line has a twin
-        history: FloatArray = fft.irfft(spectrum, size, axis=-1)[..., :samples] * fine
-        if self.rate:
-            history /= self._weight(samples, fine)
-        return history
+        history: FloatArray = fft.irfft(spectrum, size, axis=-1)[..., :samples]
+        return np.multiply(history, fine / self._weight(samples, fine) if self.rate else fine, out=out)
 
     def _wrapped(self, spectrum: ComplexArray, drives: ComplexArray) -> ComplexArray:
         """Modes that a force's transform leaves at the first sample, shape (blow, mode)."""
-        upper, lower = self.at_start
-        modes: ComplexArray = drives * (spectrum @ upper + spectrum.conj() @ lower)
+        # Mode k at the first sample is the mean over all lines, the conjugate ones too, of drive · force/(s - p_k).
+        (upper, lower), mean = self.at_start, self.ends * spectrum
+        modes: ComplexArray = drives * (mean @ upper + mean.conj() @ lower)
         return modes
 
     def _free(self, modes: ComplexArray) -> FloatArray:
@@ -241,9 +242,9 @@ class _Run:
 
     def _enough(self, force: ComplexArray) -> int:
         """Steps in a sample that resolve the ports' motion."""
-        size = np.sqrt(np.mean(np.abs(force) ** 2, axis=0))
-        power = np.sum(np.abs(self.s * size * self.receptance[len(self.form.outputs) :, 0]) ** 2, axis=0)
-        mean = float(np.abs(self.s) @ power / np.sum(power)) / (2 * np.pi) if power.any() else 0.0
+        moved, rate = self.receptance[len(self.form.outputs) :, 0], np.abs(self.s)
+        power = rate**2 * np.mean(_squared(force), axis=0) * np.sum(_squared(moved), axis=0)
+        mean = float(rate @ power / np.sum(power)) / (2 * np.pi) if power.any() else 0.0
         if self.initial is not None:
             mean = max(mean, float(np.abs(self.form.poles).min()) / (2 * np.pi))
         slips = any(isinstance(e.restoring_force, Hysteretic) for e in self.elements)
@@ -261,7 +262,9 @@ class _Run:
         instants = self.run * fine
         h = 1.0 / (self.fs * fine)
         rows = form.shapes[len(form.outputs) :]
-        motion = np.stack([self._history(linear * self.s**k, instants, fine) for k in range(2)], axis=1)
+        motion = np.empty((len(linear), 2, len(self.elements), instants))
+        for k in range(2):
+            self._history(linear * self.s**k, instants, fine, out=motion[:, k])
         modes = (np.abs(form.poles) * h < np.pi) & (np.abs(form.poles) < self.fastest)
         turn, pushes = linear_course(form.poles[modes], form.drives[modes, 1:].T, h)
         beyond = ~modes
@@ -280,13 +283,27 @@ class _Run:
         )  # fmt: skip
         forces[..., -_TAPER * fine :] *= _fade(_TAPER * fine)
         spectrum = self._transform(forces, fine)
-        # Spectrum of the force's course between instants over that of its values there.
-        x = np.where(self.s == 0.0, 1e-9, self.s * h)
-        even = (np.sinh(x / 2) / (x / 2)) ** 2
-        constant = np.expm1(x) / x
         for k, force in enumerate(forces_of):
-            spectrum[:, k] *= constant if force.jumps else even
+            spectrum[:, k] *= _course(self.rate, self.fs, self.size, fine, force.jumps)
         return spectrum, away
+
+
+@lru_cache(maxsize=8)
+def _course(rate: float, fs: float, size: int, fine: int, jumps: bool) -> ComplexArray:
+    """Spectrum of a force's course between instants over that of its values there, at the lines of a transform."""
+    s = _at_lines(rate, fs, size)
+    x = np.where(s == 0.0, 1e-9, s / (fs * fine))
+    return np.asarray(np.expm1(x) / x if jumps else (np.sinh(x / 2) / (x / 2)) ** 2)
+
+
+def _at_lines(rate: float, fs: float, size: int) -> ComplexArray:
+    """Where a transform of histories that are weighted by e^(-rate t) sees a system."""
+    return np.asarray(rate + 2j * np.pi * fs / size * np.arange(size // 2 + 1), dtype=np.complex128)
+
+
+def _squared(values: ComplexArray) -> FloatArray:
+    """Squared moduli."""
+    return np.asarray(values.real**2 + values.imag**2)
 
 
 @lru_cache(maxsize=8)
