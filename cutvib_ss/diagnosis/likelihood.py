@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -116,9 +117,9 @@ class Factored:
     def __init__(self, matrix: FloatArray) -> None:
         self.size = np.sqrt(np.diag(matrix))
         scaled = matrix / np.outer(self.size, self.size)
-        try:
-            self.factor = linalg.cholesky(scaled, lower=True, check_finite=False)
-        except linalg.LinAlgError:
+        # It is symmetric: its transpose lies in memory as LAPACK wants it. The other triangle is never read.
+        self.factor, failed = lapack.dpotrf(scaled.T, lower=1, clean=0)
+        if failed:
             # Directions that are nearly the same leave rounding errors for eigenvalues.
             scaled[np.diag_indices_from(scaled)] += SETTINGS.likelihood_precision_floor
             self.factor = linalg.cholesky(scaled, lower=True, check_finite=False)
@@ -130,7 +131,7 @@ class Factored:
 
     def gain(self, right: FloatArray) -> float:
         """By what the squares fall at the solution."""
-        pulled = linalg.solve_triangular(self.factor, right / self.size, lower=True, check_finite=False)
+        pulled, _ = lapack.dtrtrs(self.factor, right / self.size, lower=1)
         return float(pulled @ pulled)
 
     def solved(self, right: FloatArray) -> FloatArray:
