@@ -7,8 +7,8 @@ s = 1/√D (`Scan` gives both). d is the derivative at no cause: nearly all of a
 size the residual would be its curvature.
 
 *Allowed.* With an even prior on u ≥ 0 the posterior is a normal one cut off at zero; the bound b leaves 5 % of it:
-Φ((b - û)/s) = 1 - 0.05 Φ(û/s). So it is of a mass too, which a machine may lack: the bound is on what is added. Of a cause of
-either sign alike (a delay) the bounds are the pair û ± 1.96 s.
+Φ((b - û)/s) = 1 - 0.05 Φ(û/s). An added mass has this bound too, though a fit may take mass away: it says how much may have been
+added. Of a cause that has either sign alike (a delay) the bounds are the pair û ± 1.96 s.
 
 *Visible.* In half of repetitions at a true size u the cause gains at least χ² = u²/s². Its evidence beside the accepted answer is
 exp(u²/2s²) times the Occam factor √(2π) s p(u), p the prior density of its size, and it starts behind by the ratio of the priors.
