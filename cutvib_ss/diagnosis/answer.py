@@ -45,8 +45,10 @@ class Shown:
         return Sides(self.before, self.tuned.records, self.after.records, second)
 
 
-def causes(shown: Shown, odds: Mapping[str, float], rest: Cause, per_unit: float) -> tuple[Cause, ...]:
-    """All hypotheses as rows, variants of one cause together, and "unknown", with what none of them holds."""
+def causes(
+    shown: Shown, odds: Mapping[str, float], hidden: Mapping[tuple[str, str], float], rest: Cause, per_unit: float
+) -> tuple[Cause, ...]:
+    """All hypotheses as rows, variants of one cause together, with what is hidden of them; and "unknown", with the rest."""
     start = mean_error(shown.before)
     rows: dict[tuple[str, str], Cause] = {}
     for r in (shown.none, *shown.causes):
@@ -67,6 +69,9 @@ def causes(shown: Shown, odds: Mapping[str, float], rest: Cause, per_unit: float
             reduced_chi2=float("nan") if held is None else held.reduced,
             share=float("nan") if key[0] in ("none", "unknown") else share(shown.tuned, held, shown.after),
         )
+    for (effect, place), p in hidden.items():
+        own = rows.get((effect, place)) or Cause(effect, place, 0.0)
+        rows[effect, place] = replace(own, probability=own.probability + p)
     unknown = [c for c in rows.values() if c.effect == "unknown"]
     # One row for an unknown element, at the place where it is likeliest; what no hypothesis holds is unknown too.
     unknown.append(rest)
@@ -114,12 +119,16 @@ def figures(observed: Observations, shown: Shown, verdict: Verdict, seed: int) -
     )
 
 
-def places(ranked: Sequence[Ranked], odds: Mapping[str, float], rest: Cause) -> tuple[tuple[str, float], ...]:
+def places(
+    ranked: Sequence[Ranked], odds: Mapping[str, float], hidden: Mapping[tuple[str, str], float], rest: Cause
+) -> tuple[tuple[str, float], ...]:
     """Probability of each place, or places of a sum: that of the hypotheses there, and of what none of them holds."""
     total: dict[str, float] = {"none": odds["none"]}
     for r in ranked[1:]:
         place = r.fit.hypothesis.places
         total[place] = total.get(place, 0.0) + odds[r.name]
+    for (_, place), p in hidden.items():
+        total[place] = total.get(place, 0.0) + p
     total[rest.place] = total.get(rest.place, 0.0) + rest.probability
     return tuple(sorted(total.items(), key=lambda item: -item[1]))
 

@@ -14,12 +14,11 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.directions import Directions, Sizes
-from cutvib_ss.diagnosis.discrepancy import weights
+from cutvib_ss.diagnosis.drifted import Drifted
 from cutvib_ss.diagnosis.likelihood import Known, Quadratic
 from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -94,10 +93,9 @@ class Climb:
         near: Spread | None = None,
         rival: float = np.inf,
     ) -> None:
-        problem = problems[-1]
+        self.drifted = Drifted(problems)
+        problem = self.drifted.whole
         self.problem, self.spread, self.beside, self.rival = problem, spread, beside, rival
-        # Sessions in another order would have other columns.
-        self.problems = [p if p.sessions == problem.sessions else problem for p in problems]
         self.sizes = Sizes() if near is None else near.sizes
         self.is_rough = problem.apart or bool(problem.drifting_within)
         alone = len(problem.drifting_within) == len(problem.sessions)
@@ -106,14 +104,7 @@ class Climb:
         self.count = problem.count + beside.data
         self.precision = problem.prior_precision()
         self.low, self.high = problem.bounds()
-        weight, _ = weights(problem)
-        self.drifting = np.flatnonzero(weight)
-        self.weight = weight[self.drifting]
-        self.n_sessions = len(problem.sessions)
-        # Of the sessions, then of the records that drift beside them.
-        drift = np.zeros((self.n_sessions + len(problem.drifting_within), self.drifting.size))
-        if near is not None and spread:
-            drift = near.drifts(problem.sessions, problem.drifting_within, self.drifting.size)
+        drift = self.drifted.of(near) if near is not None and spread else self.drifted.none
         try:
             self.at = self.evaluated(x, drift)
         except CutvibError:
@@ -152,13 +143,13 @@ class Climb:
 
     def redraw(self) -> None:
         """Evaluate where it stands, with new circles around the slow poles."""
-        for problem in self.problems:
+        for problem in self.drifted.problems:
             problem.forget_circles()
         self.at = self.evaluated(self.at.x, self.at.drift)
 
     def evaluated(self, x: FloatArray, drift: FloatArray) -> At:
         """The objective at some unknowns; without drift and discrepancy it needs no derivatives."""
-        problem, each = self._drifted_values(x, drift)
+        problem, each = self.drifted.at(x, drift)
         predictions, residuals, squares = problem.residuals(each)
         squares += self.beside.squares
         at = At(
@@ -171,28 +162,12 @@ class Climb:
             self._linearise(at)
         return at
 
-    def _drifted_values(self, x: FloatArray, drift: FloatArray) -> tuple[Problem, list[FloatArray]]:
-        """The problem whose groups move apart, and the unknowns of each group."""
-        moves = int(np.any(drift)) + int(np.any(drift[self.n_sessions :]))
-        problem = self.problems[min(moves, len(self.problems) - 1)]
-        if not moves:
-            return problem, [x] * len(problem.groups)
-        each = []
-        for g in problem.groups:
-            own, entry = x.copy(), g.entries[0][0]
-            moved = drift[problem.sessions.index(session_of(entry))].copy()
-            if moves > 1:
-                moved += drift[self.n_sessions + problem.drifting_within.index(entry.record)]
-            own[self.drifting] += self.weight * moved
-            each.append(own)
-        return problem, each
-
     def towards(self, x: FloatArray) -> FloatArray:
         """Unknowns on the way to others that leave less of the residual than those where it stands, its drift kept."""
         least, here = self.at.squares - self.beside.squares, self.at.x
         for part in (1.0, 0.5, 0.25):
             there = np.clip(here + part * (x - here), self.low, self.high)
-            problem, each = self._drifted_values(there, self.at.drift)
+            problem, each = self.drifted.at(there, self.at.drift)
             try:
                 if problem.residuals(each)[2] < least:
                     return there
@@ -212,13 +187,18 @@ class Climb:
         pull = gradient[: x.size] - self.precision * x
         free = ~(((x <= self.low) & (pull < 0)) | ((x >= self.high) & (pull > 0)))
         lay = directions.layout
-        offsets = np.zeros(lay.size)
-        for k, drift in enumerate(at.drift if self.spread else ()):
-            first = lay.unknowns + k * lay.per_session
-            offsets[first : first + drift.size] = drift
         at.directions = directions
         at.quadratic = Quadratic(
-            lay, matrix, gradient, at.squares, x, self.precision, free, self.problem.even, offsets, self.count
+            lay,
+            matrix,
+            gradient,
+            at.squares,
+            x,
+            self.precision,
+            free,
+            self.problem.even,
+            lay.placed(at.drift),
+            self.count,
         )
         self._weigh(at)
 
@@ -319,8 +299,8 @@ class Climb:
         lay = self.at.quadratic.layout if self.at.quadratic is not None else None
         if lay is None or not lay.sessions:
             return self.at.drift
-        own = step[: lay.first_nominal - lay.unknowns].reshape(len(self.at.drift), -1)[:, : self.drifting.size]
-        size = np.repeat([self.sizes.drift, self.sizes.within], [self.n_sessions, len(own) - self.n_sessions])[:, None]
+        own = step[: lay.first_nominal - lay.unknowns].reshape(len(self.at.drift), -1)[:, : self.at.drift.shape[1]]
+        size = self.drifted.sizes(self.sizes)
         most = SETTINGS.likelihood_farthest_drift * size
         followed = np.clip(self.at.drift + size * own, -most, most)
         # What is small moves a response in proportion, as its directions say.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
@@ -32,6 +32,7 @@ from cutvib_ss.diagnosis.posterior import (
     probabilities,
     temperature,
     that_drift_by_chance,
+    that_may_hide,
 )
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.ranking import Ranked
@@ -40,6 +41,7 @@ from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Diagnosis, NextTest, Where
 from cutvib_ss.diagnosis.search import search, search_linear
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.small_sizes import SmallSize, small_sizes
 from cutvib_ss.diagnosis.unknown_element import ByLevel, unknown_places
 from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
@@ -120,6 +122,7 @@ class _Searched(NamedTuple):
     observed: Observations
     records: Records  # Of these, those to fit on
     judged: Callable[[Ranked], HeldOut]  # Any hypothesis on held-out records
+    sizes: Callable[[Fit], Sequence[Sequence[SmallSize]]]  # Of linear causes beside any fit
     ranked: tuple[Ranked, ...]  # The tuned nominal model, then causes by evidence
 
 
@@ -140,8 +143,17 @@ def _searched(
             judgements[r.name] = HeldOut(r, cross_validation.judge(nominal, folds, r.fit, workers))
         return judgements[r.name]
 
-    ranked = search(nominal, observed, linear, lambda r: judged(r).reduced, lambda r: judged(r).against_stated, workers)
-    return _Searched(observed, linear.records, judged, ranked)
+    beside: list[tuple[Fit, Sequence[Sequence[SmallSize]]]] = []
+
+    def sizes(fit: Fit) -> Sequence[Sequence[SmallSize]]:
+        if not any(known is fit for known, _ in beside):
+            beside.append((fit, small_sizes(nominal, fit, linear.records, observed)))
+        return next(found for known, found in beside if known is fit)
+
+    ranked = search(
+        nominal, observed, linear, lambda r: judged(r).reduced, lambda r: judged(r).against_stated, sizes, workers
+    )
+    return _Searched(observed, linear.records, judged, sizes, ranked)
 
 
 def _without(campaign: Campaign, observed: Observations, odd: Mapping[int, float]) -> Observations:
@@ -158,22 +170,23 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     if odd:
         # No single known cause left noise of the others, but two together do, or something unknown.
         searched = _searched(campaign, nominal, _without(campaign, searched.observed, odd), hold_out, seed, workers)
-    observed, records, _, ranked = searched
+    observed, records, ranked = searched.observed, searched.records, searched.ranked
     none, fitted = ranked[0], list(records.entries)
     problem = Problem(nominal, records.merged, Hypothesis())
     workers.say("judging causes on held-out records")
     counts, variants = _considered(nominal, searched)
     odds = _odds(searched, counts, variants)
     shown = _shown(nominal, searched, odds)
+    odds, hidden = _hidden(searched, odds, counts)
     by_level, located, interference = _located(nominal, searched, problem, workers)
     elsewhere = located.best if located.best != "none" else shown.first.fit.hypothesis.places
-    rest = Cause("unknown", elsewhere, max(1.0 - sum(odds.values()), 0.0))
-    rows = answer.causes(shown, odds, rest, observed.per_unit)
+    rest = Cause("unknown", elsewhere, max(1.0 - sum(odds.values()) - sum(hidden.values()), 0.0))
+    rows = answer.causes(shown, odds, hidden, rest, observed.per_unit)
     interval = cross_validation.shrinkage_interval(shown.before, shown.after.records, seed)
     result = verdict(rows, interval[0] > 0.0, bool(shown.first.fit.at_end))
     chosen = none.fit if result == "no_gap" else shown.first.fit
     workers.say("computing what the result means")
-    places = answer.places(ranked, odds, rest)
+    places = answer.places(ranked, odds, hidden, rest)
     bands_hz = _bands(problem, none.fit, chosen.spread.sizes)
     return Diagnosis(
         verdict=result,
@@ -206,7 +219,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         reduced_chi2=max(ranked, key=lambda r: r.fit.log_evidence).reduced,
         data_count=problem.count,
         sizes=answer.sizes(chosen),
-        limits=limits(nominal, chosen, records, observed, counts),
+        limits=limits(nominal, chosen, searched.sizes(chosen), counts),
         repeatability=repeatability(fitted),
         findings=found(nominal, chosen.corrected, records, result, observed, bands_hz, located, shown.sides, seed),
     )
@@ -230,6 +243,24 @@ def _odds(searched: _Searched, counts: Counts, variants: dict[tuple[str, str], i
     odds = judged_on_held_out(ranked, probabilities(ranked, counts, variants, heat), judged, heat)
     odds = of_known_form(ranked, odds, judged)
     return that_drift_by_chance(ranked, odds, lambda r: chance_of_order(r.fit.spread, searched.records))
+
+
+def _hidden(
+    searched: _Searched, odds: dict[str, float], counts: Counts
+) -> tuple[dict[str, float], dict[tuple[str, str], float]]:
+    """Probabilities where causes may be too small to be seen, and theirs by effect and place: none where something is."""
+    none = searched.ranked[0]
+    if odds[none.name] < SETTINGS.verdict_half:
+        return odds, {}
+    known: dict[tuple[str, str], float] = {}
+    for r in searched.ranked[1:]:
+        key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
+        known[key] = known.get(key, 0.0) + odds[r.name]
+    each: dict[tuple[str, str], list[float]] = {}
+    for shapes in searched.sizes(none.fit):
+        each.setdefault(shapes[0].cause, []).append(sum(s.evidence for s in shapes) / len(shapes))
+    evidence = {cause: sum(of_variants) / len(of_variants) for cause, of_variants in each.items()}
+    return that_may_hide(odds, none.name, known, evidence, counts)
 
 
 def _shown(nominal: Model, searched: _Searched, odds: Mapping[str, float]) -> Shown:

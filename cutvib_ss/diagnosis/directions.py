@@ -93,6 +93,14 @@ class Layout:
         out[self.first_cause : self.first_hit] = sizes.cause
         return out
 
+    def placed(self, drift: FloatArray) -> FloatArray:
+        """Drifts of the tuned values, of sessions and then of records, in their columns."""
+        out = np.zeros(self.size)
+        for k, own in enumerate(drift if self.sessions else ()):
+            first = self.unknowns + k * self.per_session
+            out[first : first + own.size] = own
+        return out
+
 
 class Directions:
     """

@@ -13,11 +13,12 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.climb import Beside, Climb
+from cutvib_ss.diagnosis.drifted import problems_of
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Quadratic, solved
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import By, Records
+from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknowns import from_unknown
@@ -108,7 +109,7 @@ def fit(
     coordinates.
     """
     search, alone = _started(nominal, records, hypothesis, warm, max_iterations, tolerance, near, rival)
-    problem = search.problems[0]
+    problem = search.drifted.problems[0]
     # From beside the optimum once is enough.
     redrawn = not problem.apart and near is None
     passes = SETTINGS.fit_passes if redrawn and max_iterations > SETTINGS.fit_scout_steps else 1
@@ -145,7 +146,7 @@ def _started(
     """Where the climb begins; beside a restoring force also unknowns of the model by itself, without a discrepancy."""
     # Beside a widened noise drift and discrepancy are nothing.
     spread = not records.widened
-    problems = _problems(nominal, records, hypothesis, spread)
+    problems = problems_of(nominal, records, hypothesis, spread)
     problem = problems[0]
     search = Climb(
         problems, problem.start(warm), spread, _beside(problem, records), None if near is None else near.spread, rival
@@ -164,19 +165,12 @@ def _started(
         # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
         # Neighbouring lines tell much the same.
         few = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
-        fewer = _problems(nominal, few, hypothesis, False)
+        fewer = problems_of(nominal, few, hypothesis, False)
         plain = Climb(fewer, search.at.x, False, _beside(fewer[0], few))
         plain.climb(steps, tolerance)
         search.start_from(plain)
         alone = plain.at.x
     return search, alone
-
-
-def _problems(nominal: Model, records: Records, hypothesis: Hypothesis, spread: bool) -> tuple[Problem, ...]:
-    """The problem with all records together and, to follow drift, by session, and by record where the machine moves."""
-    # Without drift the sessions need not be told apart, and many positions are predicted at once.
-    followed: tuple[By, ...] = ("session", "record") if records.moving else ("session",)
-    return tuple(problem_for(nominal, records, hypothesis, by=by) for by in (None, *(followed if spread else ())))
 
 
 def _beside(problem: Problem, records: Records) -> Beside:
@@ -191,7 +185,7 @@ def _from_afar(nominal: Model, records: Records, hypothesis: Hypothesis, start: 
     """Unknowns and drifts on few lines with a widened noise."""
     # A session that drifts by more than a resonance is wide is caught in a side minimum when the noise is small.
     few = records.coarse(SETTINGS.fit_start_lines, SETTINGS.fit_start_error)
-    problems = _problems(nominal, few, hypothesis, True)
+    problems = problems_of(nominal, few, hypothesis, True)
     search = Climb(problems, start.at.x, True, _beside(problems[0], few))
     search.climb(SETTINGS.fit_scout_steps, SETTINGS.fit_start_gain)
     return search
@@ -202,7 +196,7 @@ def _on_fewer_lines(
 ) -> Climb:
     """The same fit on some of the lines, as measured: neighbours tell much the same of the unknowns, and cost as much."""
     few = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
-    problems = _problems(nominal, few, hypothesis, True)
+    problems = problems_of(nominal, few, hypothesis, True)
     search = Climb(problems, start.at.x, True, _beside(problems[0], few))
     search.start_from(start)
     search.climb(steps, tolerance)
@@ -231,10 +225,14 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         reduced = search.at.chi2 * search.sizes.noise / search.count
         assert search.at.directions is not None
         correlation = search.at.directions.correlation(search.at.residuals, step * scale, reduced)
-    stds = {}
+    stds, of_priors = {}, 0.0
     for i, (k, name, r) in enumerate(problem.parameters):
         j = problem.first_effect + i
-        stds[f"{k}.{name}"] = abs(from_unknown(float(x[j]), r)[1]) * float(np.sqrt(covariance[j, j]))
+        value, slope = from_unknown(float(x[j]), r)
+        stds[f"{k}.{name}"] = std = abs(slope) * float(np.sqrt(covariance[j, j]))
+        if r.scale in ("asinh", "ratio"):
+            # Its prior is not even in the coordinate in which it was fitted.
+            of_priors += float(np.log(max(abs(slope) * r.density(value, std), 1e-300)))
     at_end = tuple(
         f"{k}.{name}"
         for (k, name, r), value in zip(problem.parameters, x[index], strict=True)
@@ -252,7 +250,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         count=search.count,
         objective=search.at.objective,
         # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
-        log_evidence=quadratic.summed(search.sizes, search.known),
+        log_evidence=quadratic.summed(search.sizes, search.known) + of_priors,
         stds=stds,
         at_end=at_end,
         correlation=correlation,
@@ -300,7 +298,7 @@ def _closest(search: Climb, quadratic: Quadratic, offsets: FloatArray) -> FloatA
 
 def _closest_simulated(search: Climb, start: FloatArray, steps: int, tolerance: float) -> FloatArray:
     """The same of a restoring force, which may lie far from the posterior's maximum: climbed to, without drift."""
-    alone = Climb(search.problems, search.at.x, False, search.beside)
+    alone = Climb(search.drifted.problems, search.at.x, False, search.beside)
     least = alone.at.squares
     alone.try_from(start)
     alone.climb(steps, tolerance)

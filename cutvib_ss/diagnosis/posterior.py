@@ -250,6 +250,26 @@ def that_drift_by_chance(
     return out
 
 
+def that_may_hide(
+    odds: Mapping[str, float],
+    none: str,
+    known: Mapping[tuple[str, str], float],
+    evidence: Mapping[tuple[str, str], float],
+    counts: Counts,
+) -> tuple[dict[str, float], dict[tuple[str, str], float]]:
+    """
+    Probabilities beside the answer that there is no cause, with those of causes too small to be seen; all sum to what they did.
+
+    A fit to one of them stops anywhere, and is held for nothing. But its evidence is known, to first order: that of no cause times
+    `evidence`, for whatever the records allow of the prior of its size is as likely as nothing. It counts once at most: what
+    speaks for a cause is for its fit to say. `known` is what causes have of their fits.
+    """
+    ratio = SETTINGS.priors["known"] / max(counts.known, 1) / SETTINGS.priors["none"]
+    more = {c: max(odds[none] * ratio * min(e, 1.0) - known.get(c, 0.0), 0.0) for c, e in evidence.items()}
+    whole = 1.0 + sum(more.values())
+    return {name: p / whole for name, p in odds.items()}, {c: p / whole for c, p in more.items()}
+
+
 def _by_chance(parameters: int) -> float:
     """Log density that so many parameters more gain or lose by chance, in nineteen of twenty campaigns."""
     return 0.5 * float(stats.chi2.ppf(SETTINGS.verdict_set, parameters)) if parameters else 0.0

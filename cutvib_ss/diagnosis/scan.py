@@ -1,10 +1,10 @@
 """
 What one more cause could explain of a fit's residual, before anything is fitted.
 
-The directions of the fit's unknowns are projected out of the residual, to first order. For a linear cause one change of the
-prediction tells the rest. A law is tried at many values and refined without derivatives: with
-clearance or friction the response to a blow depends on its parameters roughly, and Gauss-Newton steps from afar are caught at once,
-while the residual's squares fall evenly to where the truth is.
+The directions of the fit's unknowns are projected out of the residual, to first order about the drift that the fit found of each
+session. For a linear cause one change of the prediction tells the rest. A law is tried at many values and refined without
+derivatives: with clearance or friction the response to a blow depends on its parameters roughly, and Gauss-Newton steps from afar
+are caught at once, while the residual's squares fall evenly to where the truth is.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ import numpy as np
 from scipy import optimize
 
 from cutvib_ss.diagnosis.directions import Directions, Sizes
+from cutvib_ss.diagnosis.drifted import Drifted, problems_of
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Factored
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.records import By, Records
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.unknowns import to_unknown
@@ -36,8 +37,17 @@ class Scanned(NamedTuple):
     hypothesis: Hypothesis  # Both together, the cause where it did best
 
 
+class Change(NamedTuple):
+    """What a cause changes of the weighted prediction, the directions of the fit's unknowns projected out."""
+
+    along: float  # Its product with the residual; minus infinity where the model cannot take the cause
+    squares: float
+    moved_by: float  # Squares before the projection
+    squares_of_all: float  # Squares that all lines would have, of which those at hand are a part
+
+
 class Scan:
-    """One more cause on top of a fit."""
+    """One more cause on top of a fit, on lines that are a part of all."""
 
     def __init__(
         self,
@@ -47,6 +57,7 @@ class Scan:
         x: FloatArray | None,
         motion: Mapping[str, float],
         apart: bool,
+        part: float = 1.0,
     ) -> None:
         self.nominal, self.records, self.motion, self.apart = nominal, records, motion, apart
         self.warm: FloatArray | None = None
@@ -56,19 +67,37 @@ class Scan:
             hypothesis = there.hypothesis
             self.warm = there.x[: there.first_effect]
         self.effects = hypothesis.effects
-        self.problem = problem = problem_for(nominal, records, hypothesis, apart)
-        here = problem.start() if x is None else there.x
-        predictions, residuals, _ = problem.residuals(here)
-        directions = Directions(problem, here, predictions, spread=not records.widened)
-        sizes = Sizes() if x is None else there.spread.sizes
-        self.rows = directions.layout.scale(sizes)[:, None] * directions.flat()
+        drifted = Drifted(problems_of(nominal, records, hypothesis, self.underneath is not None, apart))
+        x, drift, sizes = drifted.problems[0].start(), drifted.none, Sizes()
+        if self.underneath is not None:
+            x, sizes = self.underneath.x, self.underneath.spread.sizes
+            # What is small moves a response in proportion, as its directions say; of a fit that leaves more than noise it has taken
+            # up what a cause would do.
+            small = drifted.sizes(sizes) <= SETTINGS.predictive_small_drift
+            if self.underneath.reduced < SETTINGS.search_enough:
+                drift = np.where(small, 0.0, drifted.of(self.underneath.spread))
+        self.problem, each = drifted.at(x, drift)
+        problem = self.problem
+        self.by: By | None = None
+        if drift.any():
+            self.by = "record" if drift[drifted.n_sessions :].any() else "session"
+        self.drifts = [own[: problem.n_tuning] - x[: problem.n_tuning] for own in each] if drift.any() else []
+        predictions, residuals, _ = problem.residuals(each)
+        directions = Directions(problem, each, predictions, spread=not records.widened)
+        lay = directions.layout
+        scale = lay.scale(sizes)
+        self.rows = scale[:, None] * directions.flat()
         self.left = _flat(residuals)
-        beside = directions.layout.size - problem.size
-        precision = np.concatenate([problem.prior_precision(), np.ones(beside)])
-        self.normal = Factored(self.rows @ self.rows.T + np.diag(precision + 1e-9))
+        precision = np.concatenate([problem.prior_precision(), np.ones(lay.size - problem.size)])
+        told, prior = self.rows @ self.rows.T, np.diag(precision + 1e-9)
+        self.normal = Factored(told + prior)
+        # Of noise more lines tell more, of drift they do not.
+        self.part, self.normal_of_all = part, self.normal if part == 1.0 else Factored(told / part + prior)
         # Where the fit was drawn away from the priors' middle to make up for what it lacks, it gains by going back.
-        self.strain = precision * np.concatenate([here, np.zeros(beside)])
-        self.strained = float(self.strain[: here.size] @ here)
+        here = lay.placed(drift) / scale
+        here[: x.size] = x
+        self.strain = precision * here
+        self.strained = float(self.strain @ here)
         self.of_left = self.rows @ self.left
         self.leaves = self._freed(self.left)
 
@@ -122,9 +151,18 @@ class Scan:
     def with_cause(self, effect: Effect) -> tuple[Hypothesis, Problem, FloatArray]:
         """The fit underneath with a cause at its start: both, their problem, and its unknowns."""
         both = Hypothesis((*self.effects, effect), self.motion)
-        problem = problem_for(self.nominal, self.records, both, self.apart)
+        problem = problem_for(self.nominal, self.records, both, self.apart, self.by)
         problem.share(self.problem)
         return both, problem, problem.start(self.warm)
+
+    def _each(self, x: FloatArray) -> FloatArray | list[FloatArray]:
+        """Unknowns of each group, drifted as in the fit underneath."""
+        if not self.drifts:
+            return x
+        each = [x.copy() for _ in self.drifts]
+        for own, drift in zip(each, self.drifts, strict=True):
+            own[: drift.size] += drift
+        return each
 
     def _freed(self, residual: FloatArray) -> float:
         """Squares of a residual, and of the priors, that the fit's unknowns cannot take up."""
@@ -133,7 +171,7 @@ class Scan:
 
     def _gain_at(self, problem: Problem, x: FloatArray) -> float:
         try:
-            residual = _flat(problem.residuals(x)[1])
+            residual = _flat(problem.residuals(self._each(x))[1])
         except (CutvibError, np.linalg.LinAlgError):
             return -np.inf
         return self.leaves - self._freed(residual) if np.isfinite(residual).all() else -np.inf
@@ -159,7 +197,7 @@ class Scan:
             for i, (k, name, r) in enumerate(problem.parameters):
                 if k == len(self.effects) and name in values:
                     x[problem.first_effect + i] = to_unknown(factor * values[name], r)
-            along, size, moved_by = self.change(problem, x)
+            along, size, moved_by, _ = self.change(problem, x)
             if moved_by <= SETTINGS.scan_in_proportion * self.left.size:
                 break
             factor *= np.sqrt(0.5 * SETTINGS.scan_in_proportion * self.left.size / moved_by)
@@ -183,7 +221,7 @@ class Scan:
         tried = [self.with_cause(e) for e in starts]
         changes = self._changes([(problem, x) for _, problem, x in tried])
         out = []
-        for (both, problem, x), (along, size, moved_by) in zip(tried, changes, strict=True):
+        for (both, problem, x), (along, size, moved_by, _) in zip(tried, changes, strict=True):
             stands, gain = 2.0 * along - size, along * abs(along) / size if size > 0.0 else along
             if moved_by <= SETTINGS.scan_nothing * self.left.size and gain != -np.inf:
                 gain = self._off_start(problem, x)
@@ -197,25 +235,22 @@ class Scan:
             moved = x.copy()
             moved[i] += SETTINGS.scan_nudge if x[i] + SETTINGS.scan_nudge <= 1.0 else -SETTINGS.scan_nudge
             there.append((problem, moved))
-        gains = (along**2 / size if size > 0.0 else along for along, size, _ in self._changes(there))
+        gains = (c.along**2 / c.squares if c.squares > 0.0 else c.along for c in self._changes(there))
         return max((gain for gain in gains if np.isfinite(gain)), default=-np.inf)
 
-    def change(self, problem: Problem, x: FloatArray) -> tuple[float, float, float]:
-        """
-        Of a change of the prediction, the directions of the fit's unknowns projected out: its product with the residual, minus
-        infinity where the model cannot take it; its squares; and those before the projection.
-        """
+    def change(self, problem: Problem, x: FloatArray) -> Change:
+        """Of the prediction at some unknowns, from that of the fit."""
         return self._changes([(problem, x)])[0]
 
-    def _changes(self, there: Sequence[tuple[Problem, FloatArray]]) -> list[tuple[float, float, float]]:
+    def _changes(self, there: Sequence[tuple[Problem, FloatArray]]) -> list[Change]:
         """The same of several, which are projected together: there are far more data than directions."""
-        found, out = [], [(-np.inf, 0.0, 0.0)] * len(there)
+        found, out = [], [Change(-np.inf, 0.0, 0.0, 0.0)] * len(there)
         for i, (problem, x) in enumerate(there):
             if (like := _most_alike([other for _, other in there[:i]], x)) is not None:
                 # Its slow poles are nearer than those without the cause.
                 problem.share(there[like][0])
             try:
-                change = self.left - _flat(problem.residuals(x)[1])
+                change = self.left - _flat(problem.residuals(self._each(x))[1])
             except (CutvibError, np.linalg.LinAlgError):
                 continue
             if np.isfinite(change).all():
@@ -227,7 +262,8 @@ class Scan:
                 pulled, whole = self.normal.solved(own), float(change @ change)
                 along = float(change @ self.left + pulled @ (self.strain - self.of_left))
                 size = whole - float(pulled @ own)
-                out[i] = (along, size, whole) if size > 0.0 else (0.0, 0.0, whole)
+                of_all = (whole - float(self.normal_of_all.solved(own) @ own) / self.part) / self.part
+                out[i] = Change(along, size, whole, of_all) if size > 0.0 else Change(0.0, 0.0, whole, 0.0)
         return out
 
 

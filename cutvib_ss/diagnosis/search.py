@@ -34,10 +34,11 @@ from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
+from cutvib_ss.diagnosis.small_sizes import SmallSize
 from cutvib_ss.diagnosis.unknown_search import unknown_by_level, unknown_elements
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
-from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.effects.base import Effect, Model, identifying_values
 from cutvib_ss.results import FloatArray
 
 
@@ -86,6 +87,7 @@ def search(
     first: Linear,
     leaves: Callable[[Ranked], float],
     against_stated: Callable[[Ranked], float],
+    sizes: Callable[[Fit], Sequence[Sequence[SmallSize]]],
     workers: Workers,
     pairs: bool = True,
     laws: bool = True,
@@ -137,6 +139,8 @@ def search(
         workers.say("fitting causes that act together")
         seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
         ranked += fit_pairs(nominal, records, ranked, seconds, motion, workers)
+    if not _gap(ranked, none):
+        ranked += _favoured(nominal, records, none.fit, ranked, sizes(none.fit), workers)
     left = not _enough(ranked, none, leaves)
     by_law = not _best(ranked, none).fit.hypothesis.linear
     # A restoring force that leaves nothing at any level needs no element that is the same at all.
@@ -152,6 +156,31 @@ def search(
         if dependent and left:
             ranked += unknown_by_level(nominal, records, few, observed, none, workers)
     return (none, *_once(ranked))
+
+
+def _favoured(
+    nominal: Model,
+    records: Records,
+    none: Fit,
+    ranked: Sequence[Ranked],
+    sizes: Sequence[Sequence[SmallSize]],
+    workers: Workers,
+) -> list[Ranked]:
+    """Causes for which the tuned model's residual speaks, to first order, and that few lines with a widened noise did not show."""
+    fitted = {_told_apart(r.fit.hypothesis.effects[0]) for r in ranked if r.refined}
+    best = [max(shapes, key=lambda s: s.evidence) for shapes in sizes]
+    missed = [s for s in best if s.evidence > 1.0 and _told_apart(s.run.effect) not in fitted]
+    # From where it hardly shows yet: at its estimate the tuning, which made up for the lack of it, would be far off.
+    weak = [np.copysign(s.std_of_all, s.estimate) / s.run.size(1.0) for s in missed]
+    hypotheses = [Hypothesis((s.run.at(severity),)) for s, severity in zip(missed, weak, strict=True)]
+    again = partial(refit, nominal, records, x=none.x, steps=SETTINGS.search_most_steps, near=none)
+    fits = workers.map(again, hypotheses)
+    return [Ranked(s.run.name, f, True) for s, f in zip(missed, fits, strict=True) if f is not None]
+
+
+def _told_apart(effect: Effect) -> tuple[object, ...]:
+    """Effect, place, and what is discrete and named of a cause."""
+    return effect.effect, effect.place, *identifying_values(effect)
 
 
 def _beside(none: Fit) -> Fit | None:

@@ -32,11 +32,12 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
 
 
 def to_unknown(value: float, r: Range) -> float:
-    """A parameter in the coordinate in which its prior is even, 0 to 1 over its range."""
+    """A parameter in the coordinate in which it is fitted, 0 to 1 over its range: its value or its logarithm."""
     if r.scale == "normal":
         return (value - r.low) / r.high
-    if r.scale == "log":
+    if r.scale in ("log", "ratio"):
         return float(np.log(value / r.low) / np.log(r.high / r.low))
+    # A size of either sign could not get past zero in the coordinate in which its prior is even.
     return (value - r.low) / (r.high - r.low)
 
 
@@ -44,7 +45,7 @@ def from_unknown(x: float, r: Range) -> tuple[float, float]:
     """A parameter from its coordinate, and its derivative."""
     if r.scale == "normal":
         return r.low + x * r.high, r.high
-    if r.scale == "log":
+    if r.scale in ("log", "ratio"):
         value = float(r.low * (r.high / r.low) ** x)
         return value, value * float(np.log(r.high / r.low))
     return r.low + x * (r.high - r.low), r.high - r.low

@@ -35,7 +35,7 @@ class AddedMass(PortElement):
     less = "{place} weighs less than the model has it"
     example: ClassVar[Mapping[str, float]] = {"mass": 0.3}
 
-    mass: float = parameter("kg", -0.3, 8.0, "linear", minimum=None)  # Mass [kg]; negative where the model has too much
+    mass: float = parameter("kg", -0.3, 8.0, "asinh", minimum=None)  # Mass [kg]; negative where the model has too much
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

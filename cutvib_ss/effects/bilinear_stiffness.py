@@ -27,7 +27,7 @@ class BilinearStiffness(LawElement):
     inspection = "look at {place} for a stop or a face that carries load in one direction only"
     scale_free: ClassVar[bool] = True
 
-    asymmetry: float = parameter("1", -0.95, 0.95, "linear", minimum=None)  # a, between -1 and 1
+    asymmetry: float = parameter("1", -0.95, 0.95, "asinh", minimum=None)  # a, between -1 and 1
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -21,7 +21,7 @@ class CalibrationError(ChainEffect):
     inspection = "calibrate {what} with its whole chain: sensor, cable, amplifier, the sensitivity that was typed in"
 
     channel: str  # Name of the channel, or ``"all"``
-    gain: float = parameter("1", 0.2, 5.0)  # Shown over true value
+    gain: float = parameter("1", 0.2, 5.0, "ratio")  # Shown over true value
     # Constant phase of the channel's instrument [rad]; positive where it leads
     phase: float = parameter("rad", -1.0, 1.0, "linear", minimum=None, default=0.0)
 

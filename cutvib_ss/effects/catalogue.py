@@ -193,8 +193,10 @@ def check_effect(kind: Any) -> None:
         r = f.metadata["range"]
         if not (math.isfinite(r.low) and math.isfinite(r.high) and r.low < r.high):
             raise ParameterError(f"{who}.{f.name}: its range {r.low:g} to {r.high:g} must be finite and not empty")
-        if r.scale not in ("log", "linear") or (r.scale == "log" and r.low <= 0.0):
-            raise ParameterError(f"{who}.{f.name}: a range on a {r.scale!r} scale must be above zero; or use 'linear'")
+        if r.scale not in ("log", "ratio", "linear", "asinh") or (r.scale in ("log", "ratio") and r.low <= 0.0):
+            raise ParameterError(
+                f"{who}.{f.name}: a range on a {r.scale!r} scale must be above zero; or use 'linear' or 'asinh'"
+            )
     for f in fields(kind):
         if "range" not in f.metadata and f.type in (float, "float") and f.default is MISSING:
             raise ParameterError(f"{who}.{f.name} has no range; write {f.name}: float = parameter(unit, low, high)")

@@ -21,7 +21,7 @@ class CrossAxis(ChainEffect):
     inspection = "check how the accelerometer on the tool is mounted and aligned, and its transverse sensitivity"
     example: ClassVar[Mapping[str, float]] = {"fraction": 0.1}
 
-    fraction: float = parameter("1", -1.0, 1.0, "linear", minimum=None)  # How much leaks
+    fraction: float = parameter("1", -1.0, 1.0, "asinh", minimum=None)  # How much leaks
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ class CubicStiffness(LawElement):
     inspection = "look at {place} for a contact that closes or opens under load, or a preload that is lost"
 
     # Cubic stiffness [N m/rad^3; N/m^3 at a port that is a displacement]
-    stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "linear", minimum=None)
+    stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "asinh", minimum=None)
 
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:

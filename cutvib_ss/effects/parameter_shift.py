@@ -40,7 +40,7 @@ class ParameterShift(Effect):
     inspection = "measure {what} by itself; look for wear, a loose bolt or a changed part at {place}"
 
     parameter: str  # Name of the parameter, as in machine.toml
-    factor: float = fitted("1", 0.05, 20.0)  # Actual over nominal value
+    factor: float = fitted("1", 0.05, 20.0, "ratio")  # Actual over nominal value
 
     @classmethod
     def choices(cls, model: Model) -> tuple[tuple[str, str], ...]:

@@ -5,7 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from scipy import special
+
+from cutvib_ss.results import FloatArray
+
+Scale: TypeAlias = Literal["log", "linear", "asinh", "ratio", "normal"]
+"""
+In what a prior is even.
+
+``"log"``: the logarithm; ``"linear"``: the value; ``"asinh"``: asinh(value/width), the logarithm on either side of zero;
+``"ratio"``: the same of the value's logarithm, on either side of one. The width is `SMALLEST` of the larger end. ``"normal"``: not
+even, but normal with mean `Range.low` and standard deviation `Range.high`.
+"""
+
+SMALLEST = 1e-3
+"""Of the largest size, below which one of either sign is as good as none: three decades, as ranges of logarithms have at least."""
+
+_CELLS = 400
+"""Of a range in the coordinate in which its prior is even, over which a mean density is summed."""
 
 
 @dataclass(frozen=True)
@@ -15,16 +35,37 @@ class Range:
     unit: str  # SI unit
     low: float  # Range that an engineer would believe: the prior of the diagnosis, not a limit of `Effect.apply`
     high: float
-    # Whether the prior is even in the logarithm or in the value, or normal: mean ``low``, standard deviation ``high``
-    scale: Literal["log", "linear", "normal"] = "log"
+    scale: Scale = "log"
     minimum: float | None = 0.0  # Smallest value that makes sense at all
     limits: bool = False  # Whether the ends stand for limits, as free and clamped do, beyond which nothing changes
 
     def at(self, part: float) -> float:
         """The value at a part of the range, 0 to 1, in the coordinate in which the prior is even."""
+        return float(self._at(np.array(part)))
+
+    def _at(self, part: FloatArray) -> FloatArray:
         if self.scale == "log":
-            return float(self.low * (self.high / self.low) ** part)
-        return self.low + part * (self.high - self.low)
+            return np.asarray(self.low * (self.high / self.low) ** part)
+        if self.scale == "asinh":
+            return _on_either_side(self.low, self.high, part)
+        if self.scale == "ratio":
+            return np.exp(_on_either_side(math.log(self.low), math.log(self.high), part))
+        return np.asarray(self.low + part * (self.high - self.low))
+
+    def density(self, mean: float, std: float) -> float:
+        """Prior density of the value [1/unit], in the mean over a normal distribution: what a measurement of it knows."""
+        if self.scale == "normal":
+            spread = math.hypot(self.high, std)
+            return math.exp(-0.5 * ((mean - self.low) / spread) ** 2) / (math.sqrt(2.0 * math.pi) * spread)
+        ends = self._at(np.linspace(0.0, 1.0, _CELLS + 1))
+        inside = np.diff(special.ndtr((ends - mean) / std))
+        return float(np.sum(inside / (_CELLS * np.diff(ends))))
+
+
+def _on_either_side(low: float, high: float, part: FloatArray) -> FloatArray:
+    width = SMALLEST * max(abs(low), abs(high))
+    ends = np.arcsinh(low / width), np.arcsinh(high / width)
+    return np.asarray(width * np.sinh(ends[0] + part * (ends[1] - ends[0])))
 
 
 @dataclass(frozen=True)
@@ -62,9 +103,7 @@ class Measured:
     motions: Mapping[str, Motion] = field(default_factory=dict)  # Motion of each port, where it is known
 
 
-def parameter(
-    unit: str, low: float, high: float, scale: Literal["log", "linear", "normal"] = "log", **more: Any
-) -> Any:
+def parameter(unit: str, low: float, high: float, scale: Scale = "log", **more: Any) -> Any:
     """A dataclass field that is a fitted parameter of an effect."""
     default = more.pop("default", MISSING)
     meta = {"range": Range(unit, low, high, scale, **more)}

@@ -36,7 +36,7 @@ class ToolContact(ObliqueElement):
     example: ClassVar[Mapping[str, float]] = {"stiffness": 2e4, "damping": 10.0}
 
     # Stiffness [N/m]; negative where the model has too much
-    stiffness: float = parameter("N/m", 0.0, 1e6, "linear", minimum=None)
+    stiffness: float = parameter("N/m", 0.0, 1e6, "asinh", minimum=None)
     damping: float = parameter("N s/m", 0.0, 300.0, "linear", default=0.0)  # Damping [N s/m]
     # Direction from X toward Z on the cutting machine [rad]
     angle: float = parameter("rad", 0.0, OBLIQUE, "normal", default=0.0, minimum=None)

@@ -21,7 +21,7 @@ class WindowDamping(ChainEffect):
     inspection = "look in the analyser's settings for an exponential window on force and response"
     example: ClassVar[Mapping[str, float]] = {"decay_rate": 5.0}
 
-    decay_rate: float = parameter("1/s", 0.0, 100.0, "linear")  # σ of the window on force and response [1/s]
+    decay_rate: float = parameter("1/s", 0.0, 100.0, "asinh")  # σ of the window on force and response [1/s]
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:

@@ -96,8 +96,8 @@ def test_probabilities_come_true():
         elif kind == 2:
             values = {n: r.at(rng.uniform()) for n, r in contact.items()}
         records = drawn(rng, **values)
-        masses = [(AddedMass("tip", mass.at(u)),) for u in (0.45, 0.55, 0.8)]
-        contacts = [(ToolContact("tip", *(r.at(u) for r in contact.values())),) for u in (0.2, 0.5, 0.8)]
+        masses = [(AddedMass("tip", mass.at(u)),) for u in (0.4, 0.6, 0.8, 0.95)]
+        contacts = [(ToolContact("tip", *(r.at(u) for r in contact.values())),) for u in (0.2, 0.5, 0.8, 0.95)]
         evidence = np.array([best(model, records, starts).log_evidence for starts in ([()], masses, contacts)])
         p = np.exp(evidence - evidence.max())
         p /= p.sum()

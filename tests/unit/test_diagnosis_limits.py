@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.observations import observe
@@ -14,6 +14,7 @@ from cutvib_ss.diagnosis.posterior import Counts
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.result import Limit
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.small_sizes import small_sizes
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.model.machine import published_machine
@@ -45,10 +46,14 @@ def measured(noise: float, mass: float = 0.0) -> tuple[Records, object]:
     return Records(observed.entries), observed
 
 
+def limits_of(accepted: Fit, records: Records, observed: object) -> dict[tuple[str, str], Limit]:
+    sizes = small_sizes(MACHINE, accepted, records, observed)
+    return {(x.effect, x.place): x for x in limits(MACHINE, accepted, sizes, COUNTS)}
+
+
 def table(noise: float) -> dict[tuple[str, str], Limit]:
     records, observed = measured(noise)
-    accepted = fit(MACHINE, records, Hypothesis())
-    return {(x.effect, x.place): x for x in limits(MACHINE, accepted, records, observed, COUNTS)}
+    return limits_of(fit(MACHINE, records, Hypothesis()), records, observed)
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +84,8 @@ def test_added_mass_is_bounded_as_by_the_profile_likelihood(found: dict[tuple[st
 def test_the_bound_contains_a_mass_that_is_there() -> None:
     mass = 0.0174
     records, observed = measured(3e-3, mass)
-    accepted = fit(MACHINE, records, Hypothesis())
-    allowed = {(x.effect, x.place): x.allowed for x in limits(MACHINE, accepted, records, observed, COUNTS)}
-    assert mass < allowed["added_mass", "tool"] < 3.0 * mass
+    allowed = limits_of(fit(MACHINE, records, Hypothesis()), records, observed)["added_mass", "tool"].allowed
+    assert mass < allowed < 3.0 * mass
 
 
 def test_a_mass_is_named_from_what_is_visible(found: dict[tuple[str, str], Limit]) -> None:
@@ -116,8 +120,8 @@ def test_limits_state_stiffnesses_from_below_and_all_are_finite(found: dict[tupl
 def test_a_cause_that_was_named_has_no_limit() -> None:
     records, observed = measured(3e-3, 0.5)
     accepted = fit(MACHINE, records, Hypothesis((AddedMass("tool", 0.4),)))
-    beside = {(x.effect, x.place) for x in limits(MACHINE, accepted, records, observed, COUNTS)}
+    beside = limits_of(accepted, records, observed)
     assert ("added_mass", "tool") not in beside
     assert ("guide_compliance", "head_base") in beside
     several = replace(accepted, hypothesis=Hypothesis((AddedMass("tool", 0.4), AddedMass("head", 0.1))))
-    assert limits(MACHINE, several, records, observed, COUNTS) == ()
+    assert not limits_of(several, records, observed)

@@ -57,7 +57,9 @@ def searched(folder: Path, ripple: float) -> tuple[float, float, set[str]]:
     observed, workers = observe(measured, measured.machine), Workers(1)
     with threadpool_limits(1):
         linear = search_linear(measured.machine, Records(observed.entries), observed, workers)
-        ranked = search(measured.machine, observed, linear, lambda r: r.reduced, lambda r: r.reduced, workers)
+        ranked = search(
+            measured.machine, observed, linear, lambda r: r.reduced, lambda r: r.reduced, lambda f: (), workers
+        )
     none = ranked[0]
     return none.reduced, none.fit.correlation, {r.fit.hypothesis.effect for r in ranked if r.refined}
 

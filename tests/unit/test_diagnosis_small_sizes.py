@@ -1,0 +1,93 @@
+"""Sizes of causes beside a fit, and the evidence of those that are too small to be seen."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import integrate
+
+from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.hypotheses import candidates
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.diagnosis.posterior import that_may_hide
+from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.scan import Scan
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.small_sizes import small_sizes
+from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.prior import Range
+from tests.unit.test_diagnosis_drift import CHANNELS, FREQ, campaign
+from tests.unit.test_diagnosis_drift import MACHINE as DRIFTING
+from tests.unit.test_diagnosis_limits import COUNTS, MACHINE, measured
+
+
+@pytest.mark.parametrize("scale", ["log", "linear", "asinh", "ratio"])
+def test_a_density_is_that_of_values_drawn_from_the_prior(scale: str) -> None:
+    bounds = Range("kg", 0.01 if scale in ("log", "ratio") else -0.3, 8.0, scale)
+    drawn = np.array([bounds.at(u) for u in (np.arange(200_000) + 0.5) / 200_000])
+    for mean, std in ((0.05, 0.02), (0.002, 0.05), (3.0, 0.01), (3.0, 1.0)):
+        normal = np.exp(-0.5 * ((drawn - mean) / std) ** 2) / (np.sqrt(2.0 * np.pi) * std)
+        assert bounds.density(mean, std) == pytest.approx(normal.mean(), rel=0.02)
+
+
+def test_a_size_of_either_sign_is_even_in_its_logarithm() -> None:
+    bounds = Range("kg", -8.0, 8.0, "asinh")
+    each = [np.mean([low < abs(bounds.at(u)) < 10.0 * low for u in np.linspace(0, 1, 4001)]) for low in (0.08, 0.8)]
+    assert each[0] == pytest.approx(each[1], rel=0.02)
+    normal = Range("rad", 0.0, 0.3, "normal")
+    assert normal.density(0.0, 0.4) == pytest.approx(1.0 / (np.sqrt(2.0 * np.pi) * 0.5))
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.03])
+def test_evidence_is_the_integral_over_the_prior_of_the_size(mass: float) -> None:
+    records, observed = measured(3e-3, mass)
+    bounds = AddedMass.ranges(MACHINE, "tool")["mass"]
+    none, named = fit(MACHINE, records, Hypothesis()), fit(MACHINE, records, Hypothesis((AddedMass("tool", 0.02),)))
+    m = named.hypothesis.effects[0].mass
+    std = named.stds["0.mass"]
+
+    def likelihood(x: float) -> float:
+        """Of a mass beside that of none, all that the fit may move being fitted anew."""
+        return float(
+            np.exp(fit(AddedMass("tool", x).apply(MACHINE), records, Hypothesis()).log_evidence - named.log_evidence)
+        )
+
+    inside = np.unique(np.clip(m + std * np.linspace(-4.0, 4.0, 25), bounds.low, bounds.high))
+    weight = [likelihood(x) * bounds.density(x, 1e-9 + 1e-3 * std) for x in inside]
+    assert np.log(integrate.trapezoid(weight, inside)) == pytest.approx(0.0, abs=0.35)
+    if mass == 0.0:
+        # To first order, on some of the lines, it is the same.
+        (size,) = next(s for s in small_sizes(MACHINE, none, records, observed) if s[0].cause == ("added_mass", "tool"))
+        assert np.log(size.evidence) == pytest.approx(named.log_evidence - none.log_evidence, abs=0.7)
+
+
+def test_drift_passes_for_no_cause(tmp_path: Path) -> None:
+    found = campaign(tmp_path, {"a": (0.2, 0.6), "b": (0.35, 0.7), "c": (0.5, 0.8)}, seed=4, noise_level=3e-4)
+    records = Records(observe(found, DRIFTING).entries)
+    none = fit(DRIFTING, records, Hypothesis())
+    assert none.reduced < SETTINGS.search_enough
+    scan = Scan(DRIFTING, records, none.hypothesis, none.x, {}, apart=False)
+    assert scan.by == "session"
+    gains = [max(g for _, g in scan.each(c.starts)) for c in candidates(DRIFTING, (FREQ[0], FREQ[-1]), CHANNELS)]
+    # χ² of up to four parameters, the largest of forty.
+    assert max(gains) < 25.0
+
+
+def test_what_may_hide_has_its_share_of_the_prior() -> None:
+    odds = {"none": 0.9, "added_mass tool": 0.06, "unknown": 0.04}
+    known = {("added_mass", "tool"): 0.06}
+    evidence = {
+        ("added_mass", "tool"): 1.0,
+        ("added_mass", "head"): 0.5,
+        ("rail_shear", "rail"): 1e-9,
+        ("cross_axis", "m"): 50.0,
+    }
+    left, hidden = that_may_hide(odds, "none", known, evidence, COUNTS)
+    assert sum(left.values()) + sum(hidden.values()) == pytest.approx(1.0)
+    ratio = SETTINGS.priors["known"] / COUNTS.known / SETTINGS.priors["none"]
+    assert hidden["added_mass", "head"] / left["none"] == pytest.approx(0.5 * ratio)
+    # More than its fit has it does not have; a score alone names nothing.
+    assert hidden["added_mass", "tool"] == 0.0
+    assert hidden["cross_axis", "m"] / left["none"] == pytest.approx(ratio)
+    assert hidden["rail_shear", "rail"] < 1e-10
