@@ -96,8 +96,10 @@ def search(
     records, few, none, ranked, linear, alone, leads = first
     by_level = level_stands_out(records, none.fit.model)
     if by_level:
+        # Levels of one session that differ since the machine moved between them would pass for a cause that depends on the level.
         records = replace(records, moving=True)
-        none, ranked = _moving(nominal, records, none, ranked, workers)
+        workers.say("following the machine from record to record")
+        none = _followed(nominal, records, none)
     # Drift from record to record may take all up that a restoring force does.
     ordered = by_level and chance_of_order(none.fit.spread, records) < SETTINGS.level_drift
     # Or drift from session to session does, where each has a level of its own.
@@ -108,6 +110,10 @@ def search(
     small = none.reduced < SETTINGS.search_small
     error = 0.0 if small else SETTINGS.search_coarse_error
     outlook = records.for_laws(SETTINGS.search_coarse_lines, error) if laws else None
+    # Laws first, where they are tried in any case: what they reach the linear causes have to come up to.
+    later = by_level and outlook is not None and none.reduced > SETTINGS.search_enough
+    unfollowed = ranked if later else []
+    ranked = [] if later else _moving(nominal, records, none, ranked, workers) if by_level else ranked
     compared = levels_compared(records, none.fit.model)
     likely = _gap(ranked, none) and (by_level or not compared or not _enough(ranked, none, leaves))
     if outlook is not None and (likely or ordered):
@@ -129,6 +135,8 @@ def search(
             SETTINGS.search_laws_refined,
         )
         ranked = _by_their_names(nominal, records, ranked)
+    if later:
+        ranked += _moving(nominal, records, _best(ranked, none), unfollowed, workers)
     if (
         pairs
         and _gap(ranked, none)
@@ -215,21 +223,27 @@ def _once(ranked: Sequence[Ranked]) -> tuple[Ranked, ...]:
 
 
 def _moving(
-    nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked], workers: Workers
-) -> tuple[Ranked, list[Ranked]]:
-    """The model without a cause and the best linear causes, fitted to every record by itself."""
-    # Levels of one session that differ since the machine moved between them would pass for a cause that depends on the level.
-    workers.say("following the machine from record to record")
+    nominal: Model, records: Records, reached: Ranked, ranked: Sequence[Ranked], workers: Workers
+) -> list[Ranked]:
+    """The best linear causes fitted to every record by itself, as long as they lead to what another hypothesis has reached."""
+    workers.say("following linear causes from record to record")
     best = sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[: SETTINGS.search_moving]
-    first = workers.map(partial(_followed, nominal, records), [none, *best[:1]])
+    # Beside a law few steps tell whether a linear cause leads there, beside drift alone it may take many.
+    alone = reached.fit.hypothesis.linear
+    steps = SETTINGS.search_most_steps if alone else SETTINGS.search_later_steps
+    rival, again = np.inf if alone else reached.fit.objective, []
     # What the best reaches the others have to come up to.
-    rival = min(r.fit.objective for r in first)
-    again = [*first, *workers.map(partial(_followed, nominal, records, rival=rival), best[1:])]
-    return again[0], [*again[1:], *(r for r in ranked if r not in best)]
+    for some_of in (slice(1), slice(1, None)):
+        follow = partial(_followed, nominal, records, steps=steps, rival=rival)
+        again += workers.map(follow, best[some_of])
+        rival = min([reached.fit.objective, *(r.fit.objective for r in again)])
+    return [*again, *(r for r in ranked if r not in best)]
 
 
-def _followed(nominal: Model, records: Records, r: Ranked, rival: float = np.inf) -> Ranked:
-    again = refit(nominal, records, r.fit.hypothesis, r.fit.x, SETTINGS.search_most_steps, near=r.fit, rival=rival)
+def _followed(
+    nominal: Model, records: Records, r: Ranked, steps: int = SETTINGS.search_most_steps, rival: float = np.inf
+) -> Ranked:
+    again = refit(nominal, records, r.fit.hypothesis, r.fit.x, steps, near=r.fit, rival=rival)
     return r if again is None else replace(r, fit=again)
 
 
