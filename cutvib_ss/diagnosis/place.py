@@ -2,7 +2,8 @@
 The place of a gap without a hypothesis: the one whose unknown dynamic stiffnesses explain the records best.
 
 Every way in which a place can be at fault is fitted with the tuning around it (`cutvib_ss.diagnosis.projection`), from the model as
-given and as re-tuned, for tuning without the element may have absorbed part of it. What counts is what the functions leave for
+re-tuned and, unless that leaves many times the least of any, as given, for tuning without the element may have absorbed part of it.
+What counts is what the functions leave for
 each degree of freedom, and how well they do at positions that they were not fitted to: a place does not win by freedom.
 
 Where the response changes with the level there are two views, which count alike. In one every record has functions of its own: what
@@ -27,7 +28,7 @@ from cutvib_ss.diagnosis.projection import Free, Outer
 from cutvib_ss.diagnosis.records import Entry, Group, merged
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_stiffness import Rows, fitted_functions, rows_of, smoothing_cost, squares_left
-from cutvib_ss.diagnosis.variants import variants
+from cutvib_ss.diagnosis.variants import Variant, variants
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FloatArray
 from cutvib_ss.results.arrays import optional_array
@@ -67,8 +68,12 @@ def locate(nominal: Model, none: Fit, entries: Sequence[Entry], blow_at: float, 
     against: dict[str, float] = {}
     for rows, by_record, weight in views:
         outer = Outer(nominal, rows)
-        for place, found in _by_place(outer, nominal, channels, none.x, by_level).items():
-            fits = [outer.climb(free, SETTINGS.place_climbs) for free in found[: SETTINGS.place_climbed]]
+        by_place = _by_place(outer, nominal, channels, none.x, by_level)
+        far = SETTINGS.place_far * min(_left(outer, found[0]) for found in by_place.values())
+        for place, found in by_place.items():
+            # What leaves many times the best is judged as its first step found it: no further ones make up for that.
+            near = [free for free in found[: SETTINGS.place_climbed] if _left(outer, free) < far]
+            fits = [outer.climb(free, SETTINGS.place_climbs) for free in near] or found[:1]
             judged = [(*_judged(outer, free, by_record), free) for free in fits]
             evidence, left, free = min(judged, key=lambda row: row[0])
             against[place] = against.get(place, 0.0) + weight * evidence
@@ -121,26 +126,33 @@ def _levels(g: Group) -> tuple[FloatArray, np.ndarray]:
 def _by_place(
     outer: Outer, nominal: Model, channels: Sequence[str], tuned: FloatArray, by_level: bool
 ) -> dict[str, list[Free]]:
-    """Each place's variants of a fault after a first step, from either tuning, best first."""
+    """Each place's variants of a fault after a first step from the re-tuned model, the near ones also from that as given."""
+    # With a gain of its own in every record a lone channel shows anything.
+    lone = by_level and len(channels) < 2
+    tried = [v for v in variants(nominal, channels) if not (lone and v.place == "measurement")]
+    found = [_first_step(outer, v, tuned) for v in tried]
+    far = SETTINGS.place_far * min(_left(outer, f) for f in found)
+    found += [_first_step(outer, f.variant, np.zeros(tuned.size)) for f in found if _left(outer, f) < far]
     out: dict[str, list[Free]] = {}
-    for variant in variants(nominal, channels):
-        # With a gain of its own in every record a lone channel shows anything.
-        if by_level and variant.place == "measurement" and len(channels) < 2:
-            continue
-        for x in (np.zeros(tuned.size), tuned):
-            starts = [outer.at(variant, x, shape) for shape in variant.starts or (0.0,)]
-            free = outer.climb(min(starts, key=lambda f: f.objective), 1)
-            out.setdefault(variant.place, []).append(free)
-    return {place: sorted(found, key=lambda f: f.objective / _freedom(outer, f)) for place, found in out.items()}
+    for free in sorted(found, key=lambda f: _left(outer, f)):
+        out.setdefault(free.variant.place, []).append(free)
+    # In the order of the catalogue.
+    return {v.place: out[v.place] for v in tried}
 
 
-def _freedom(outer: Outer, free: Free) -> float:
-    """Real data less real unknowns."""
+def _first_step(outer: Outer, variant: Variant, x: FloatArray) -> Free:
+    """A variant after one step from a tuning, from the best of its shapes."""
+    starts = [outer.at(variant, x, shape) for shape in variant.starts or (0.0,)]
+    return outer.climb(min(starts, key=lambda f: f.objective), 1)
+
+
+def _left(outer: Outer, free: Free) -> float:
+    """Objective for each of the real data beyond the real unknowns."""
     count = sum(
         r.group.data.size - r.count * r.group.freq.size * f.shape[1]
         for r, f in zip(outer.rows, free.functions, strict=True)
     )
-    return 2.0 * float(max(count, 1))
+    return free.objective / (2.0 * float(max(count, 1)))
 
 
 def _judged(outer: Outer, free: Free, by_record: bool) -> tuple[float, float]:

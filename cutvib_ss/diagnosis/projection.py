@@ -167,14 +167,19 @@ def _residual_rows(
     scale = np.sqrt(rows.weight)
     stack = np.nan_to_num(np.array([*outer, left]) * scale)
     own = np.nan_to_num(inner * scale)
-    lines = rows.group.freq.size
     total = np.zeros((len(stack), len(stack)))
-    for k in range(rows.count):
-        mine = rows.sets == k
-        a = stack[:, mine].transpose(3, 1, 2, 0).reshape(lines, -1, len(stack))
-        b = own[:, mine].transpose(3, 1, 2, 0).reshape(lines, -1, len(own))
+    sizes = np.bincount(rows.sets)
+    # Sets of as many rows are treated together: (set and line, response, column).
+    for size in np.unique(sizes):
+        mine = np.array([np.flatnonzero(rows.sets == k) for k in np.flatnonzero(sizes == size)])
+        a, b = (_by_line(part[:, mine]) for part in (stack, own))
         q, _ = np.linalg.qr(b)
-        a = (a - q @ (q.conj().swapaxes(1, 2) @ a)).reshape(-1, len(stack))
-        flat = np.concatenate([a.real, a.imag])
-        total += 2.0 * (flat.T @ flat)
+        flat = (a - q @ (q.conj().swapaxes(1, 2) @ a)).reshape(-1, len(stack))
+        total += 2.0 * (flat.conj().T @ flat).real
     return total[:-1, :-1], total[:-1, -1]
+
+
+def _by_line(columns: ComplexArray) -> ComplexArray:
+    """Columns of (column, set, row, channel, line) as a matrix for each set and line."""
+    count, sets, rows, channels, lines = columns.shape
+    return columns.transpose(1, 4, 2, 3, 0).reshape(sets * lines, rows * channels, count)

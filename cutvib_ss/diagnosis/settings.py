@@ -353,6 +353,9 @@ class Settings:
     place_lines: int = _of(60, "lines", "Of a group, on which places are compared", "longer", _TIME)
     place_climbed: int = _of(2, "variants", "Of each place, fitted with all steps", "longer", _TIME)
     place_climbs: int = _of(4, "steps", "Of the tuning", "longer", _TIME)
+    place_far: float = _of(10.0, "mean square",
+        "Left by a variant after its first step, over the least of any, from which it takes no more", "longer",
+        "further steps took away less than half of it, of restoring forces in simulated machines")
     place_folds: int = _of(3, "folds", "In which positions are left out", "longer", _STATISTICS)
     place_sharpness: float = _of(0.2, "1", "Weight of a datum's evidence: lines of one resonance repeat each other",
         "surer places", _SIMULATED + ", one in three of a law outside the catalogue")
