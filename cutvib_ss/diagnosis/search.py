@@ -345,7 +345,10 @@ def _rough(
     firsts += workers.map(partial(start, rival=rival), [ordered[i][0] for i in kept[1:]])
     # What the best reaches from its first start they have to come up to from the others.
     rival = min((f.objective for f in firsts if f is not None), default=np.inf)
-    fits = workers.map(partial(_scouted, nominal, few, rival=rival), [ordered[i] for i in kept], firsts)
+    # Where the level stands out, no start of a linear cause leaves nothing: those that are far behind take no more.
+    most = rival + SETTINGS.search_far if level_stands_out(records, none.fit.model) else np.inf
+    scouted = partial(_scouted, nominal, few, rival=rival, most=most)
+    fits = workers.map(scouted, [ordered[i] for i in kept], firsts)
     pairs = [(found[i], f) for i, f in zip(kept, fits, strict=True) if f is not None]
     return sorted(pairs, key=lambda pair: cost(pair[1]))
 
@@ -358,12 +361,15 @@ def _tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:
     return any(path in strained for carried in moved.values() for path, _ in carried)
 
 
-def _scouted(nominal: Model, few: Records, starts: Sequence[Effect], first: Fit | None, rival: float) -> Fit | None:
+def _scouted(
+    nominal: Model, few: Records, starts: Sequence[Effect], first: Fit | None, rival: float, most: float
+) -> Fit | None:
     """A candidate from the best of its starts, which are in order of promise; None where the model takes none."""
     tries: list[Fit] = [] if first is None else [first]
     for k, e in enumerate(starts[1 : SETTINGS.search_starts_most], 1):
         left = min((f.reduced for f in tries), default=np.inf)
-        if k >= SETTINGS.search_starts_climbed and left < SETTINGS.search_enough:
+        far = min((f.objective for f in tries), default=np.inf) > most
+        if k >= SETTINGS.search_starts_climbed and (left < SETTINGS.search_enough or far):
             # Far from the truth first order tells little of which start is best; these leave nothing beside the widened noise.
             break
         if (f := _from_start(nominal, few, e, rival)) is not None:
