@@ -114,7 +114,7 @@ class _HeldOutRules:
             self.without_what_may_be_nothing(r, r.fit)
         elif known and r.fit.corrected.of_no_size and self.without_what_may_be_nothing(r, r.fit.corrected, 0.5):
             # With its discrepancy it is something, without it nothing: either there is no cause, or one that nothing here has.
-            self.odds[r.name] = 0.0
+            self.without_what_is_only_its_error(r)
         if self.bare and (known or kind_of(r.fit.hypothesis) == UNKNOWN):
             self.by_both_leads(r, self.bare)
         if kind_of(r.fit.hypothesis) == UNKNOWN:
@@ -144,9 +144,7 @@ class _HeldOutRules:
 
     def without_what_may_be_nothing(self, r: Ranked, fit: Fit, part: float = 1.0) -> bool:
         """Pass on the probability of causes of which one may be nothing in a fit, unless it is there: the rest is discrepancy."""
-        certain = [e for e in fit.hypothesis.effects if e not in fit.of_no_size]
-        causes = Hypothesis(tuple(certain)).causes
-        less = _best(x for x in self.fitted if x.fit.hypothesis.causes == causes)
+        less = self.with_what_is_there(fit)
         # The strength and the stiffness of a restoring force are known along a ridge that does not pass through nothing: there its
         # deviation says little, and what it predicts of other records decides.
         if less is not None:
@@ -155,6 +153,19 @@ class _HeldOutRules:
                 return False
             _give(self.odds, r, less, part)
         return True
+
+    def with_what_is_there(self, fit: Fit) -> Ranked | None:
+        """The best hypothesis of those causes of which a fit holds that they are there."""
+        certain = Hypothesis(tuple(e for e in fit.hypothesis.effects if e not in fit.of_no_size))
+        return _best(x for x in self.fitted if x.fit.hypothesis.causes == certain.causes)
+
+    def without_what_is_only_its_error(self, r: Ranked) -> None:
+        """Pass on the probability of causes of which one is nothing without its discrepancy; a single one is something unknown."""
+        less = self.with_what_is_there(r.fit.corrected)
+        if less is None or not less.fit.hypothesis.effects:
+            self.odds[r.name] = 0.0
+        else:
+            _give(self.odds, r, less if self.is_enough(less, r) else self.beside_something(less))
 
     def by_both_leads(self, r: Ranked, simpler: Ranked) -> None:
         """Share the probability of a hypothesis with a simpler one that predicts held-out records better."""
@@ -207,15 +218,22 @@ class _HeldOutRules:
         # more than noise (`of_known_form`).
         _give(self.odds, both, first if self.closed(first, both) > 0.5 else unknown)
 
+    def is_enough(self, first: Ranked, both: Ranked) -> bool:
+        """Whether the first of two causes alone closes all but a few percent of the excess."""
+        return self.closed(first, both) >= SETTINGS.verdict_closed
+
+    def beside_something(self, first: Ranked) -> Ranked:
+        """A cause beside something unknown; alone, if no such fit is at hand."""
+        beside = [x for x in self.fitted if x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
+        return _best(x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN) or first
+
     def second_is_not_proven(self, both: Ranked, first: Ranked) -> None:
         """Pass on the probability of two known causes that leave more than noise."""
-        # What the form of a first cause leaves is structured: of many second causes some takes a part of it away. The first cause
-        # alone is the answer where it closes all but a few percent, and else the first beside something unknown.
-        if self.closed(first, both) >= SETTINGS.verdict_closed:
+        # What the form of a first cause leaves is structured: of many second causes some takes a part of it away.
+        if self.is_enough(first, both):
             _give(self.odds, both, first)
             return
-        beside = [x for x in self.fitted if x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
-        target = _best(x for x in beside if x.fit.hypothesis.causes[-1][0] == UNKNOWN) or first
+        target = self.beside_something(first)
         # If the second predicts more than something unknown does, its kind is right and its form is not known: it keeps what such
         # an answer keeps (`of_known_form`).
         better = self.held(both).log_density > self.held(target).log_density

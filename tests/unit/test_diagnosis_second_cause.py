@@ -155,6 +155,18 @@ def test_a_cause_that_is_nothing_without_its_discrepancy_is_not_named() -> None:
     assert got["none"] == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize(("closed", "named"), [(0.99, "main"), (0.8, "beside")])
+def test_the_second_of_two_causes_that_is_nothing_without_its_discrepancy_leaves_the_first(closed: float, named: str) -> None:
+    only_error = Ranked("both", cast(Fit, replace(cast(OnlyEvidence, BOTH.fit), nothing_when_used=(CUBIC,))), True)
+    seen = held(none=TUNED, main=Leaves(squares=1.0 - closed), both=Leaves(), beside=Leaves())
+    found = judged_on_held_out([NONE, MAIN, OTHER, only_error, BESIDE], ODDS, seen, 1.0)
+    # Half of it goes to the first cause in any case; the shape that the residual has is not the second's.
+    assert found["both"] == 0.0
+    assert found[named] == pytest.approx({"main": 0.98, "beside": 0.495}[named])
+    # The first cause is there either way: nothing of it is left to something unknown alone.
+    assert sum(found.values()) == pytest.approx(1.0)
+
+
 def test_a_second_cause_that_predicts_more_than_something_unknown_is_named_and_not_sure() -> None:
     seen = held(
         none=TUNED,
