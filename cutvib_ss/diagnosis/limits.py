@@ -5,7 +5,8 @@ Estimates û and standard deviations s of the size of each are `small_sizes`.
 
 *Allowed.* With an even prior on u ≥ 0 the posterior is a normal one cut off at zero; the bound b leaves 5 % of it:
 Φ((b - û)/s) = 1 - 0.05 Φ(û/s). An added mass has this bound too, though a fit may take mass away: it says how much may have been
-added. Of a cause that has either sign alike (a delay) the bounds are the pair û ± 1.96 s.
+added. Of a cause that has either sign alike (a delay) the bounds are the pair û ± 1.96 s, and of a factor (a shifted value, a gain)
+the exponential of that.
 
 *Visible.* In half of repetitions at a true size u the cause gains at least χ² = u²/s². Its evidence beside the accepted answer is
 exp(u²/2s²) times the Occam factor √(2π) s p(u), p the prior density of its size, and it starts behind by the ratio of the priors.
@@ -30,15 +31,15 @@ from cutvib_ss.effects.base import Model, Range
 
 
 def limits(nominal: Model, accepted: Fit, sizes: Sequence[Sequence[SmallSize]], counts: Counts) -> tuple[Limit, ...]:
-    """Limits of the linear causes that end in nothing, of those whose sizes beside the accepted answer are known."""
+    """Limits of the linear causes whose sizes beside the accepted answer are known."""
     behind = _behind(bool(accepted.hypothesis.effects), counts)
-    out: dict[tuple[str, str], Limit] = {}
+    out: dict[tuple[str, ...], Limit] = {}
     for shapes in sizes:
-        end, cause = shapes[0].run.weak_end, shapes[0].cause
-        if end in ("zero", "infinity"):
-            # The weakest statement holds for all of them; variants of a cause are one.
-            before = [out[cause]] if cause in out else []
-            out[cause] = _weakest([*before, *(_limit(nominal, s, behind) for s in shapes)], end)
+        run = shapes[0].run
+        # The weakest statement holds for all of them; variants of a cause are one, unless the size of each has a name.
+        key = (*shapes[0].cause, run.effect.size_name)
+        before = [out[key]] if key in out else []
+        out[key] = _weakest([*before, *(_limit(nominal, s, behind) for s in shapes)], run.weak_end)
     return tuple(out.values())
 
 
@@ -53,6 +54,8 @@ def _behind(beside_one: bool, counts: Counts) -> float:
 
 
 def _weakest(found: Sequence[Limit], end: str) -> Limit:
+    if end == "one":
+        return max(found, key=lambda x: np.abs(np.log(x.allowed)).max())
     pick = min if end == "infinity" else max
     return pick(found, key=lambda x: np.abs(x.allowed).max())
 
@@ -60,18 +63,20 @@ def _weakest(found: Sequence[Limit], end: str) -> Limit:
 def _limit(nominal: Model, size: SmallSize, behind: float) -> Limit:
     """Limit of one shape."""
     run, bounds, estimate, std = size.run, size.bounds, size.estimate, size.std
-    signed = bounds.low == -bounds.high
     # The diagnosis names a cause on all lines.
     visible = _visible(size.std_of_all, behind, bounds, size.infinite)
     allowed: float | tuple[float, float]
-    if signed:
-        sign = math.copysign(1.0, float(getattr(run.effect, run.head)))
-        allowed = _interval(sign * estimate, std)
+    if run.weak_end == "one":
+        # To first order a factor's distance from one is its logarithm, of which no bound is negative.
+        low, high = _interval(size.sign * estimate, std)
+        allowed, visible = (math.exp(low), math.exp(high)), math.exp(visible)
+    elif bounds.low == -bounds.high:
+        allowed = _interval(size.sign * estimate, std)
     elif size.infinite:
         allowed, visible = 1.0 / _bound(estimate, std), 1.0 / visible
     else:
         allowed = _bound(estimate, std)
-    return Limit(run.effect.effect, run.effect.place, run.head, run.unit(nominal), allowed, visible)
+    return Limit(*size.cause, run.effect.size_name, run.unit(nominal), allowed, visible)
 
 
 def _interval(estimate: float, std: float) -> tuple[float, float]:
@@ -102,6 +107,8 @@ def _density(size: float, bounds: Range, infinite: bool) -> float:
         return 1.0 / (size * math.log(bounds.high / bounds.low))
     if bounds.scale == "asinh":
         return bounds.density(size, 0.1 * size)
+    if bounds.scale == "ratio":
+        return bounds.density(math.exp(size), 0.1 * size) * math.exp(size)
     if bounds.scale == "normal":
         return 1.0 / (math.sqrt(2.0 * math.pi) * bounds.high)
     return size**-2 / (bounds.high - bounds.low) if infinite else 1.0 / (bounds.high - bounds.low)

@@ -48,6 +48,15 @@ class SmallSize:
         return self.run.weak_end == "infinity"
 
     @property
+    def sign(self) -> float:
+        """Sign of its leading value, or of how far a factor is from one, where the size is positive."""
+        return math.copysign(1.0, float(getattr(self.run.effect, self.run.head)) - self._nothing)
+
+    @property
+    def _nothing(self) -> float:
+        return 1.0 if self.run.weak_end == "one" else 0.0
+
+    @property
     def evidence(self) -> float:
         """
         Evidence for the shape beside that for none: the integral of the likelihood over the prior of its size.
@@ -55,14 +64,11 @@ class SmallSize:
         With p̄ the prior density in the mean over the estimate's normal distribution it is √(2π) s p̄ exp(û²/2s²).
         """
         std, z = self.std_of_all, self.estimate / self.std
-        nothing = 1.0 if self.run.weak_end == "one" else 0.0
         bounds = self.bounds
         if self.infinite:
             # Of a logarithm the prior of the reciprocal is as even.
             bounds = replace(bounds, low=1.0 / bounds.high, high=1.0 / bounds.low)
-        value = float(getattr(self.run.effect, self.run.head)) - nothing
-        sign = math.copysign(1.0, value)
-        density = bounds.density(nothing + sign * z * std, std)
+        density = bounds.density(self._nothing + self.sign * z * std, std)
         return math.sqrt(2.0 * math.pi) * std * density * math.exp(min(0.5 * z**2, 700.0))
 
 

@@ -125,6 +125,11 @@ class Effect(ABC):
         names = [f.name for f in parameter_fields(cls)]
         return Severity("zero", (names[0],)) if names else Severity("whole", ("place",))
 
+    @property
+    def size_name(self) -> str:
+        """Name of what its size is of, for tables: its leading parameter by default."""
+        return self.grows().carried_by[0]
+
     def changed(self, values: Mapping[str, Any]) -> Effect:
         """The effect with some of its values replaced."""
         return replace(self, **values)

@@ -42,6 +42,10 @@ class ParameterShift(Effect):
     parameter: str  # Name of the parameter, as in machine.toml
     factor: float = fitted("1", 0.05, 20.0, "ratio")  # Actual over nominal value
 
+    @property
+    def size_name(self) -> str:
+        return self.parameter
+
     @classmethod
     def choices(cls, model: Model) -> tuple[tuple[str, str], ...]:
         """Every (place, parameter) that can be off on a model."""

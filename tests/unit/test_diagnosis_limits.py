@@ -16,8 +16,9 @@ from cutvib_ss.diagnosis.result import Limit
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import small_sizes
 from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.measurement.records import Campaign, Record
-from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import MeasuredFrequencyResponse
 
@@ -27,10 +28,10 @@ CHANNELS, KINDS = ("tool_x", "base_x"), ("acceleration",) * 2
 COUNTS = Counts(30, 6)
 
 
-def measured(noise: float, mass: float = 0.0) -> tuple[Records, object]:
-    """Responses of the machine, tool heavier by a mass, at three positions in one session."""
+def measured(noise: float, mass: float = 0.0, model: Machine = MACHINE) -> tuple[Records, object]:
+    """Responses of a machine, tool heavier by a mass, at three positions in one session."""
     rng = np.random.default_rng(11)
-    model = AddedMass("tool", mass).apply(MACHINE) if mass else MACHINE
+    model = AddedMass("tool", mass).apply(model) if mass else model
     records = []
     for y in (0.2, 0.45, 0.8):
         data = frequency_response(model, [y], FREQ, outputs=CHANNELS).data
@@ -48,7 +49,7 @@ def measured(noise: float, mass: float = 0.0) -> tuple[Records, object]:
 
 def limits_of(accepted: Fit, records: Records, observed: object) -> dict[tuple[str, str], Limit]:
     sizes = small_sizes(MACHINE, accepted, records, observed)
-    return {(x.effect, x.place): x for x in limits(MACHINE, accepted, sizes, COUNTS)}
+    return {(x.effect, x.place): x for x in limits(MACHINE, accepted, sizes, COUNTS) if x.parameter != "c1"}
 
 
 def table(noise: float) -> dict[tuple[str, str], Limit]:
@@ -102,9 +103,13 @@ def test_a_mass_is_named_from_what_is_visible(found: dict[tuple[str, str], Limit
 
 def test_limits_state_stiffnesses_from_below_and_all_are_finite(found: dict[tuple[str, str], Limit]) -> None:
     assert {"guide_compliance", "support_compliance", "added_mass", "tool_contact"} <= {e for e, _ in found}
-    assert not {"parameter_shift", "calibration_error", "structural_damping"} & {e for e, _ in found}
+    assert "structural_damping" not in {e for e, _ in found}
     for cause, limit in found.items():
-        if cause[0] in ("channel_delay", "cross_axis"):
+        if cause[0] in ("parameter_shift", "calibration_error"):
+            low, high = limit.allowed  # type: ignore[misc]
+            assert 0.0 < low < 1.0 < high < np.inf
+            assert limit.visible > 1.0
+        elif cause[0] in ("channel_delay", "cross_axis"):
             low, high = limit.allowed  # type: ignore[misc]
             assert -np.inf < low < high < np.inf
         else:
@@ -115,6 +120,26 @@ def test_limits_state_stiffnesses_from_below_and_all_are_finite(found: dict[tupl
     guide, contact = ("guide_compliance", "head_base"), ("tool_contact", "tool")
     assert noisier[guide].visible < found[guide].visible
     assert noisier[contact].visible > found[contact].visible
+
+
+def test_the_limit_of_a_shifted_value_is_that_of_its_tolerance_and_the_noise(
+    found: dict[tuple[str, str], Limit],
+) -> None:
+    shift, gain = found["parameter_shift", "joint1"], found["calibration_error", "measurement"]
+    assert (shift.parameter, shift.unit, gain.parameter) == ("k1", "1", "gain")
+    # Within its tolerance a value is free; what the machine as a whole tells of it is less than that.
+    assert np.log(shift.allowed[1]) == pytest.approx(1.96 * MACHINE.tolerance.k1, rel=0.5)  # type: ignore[index]
+    # A shift that half of campaigns would name is allowed by none that does not show it.
+    assert np.log(shift.visible) > 1.96 * MACHINE.tolerance.k1
+
+    def odds(factor: float) -> float:
+        records, _ = measured(3e-3, model=ParameterShift("joint1", "k1", factor).apply(MACHINE))
+        shifted = fit(MACHINE, records, Hypothesis((ParameterShift("joint1", "k1", factor),)))
+        gain = shifted.log_evidence - fit(MACHINE, records, Hypothesis()).log_evidence
+        return gain + np.log(SETTINGS.priors["known"] / COUNTS.known / SETTINGS.priors["none"])
+
+    size = np.log(shift.visible)
+    assert odds(np.exp(size / 1.3)) < np.log(9.0) < odds(np.exp(1.3 * size))
 
 
 def test_a_cause_that_was_named_has_no_limit() -> None:

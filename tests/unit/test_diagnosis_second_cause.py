@@ -156,7 +156,9 @@ def test_a_cause_that_is_nothing_without_its_discrepancy_is_not_named() -> None:
 
 
 @pytest.mark.parametrize(("closed", "named"), [(0.99, "main"), (0.8, "beside")])
-def test_the_second_of_two_causes_that_is_nothing_without_its_discrepancy_leaves_the_first(closed: float, named: str) -> None:
+def test_the_second_of_two_causes_that_is_nothing_without_its_discrepancy_leaves_the_first(
+    closed: float, named: str
+) -> None:
     only_error = Ranked("both", cast(Fit, replace(cast(OnlyEvidence, BOTH.fit), nothing_when_used=(CUBIC,))), True)
     seen = held(none=TUNED, main=Leaves(squares=1.0 - closed), both=Leaves(), beside=Leaves())
     found = judged_on_held_out([NONE, MAIN, OTHER, only_error, BESIDE], ODDS, seen, 1.0)
