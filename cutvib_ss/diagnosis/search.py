@@ -29,17 +29,15 @@ from cutvib_ss.diagnosis.linearity import (
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
 from cutvib_ss.diagnosis.prediction import slow_frequencies
-from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, ranked_by_gain, refit, some
+from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, refit
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.scan import Scan
+from cutvib_ss.diagnosis.scouting import scouted, scouted_laws
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import SmallSize
 from cutvib_ss.diagnosis.unknown_search import unknown_by_level, unknown_elements
-from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model, identifying_values
-from cutvib_ss.results import FloatArray
 
 
 class Linear(NamedTuple):
@@ -62,7 +60,7 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     none = _other_instants(nominal, records, Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True))
     linear = candidates(nominal, observed.band, observed.channels)
     workers.say(f"fitting {len(linear)} linear causes")
-    rough = _rough(nominal, records, few, linear, none, workers)
+    rough = scouted(nominal, records, few, linear, none, workers)
     alone = {c.name: f.hypothesis.effects[0] for c, f in rough}
     ranked = on_all_lines(
         nominal,
@@ -124,7 +122,7 @@ def search(
             # Levels that agree leave only what depends on the sign of the motion, not on its size.
             dependent = [c for c in dependent if c.starts[0].scale_free]
         workers.say(f"fitting {len(dependent)} causes that depend on the level")
-        rough = _rough_laws(nominal, outlook, dependent, motion, none.fit.x if small else None, workers)
+        rough = scouted_laws(nominal, outlook, dependent, motion, none.fit.x if small else None, workers)
         ranked += on_all_lines(
             nominal,
             records,
@@ -311,103 +309,3 @@ def _rival(nominal: Model, outlook: Records, best: Ranked) -> tuple[float, float
         nominal, outlook, best.fit.hypothesis, best.fit.x, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain
     )
     return cost(there), best.fit.log_evidence
-
-
-def _rough(
-    nominal: Model, records: Records, few: Records, found: Sequence[Candidate], none: Ranked, workers: Workers
-) -> list[tuple[Candidate, Fit]]:
-    """The candidates that promise most, each from the best of its starts, on few lines; best first."""
-    # The tuning of a model that lacks the cause leads away from a large one, and may take up nearly all of one that is not small:
-    # it is scanned for from the untuned model. Of a small one the tuned model's residual tells.
-    scans = []
-    # Where the residual is far from all that first order tells of, all are fitted.
-    if none.reduced < SETTINGS.search_first_order:
-        sharp = records.coarse(SETTINGS.search_coarse_lines, 0.0)
-        scans.append(Scan(nominal, sharp, Hypothesis(), none.fit.x, {}, apart=False))
-    # The fits start from the untuned model, too: the order of starts is that of the last scan.
-    scans.append(Scan(nominal, few, Hypothesis(), None, {}, apart=False))
-    count = SETTINGS.search_scouted if none.reduced < SETTINGS.search_first_order else len(found)
-    chosen: set[int] = set()
-    for scan in scans:
-        tried = workers.map(scan.each, [c.starts for c in found])
-        best = [max(max(gains) for gains in rows) for rows in tried]
-        chosen |= set(np.argsort(best)[::-1][:count].tolist())
-    chosen |= {i for i, c in enumerate(found) if _tuned_away(nominal, none.fit, c.starts[0])}
-    ordered = [
-        [found[i].starts[k] for k in sorted(range(len(tried[i])), key=lambda k: -tried[i][k][0])]
-        for i in range(len(found))
-    ]
-    # The one that promises most is one for the others to come up to.
-    kept = sorted(chosen, key=lambda i: -best[i])
-    start = partial(_from_start, nominal, few)
-    firsts = workers.map(start, [ordered[i][0] for i in kept[:1]])
-    rival = min((f.objective for f in firsts if f is not None), default=np.inf)
-    firsts += workers.map(partial(start, rival=rival), [ordered[i][0] for i in kept[1:]])
-    # What the best reaches from its first start they have to come up to from the others.
-    rival = min((f.objective for f in firsts if f is not None), default=np.inf)
-    # Where the level stands out, no start of a linear cause leaves nothing: those that are far behind take no more.
-    most = rival + SETTINGS.search_far if level_stands_out(records, none.fit.model) else np.inf
-    scouted = partial(_scouted, nominal, few, rival=rival, most=most)
-    fits = workers.map(scouted, [ordered[i] for i in kept], firsts)
-    pairs = [(found[i], f) for i, f in zip(kept, fits, strict=True) if f is not None]
-    return sorted(pairs, key=lambda pair: cost(pair[1]))
-
-
-def _tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:
-    """Whether a cause moves a value that the tuned model has far out of its tolerance: no residual is left to show it."""
-    away = np.abs(none.x[: none.n_tuning]) > SETTINGS.fit_tuned_away
-    strained = {path for (path, _), far in zip(tuning_paths(nominal), away, strict=True) if far}
-    moved = effect.moved_by(nominal, effect.apply(nominal)) if strained else {}
-    return any(path in strained for carried in moved.values() for path, _ in carried)
-
-
-def _scouted(
-    nominal: Model, few: Records, starts: Sequence[Effect], first: Fit | None, rival: float, most: float
-) -> Fit | None:
-    """A candidate from the best of its starts, which are in order of promise; None where the model takes none."""
-    tries: list[Fit] = [] if first is None else [first]
-    for k, e in enumerate(starts[1 : SETTINGS.search_starts_most], 1):
-        left = min((f.reduced for f in tries), default=np.inf)
-        far = min((f.objective for f in tries), default=np.inf) > most
-        if k >= SETTINGS.search_starts_climbed and (left < SETTINGS.search_enough or far):
-            # Far from the truth first order tells little of which start is best; these leave nothing beside the widened noise.
-            break
-        if (f := _from_start(nominal, few, e, rival)) is not None:
-            tries.append(f)
-    if not tries:
-        return None
-    best = min(tries, key=cost)
-    steps, gain = SETTINGS.search_later_steps, SETTINGS.search_coarse_gain
-    return fit(nominal, few, best.hypothesis, best.x, steps, gain, rival=rival)
-
-
-def _from_start(nominal: Model, few: Records, start: Effect, rival: float = np.inf) -> Fit | None:
-    """A cause after its first steps, from the untuned model: the tuning of a model that lacks the cause leads away."""
-    return first_steps(nominal, few, Hypothesis((start,)), None, SETTINGS.search_start_steps, rival)
-
-
-def _rough_laws(
-    nominal: Model,
-    outlook: Records,
-    found: Sequence[Candidate],
-    motion: Mapping[str, float],
-    warm: FloatArray | None,
-    workers: Workers,
-) -> list[tuple[Candidate, Fit]]:
-    """The same for laws, whose steps are expensive: each is scanned, and those that promise most take some."""
-    scan = Scan(nominal, some(outlook), Hypothesis(), warm, motion, apart=True)
-    promising = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))[
-        : SETTINGS.search_laws_looked_at
-    ]
-    refined = workers.map(scan.refined, [s for _, s in promising])
-    promising = ranked_by_gain([c for c, _ in promising], refined)[: SETTINGS.search_laws_started]
-    first = partial(first_steps, nominal, outlook, warm=warm, steps=SETTINGS.search_law_steps)
-    tries = workers.map(first, [s.hypothesis for _, s in promising])
-    out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]
-    if warm is not None:
-        # Beside a tuned model that leaves little every start may be far too strong.
-        faint = [(c, h) for c, _ in promising for h in scan.faint(c.starts)]
-        tries = workers.map(first, [h for _, h in faint])
-        out += [(c, f) for (c, _), f in zip(faint, tries, strict=True) if f is not None]
-        out = list({c.name: (c, f) for c, f in sorted(out, key=lambda pair: -cost(pair[1]))}.values())
-    return sorted(out, key=lambda pair: cost(pair[1]))
