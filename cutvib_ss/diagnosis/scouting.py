@@ -15,14 +15,30 @@ from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import level_stands_out
-from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, ranked_by_gain, some
+from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, ranked_by_gain, refit, some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.small_sizes import scan_beside, weak
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.results import FloatArray
+
+
+def beside_tuned(
+    nominal: Model, records: Records, none: Fit, found: Sequence[Candidate], workers: Workers
+) -> list[Ranked]:
+    """The linear causes that the residual of a tuned model speaks for most, fitted beside it on all lines: it leaves only noise."""
+    # What is small beside the noise is smaller still beside a widened one, and its optimum is near.
+    scan = scan_beside(nominal, records, none)
+    tried = workers.map(scan.each, [c.starts for c in found])
+    best = [max((gain, -k) for k, (_, gain) in enumerate(rows)) for rows in tried]
+    chosen = sorted(range(len(found)), key=lambda i: -best[i][0])[: SETTINGS.search_most_close]
+    starts = [weak(nominal, scan, found[i].starts[-best[i][1]]) for i in chosen]
+    again = partial(refit, nominal, records, x=none.x, steps=SETTINGS.search_most_steps, near=none)
+    fits = workers.map(again, [Hypothesis((e,)) for e in starts])
+    return [Ranked(found[i].name, f, True) for i, f in zip(chosen, fits, strict=True) if f is not None]
 
 
 def scouted(

@@ -31,7 +31,7 @@ from cutvib_ss.diagnosis.pairs import Second, fit_pairs
 from cutvib_ss.diagnosis.prediction import slow_frequencies
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, refit
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.scouting import scouted, scouted_laws
+from cutvib_ss.diagnosis.scouting import beside_tuned, scouted, scouted_laws
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import SmallSize
@@ -60,6 +60,9 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     none = _other_instants(nominal, records, Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True))
     linear = candidates(nominal, observed.band, observed.channels)
     workers.say(f"fitting {len(linear)} linear causes")
+    if none.reduced < SETTINGS.search_enough and not none.fit.tuned_away:
+        ranked = _by_their_names(nominal, records, beside_tuned(nominal, records, none.fit, linear, workers))
+        return Linear(records, few, none, ranked, linear, {}, 0.0)
     rough = scouted(nominal, records, few, linear, none, workers)
     alone = {c.name: f.hypothesis.effects[0] for c, f in rough}
     ranked = on_all_lines(
@@ -176,9 +179,7 @@ def _favoured(
     fitted = {_told_apart(r.fit.hypothesis.effects[0]) for r in ranked if r.refined}
     best = [max(shapes, key=lambda s: s.evidence) for shapes in sizes]
     missed = [s for s in best if s.evidence > 1.0 and _told_apart(s.run.effect) not in fitted]
-    # From where it hardly shows yet: at its estimate the tuning, which made up for the lack of it, would be far off.
-    weak = [np.copysign(s.std_of_all, s.estimate) / s.run.size(1.0) for s in missed]
-    hypotheses = [Hypothesis((s.run.at(severity),)) for s, severity in zip(missed, weak, strict=True)]
+    hypotheses = [Hypothesis((s.weak,)) for s in missed]
     again = partial(refit, nominal, records, x=none.x, steps=SETTINGS.search_most_steps, near=none)
     fits = workers.map(again, hypotheses)
     return [Ranked(s.run.name, f, True) for s, f in zip(missed, fits, strict=True) if f is not None]

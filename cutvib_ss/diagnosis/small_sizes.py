@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutvib_ss.diagnosis.fit import Fit
-from cutvib_ss.diagnosis.hypotheses import candidates
+from cutvib_ss.diagnosis.hypotheses import Candidate, candidates
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.posterior import kind_of
 from cutvib_ss.diagnosis.records import Records
@@ -23,8 +23,8 @@ from cutvib_ss.diagnosis.scan import Change, Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.severity import Run, runs
 from cutvib_ss.diagnosis.unknowns import to_unknown
-from cutvib_ss.effects.base import Model, Range
-from cutvib_ss.errors import CutvibError
+from cutvib_ss.effects.base import Effect, Model, Range
+from cutvib_ss.errors import CutvibError, ParameterError
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,15 @@ class SmallSize:
     def infinite(self) -> bool:
         """Whether it is nothing where its leading value is infinite, so that the size is its reciprocal."""
         return self.run.weak_end == "infinity"
+
+    @property
+    def weak(self) -> Effect:
+        """The cause of one standard deviation, of the sign of its estimate where it may have either."""
+        severity = self.std_of_all / self.run.size(1.0)
+        try:
+            return self.run.at(math.copysign(severity, self.estimate))
+        except ParameterError:
+            return self.run.at(severity)
 
     @property
     def sign(self) -> float:
@@ -83,10 +92,8 @@ def small_sizes(
     if kind_of(accepted.hypothesis) not in ("none", "known") or not accepted.hypothesis.linear:
         return ()
     moving = bool(accepted.spread.layout.records)
-    few = replace(records, moving=moving).coarse(SETTINGS.limits_lines, 0.0)
-    part = sum(e.data.size for e in few.entries) / sum(e.data.size for e in records.entries)
     try:
-        scan = Scan(nominal, few, accepted.hypothesis, accepted.x, {}, apart=False, part=part)
+        scan = scan_beside(nominal, replace(records, moving=moving), accepted)
     except (CutvibError, np.linalg.LinAlgError):
         return ()
     # What the accepted answer leaves beyond noise, and what neighbouring lines share, makes every estimate scatter more.
@@ -100,6 +107,26 @@ def small_sizes(
             if found := tuple(s for s in sized if s is not None):
                 out.append(found)
     return tuple(out)
+
+
+def scan_beside(nominal: Model, records: Records, accepted: Fit) -> Scan:
+    """Linear causes on top of a fit, on some of its lines."""
+    few = records.coarse(SETTINGS.limits_lines, 0.0)
+    part = sum(e.data.size for e in few.entries) / sum(e.data.size for e in records.entries)
+    return Scan(nominal, few, accepted.hypothesis, accepted.x, {}, apart=False, part=part)
+
+
+def weak(nominal: Model, scan: Scan, start: Effect) -> Effect:
+    """
+    A cause of one standard deviation, which hardly shows; one that has no such size stays as it is.
+
+    At its estimate the tuning, which makes up for the lack of it, would be far off: a fit starts from here.
+    """
+    for run in (run for shapes in runs([Candidate("", (start,))]) for run in shapes if not run.whole):
+        size = _sized(nominal, scan, run, 1.0)
+        if size is not None:
+            return size.weak
+    return start
 
 
 def _spread(shapes: Sequence[Run]) -> list[Run]:
