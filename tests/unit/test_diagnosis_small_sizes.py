@@ -13,9 +13,13 @@ from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.posterior import that_may_hide
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
+from cutvib_ss.diagnosis.scouting import beside_tuned
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.small_sizes import small_sizes
+from cutvib_ss.diagnosis.small_sizes import scan_beside, small_sizes, weak
+from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.channel_delay import ChannelDelay
+from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.prior import Range
 from tests.unit.test_diagnosis_drift import CHANNELS, FREQ, campaign
 from tests.unit.test_diagnosis_drift import MACHINE as DRIFTING
@@ -60,6 +64,29 @@ def test_evidence_is_the_integral_over_the_prior_of_the_size(mass: float) -> Non
         # To first order, on some of the lines, it is the same.
         (size,) = next(s for s in small_sizes(MACHINE, none, records, observed) if s[0].cause == ("added_mass", "tool"))
         assert np.log(size.evidence) == pytest.approx(named.log_evidence - none.log_evidence, abs=0.7)
+
+
+def test_a_small_cause_is_found_beside_the_tuned_model() -> None:
+    late = 2e-5
+    records, _ = measured(3e-3, model=ChannelDelay("measurement", channel="all", delay=late).apply(MACHINE))
+    none = fit(MACHINE, records, Hypothesis())
+    # Calibration has taken up nearly all of it.
+    assert none.reduced < SETTINGS.search_enough
+    assert not none.tuned_away
+    found = beside_tuned(MACHINE, records, none, candidates(MACHINE, (16.0, 300.0), ("tool_x", "base_x")), Workers(1))
+    best = max(found, key=lambda r: r.fit.log_evidence)
+    assert best.name == "channel_delay all"
+    assert best.fit.log_evidence > none.log_evidence
+    assert abs(best.fit.hypothesis.effects[0].delay - late) < 3.0 * best.fit.stds["0.delay"]
+    assert all(r.refined for r in found)
+
+
+def test_a_weak_cause_has_the_sign_of_its_estimate_where_it_may() -> None:
+    records, _ = measured(3e-3, -0.2)
+    scan = scan_beside(MACHINE, records, fit(MACHINE, records, Hypothesis()))
+    # The machine lacks mass, and a resonator's cannot be negative.
+    assert -0.2 < weak(MACHINE, scan, AddedMass("tool", 0.1)).mass < 0.0
+    assert weak(MACHINE, scan, LocalResonator("tool", 0.1, 400.0, 0.02)).mass > 0.0
 
 
 def test_drift_passes_for_no_cause(tmp_path: Path) -> None:
