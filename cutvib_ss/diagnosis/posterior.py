@@ -110,7 +110,7 @@ class _HeldOutRules:
         if not known and held(r).reduced > SETTINGS.fit_run_away:
             # It shows that something unknown is there, but not what.
             self.odds[r.name] = 0.0
-        if known and r.fit.of_no_size:
+        if (known or len(causes) > 1) and r.fit.of_no_size:
             self.without_what_may_be_nothing(r, r.fit)
         elif known and r.fit.corrected.of_no_size and self.without_what_may_be_nothing(r, r.fit.corrected, 0.5):
             # With its discrepancy it is something, without it nothing: either there is no cause, or one that nothing here has.
@@ -203,7 +203,7 @@ class _HeldOutRules:
         first = _best(x for x in self.fitted if x.fit.hypothesis.causes == both.fit.hypothesis.causes[:1])
         # The smooth function of the element holds what the cause does as well; that the cause is there, the cause shows. Beside the
         # cause the element takes what it took, or both are another explanation, and a worse one.
-        if first and self.closed(first, unknown) > 0.5:
+        if first and _is_there(first, both) and self.closed(first, unknown) > 0.5:
             alone, beside = (x.fit.log_evidence - first.fit.log_evidence for x in (unknown, both))
             if beside > 0.5 * alone:
                 _give(self.odds, unknown, both)
@@ -216,7 +216,7 @@ class _HeldOutRules:
             return
         # The kind is known where the cause alone closes most of the excess. It keeps what such an answer keeps if it leaves far
         # more than noise (`of_known_form`).
-        _give(self.odds, both, first if self.closed(first, both) > 0.5 else unknown)
+        _give(self.odds, both, first if _is_there(first, both) and self.closed(first, both) > 0.5 else unknown)
 
     def is_enough(self, first: Ranked, both: Ranked) -> bool:
         """Whether the first of two causes alone closes all but a few percent of the excess."""
@@ -293,6 +293,11 @@ def _by_chance(parameters: int) -> float:
     return 0.5 * float(stats.chi2.ppf(SETTINGS.verdict_set, parameters)) if parameters else 0.0
 
 
+def _is_there(*fitted: Ranked) -> bool:
+    """Whether no linear cause of some fits may as well be nothing; of restoring forces deviations say little of that."""
+    return not any(e.linear for r in fitted for e in r.fit.of_no_size)
+
+
 def _of_one_part(h: Hypothesis) -> bool:
     """Whether a known cause and an unknown element sit at one place, or are both of one channel of the measurement."""
     known, unknown = h.effects[0], h.effects[-1]
@@ -340,7 +345,8 @@ def of_known_form(
     strained = [r for r in likely if kind_of(r.fit.hypothesis) != UNKNOWN and r.refined and _of_another_form(r, held)]
     for r in strained:
         out[r.name] *= SETTINGS.verdict_form
-    named = [r for r in ranked if r.refined and UNKNOWN not in dict(r.fit.hypothesis.causes)]
+    # What may as well be nothing is no form of anything.
+    named = [r for r in ranked if r.refined and UNKNOWN not in dict(r.fit.hypothesis.causes) and _is_there(r)]
     for r in [r for r in likely if r not in strained and r.fit.hypothesis.causes[-1][0] == UNKNOWN]:
         known, part = _another_form(r, named, out, held)
         if known:

@@ -249,6 +249,38 @@ def test_a_known_cause_beside_something_unknown_at_its_place_is_one_part_of_anot
         assert of_known_form(every, found, seen)["main"] == pytest.approx(after)
 
 
+@pytest.mark.parametrize("nowhere", ["main", "beside"])
+def test_a_known_cause_of_no_size_is_no_part_of_what_is_unknown_beside_it(nowhere: str) -> None:
+    """A gap-free chain of masses: a delay of (1.1 ± 1.3) µs beside an error of one channel was a delay, 1.00."""
+    here = replace(UNKNOWN, place="tool", port="tool_x")
+    named = {"none": (), "main": (MASS,), "unknown": (here,), "beside": (MASS, here)}
+    every = [
+        replace(r, fit=cast(Fit, replace(cast(OnlyEvidence, r.fit), of_no_size=(MASS,)))) if r.name == nowhere else r
+        for r in (ranked(name, 10.0 * len(effects), *effects) for name, effects in named.items())
+    ]
+    odds = {"none": 0.0, "main": 0.0, "unknown": 0.0, "beside": 1.0}
+    seen = held(none=TUNED, main=Leaves(squares=0.1), unknown=Leaves(), beside=Leaves())
+    found = judged_on_held_out(every, odds, seen, 1.0)
+    assert found["unknown"] == pytest.approx(1.0)
+    # Nor is it a form of it: another cause is.
+    other = ranked("other", 5.0, CUBIC)
+    kept = of_known_form(
+        [*every, other],
+        {**found, "other": 0.0},
+        held(none=TUNED, main=Leaves(squares=0.1), unknown=Leaves(), beside=Leaves(), other=Leaves(squares=0.5)),
+    )
+    assert kept["unknown"] == pytest.approx(SETTINGS.verdict_form)
+    assert kept["other" if nowhere == "main" else "main"] == pytest.approx(1.0 - SETTINGS.verdict_form)
+
+
+def test_a_known_cause_of_no_size_beside_something_unknown_elsewhere_is_none() -> None:
+    unknown = ranked("unknown", 90.0, UNKNOWN)
+    no_size = Ranked("beside", cast(Fit, replace(cast(OnlyEvidence, BESIDE.fit), of_no_size=(MASS,))), True)
+    seen = held(none=TUNED, main=Leaves(squares=0.3), unknown=Leaves(), beside=Leaves(log_density=5.0))
+    odds = {"none": 0.0, "main": 0.0, "unknown": 0.0, "beside": 1.0}
+    assert judged_on_held_out([NONE, MAIN, unknown, no_size], odds, seen, 1.0)["unknown"] == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize(("channel", "kept"), [("tool_x", 0.0), ("tool_z", 1.0)])
 def test_of_the_measurement_one_channel_is_one_part(channel: str, kept: float) -> None:
     gain = CalibrationError("measurement", "tool_x", 1.2)
@@ -296,6 +328,7 @@ class WithSizes:
     reduced: float = 1.0
     x: FloatArray = field(default_factory=lambda: np.zeros(20))
     n_tuning: int = 20
+    of_no_size: tuple[Effect, ...] = ()
     beyond_belief = Fit.beyond_belief
 
 
