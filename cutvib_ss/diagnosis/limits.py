@@ -28,6 +28,7 @@ from cutvib_ss.diagnosis.result import Limit
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import SmallSize
 from cutvib_ss.effects.base import Model, Range
+from cutvib_ss.effects.prior import SMALLEST
 
 
 def limits(nominal: Model, accepted: Fit, sizes: Sequence[Sequence[SmallSize]], counts: Counts) -> tuple[Limit, ...]:
@@ -68,8 +69,8 @@ def _limit(nominal: Model, size: SmallSize, behind: float) -> Limit:
     allowed: float | tuple[float, float]
     if run.weak_end == "one":
         # To first order a factor's distance from one is its logarithm, of which no bound is negative.
-        low, high = _interval(size.sign * estimate, std)
-        allowed, visible = (math.exp(low), math.exp(high)), math.exp(visible)
+        low, high = (_factor(x, bounds) for x in _interval(size.sign * estimate, std))
+        allowed, visible = (low, high), _factor(visible, bounds)
     elif bounds.low == -bounds.high:
         allowed = _interval(size.sign * estimate, std)
     elif size.infinite:
@@ -77,6 +78,11 @@ def _limit(nominal: Model, size: SmallSize, behind: float) -> Limit:
     else:
         allowed = _bound(estimate, std)
     return Limit(*size.cause, run.effect.size_name, run.unit(nominal), allowed, visible)
+
+
+def _factor(logarithm: float, bounds: Range) -> float:
+    """A factor, no further from one than is believed."""
+    return math.exp(min(max(logarithm, math.log(bounds.low)), math.log(bounds.high)))
 
 
 def _interval(estimate: float, std: float) -> tuple[float, float]:
@@ -105,10 +111,12 @@ def _density(size: float, bounds: Range, infinite: bool) -> float:
     """Prior density of a size, its range continued to the weak side; that of 1/value is as even in the logarithm as the value's."""
     if bounds.scale == "log":
         return 1.0 / (size * math.log(bounds.high / bounds.low))
-    if bounds.scale == "asinh":
-        return bounds.density(size, 0.1 * size)
-    if bounds.scale == "ratio":
-        return bounds.density(math.exp(size), 0.1 * size) * math.exp(size)
+    if bounds.scale in ("asinh", "ratio"):
+        low, high = (
+            (bounds.low, bounds.high) if bounds.scale == "asinh" else (math.log(bounds.low), math.log(bounds.high))
+        )
+        width = SMALLEST * max(abs(low), abs(high))
+        return 1.0 / ((math.asinh(high / width) - math.asinh(low / width)) * math.hypot(size, width))
     if bounds.scale == "normal":
         return 1.0 / (math.sqrt(2.0 * math.pi) * bounds.high)
     return size**-2 / (bounds.high - bounds.low) if infinite else 1.0 / (bounds.high - bounds.low)

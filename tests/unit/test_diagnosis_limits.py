@@ -142,6 +142,21 @@ def test_the_limit_of_a_shifted_value_is_that_of_its_tolerance_and_the_noise(
     assert odds(np.exp(size / 1.3)) < np.log(9.0) < odds(np.exp(1.3 * size))
 
 
+def test_of_a_value_that_hardly_shows_the_limit_is_its_range() -> None:
+    """As much noise as response: a joint's damping could be anything, and nothing fails."""
+    records, observed = measured(2.0)
+    sizes = small_sizes(MACHINE, fit(MACHINE, records, Hypothesis()), records, observed)
+    found = {(x.place, x.parameter): x for x in limits(MACHINE, fit(MACHINE, records, Hypothesis()), sizes, COUNTS)}
+    bounds = ParameterShift.ranges(MACHINE, "joint1")["factor"]
+    for limit in found.values():
+        assert np.isfinite([*np.atleast_1d(limit.allowed), limit.visible]).all()
+    damping = found["joint1", "c1"]
+    assert damping.visible == pytest.approx(bounds.high)
+    low, high = damping.allowed  # type: ignore[misc]
+    assert bounds.low <= low < 0.5
+    assert 2.0 < high <= bounds.high * (1.0 + 1e-9)
+
+
 def test_a_cause_that_was_named_has_no_limit() -> None:
     records, observed = measured(3e-3, 0.5)
     accepted = fit(MACHINE, records, Hypothesis((AddedMass("tool", 0.4),)))
