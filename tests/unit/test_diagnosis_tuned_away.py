@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.fit import Fit
-from cutvib_ss.diagnosis.search import _tuned_away
+from cutvib_ss.diagnosis.scouting import _tuned_away
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect
