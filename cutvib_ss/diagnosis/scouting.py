@@ -36,7 +36,10 @@ def beside_tuned(
     best = [max((gain, -k) for k, (_, gain) in enumerate(rows)) for rows in tried]
     chosen = sorted(range(len(found)), key=lambda i: -best[i][0])[: SETTINGS.search_most_close]
     starts = [weak(nominal, scan, found[i].starts[-best[i][1]]) for i in chosen]
-    again = partial(refit, nominal, records, x=none.x, steps=SETTINGS.search_most_steps, near=none)
+    # What cannot be weak starts far off, and has to lead back to what no cause leaves.
+    again = partial(
+        refit, nominal, records, x=none.x, steps=SETTINGS.search_most_steps, near=none, rival=none.objective
+    )
     fits = workers.map(again, [Hypothesis((e,)) for e in starts])
     return [Ranked(found[i].name, f, True) for i, f in zip(chosen, fits, strict=True) if f is not None]
 
