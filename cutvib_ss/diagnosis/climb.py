@@ -7,15 +7,17 @@ What drifts by more than its direction tells is followed: sessions, and records 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
-from cutvib_ss.diagnosis.directions import Directions, Sizes
+from cutvib_ss.diagnosis.directions import Directions, Layout, Sizes
 from cutvib_ss.diagnosis.drifted import Drifted
 from cutvib_ss.diagnosis.likelihood import Known, Quadratic
+from cutvib_ss.diagnosis.marginal import Marginal
 from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
@@ -47,7 +49,6 @@ class At:
     objective: float
     quadratic: Quadratic | None = None
     directions: Directions | None = None  # Behind the quadratic
-    factor: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 class Trail:
@@ -205,14 +206,10 @@ class Climb:
     def _weigh(self, at: At) -> None:
         """The objective with drift and discrepancy of the present sizes integrated out."""
         assert at.quadratic is not None
-        n = at.x.size
-        matrix, gradient = at.quadratic.system(self.sizes)
-        at.factor = linalg.cholesky(matrix[n:, n:], lower=True, check_finite=False)
-        taken = linalg.solve_triangular(at.factor, gradient[n:], lower=True, check_finite=False)
-        log_det = 2.0 * float(np.sum(np.log(np.diag(at.factor)))) + self.count * float(np.log(self.sizes.noise))
+        marginal = Marginal(*at.quadratic.system(self.sizes), np.arange(at.x.size))
         prior = float(self.precision @ at.x**2)
-        at.chi2 = at.quadratic.at(self.sizes) - prior - float(taken @ taken)
-        at.objective = at.chi2 + log_det + prior
+        at.chi2 = at.quadratic.at(self.sizes) - prior - marginal.taken
+        at.objective = at.chi2 + marginal.log_determinant + self.count * float(np.log(self.sizes.noise)) + prior
 
     def resize(self) -> None:
         """The sizes of drift and discrepancy that suit where it stands."""
@@ -259,10 +256,14 @@ class Climb:
         start = np.concatenate([x, np.zeros(beside.size)])
         weight = np.concatenate([np.sqrt(np.diag(matrix)[:n]), np.full(self.at.drift.size, 1.0 / self.sizes.drift)])
         here, tried = np.concatenate([x, self.at.drift.ravel()]), damping
+        # What the directions take already is not gained again, but for drift that is still to be followed. Of a restoring force,
+        # whose derivatives are those of an equivalent stiffness, no step is given up for what it promises.
+        kept = np.arange(matrix.shape[0]) if self.problem.apart else self._followed(quadratic.layout)
+        marginal = Marginal(matrix, gradient, kept)
         for harder in (1e1, 1e2, 1e3, 1e4):
             step = _step(matrix, gradient, tried, start, low, high)
             # Not even the quadratic gains by it what is needed; of a whole step it may promise too little.
-            promised = 2.0 * gradient @ step - step @ matrix @ step
+            promised = marginal.gain(step[kept])
             if promised < (worth if tried > damping else SETTINGS.fit_promise * worth):
                 break
             there = np.concatenate([x + step[:n], self._drifted(step[n:]).ravel()])
@@ -293,6 +294,12 @@ class Climb:
         if gains:
             self.at = trial
         return gains
+
+    def _followed(self, lay: Layout) -> NDArray[np.intp]:
+        """Columns of the unknowns, and of the drift that is followed."""
+        rows = np.flatnonzero(self.drifted.sizes(self.sizes)[:, 0] > SETTINGS.predictive_small_drift)
+        first = lay.unknowns + lay.per_session * rows if lay.sessions else rows[:0]
+        return np.concatenate([np.arange(lay.unknowns), (first[:, None] + np.arange(self.at.drift.shape[1])).ravel()])
 
     def _drifted(self, step: FloatArray) -> FloatArray:
         """Drifts of the sessions after a step in all directions, kept within what their size allows."""

@@ -198,7 +198,9 @@ def followed(
     pulled = np.array([rows.by_set(np.einsum("ipcf,pcf->pif", weighted, np.nan_to_num(o))) for o in outer])
     size = np.sqrt(np.abs(np.einsum("iilf->ilf", matrix)) + 1e-300)
     spread = _inverse(matrix / (size[:, None] * size[None]) + 1e-12 * np.eye(m.functions)[:, :, None, None])
-    inverted = spread / (size[:, None] * size[None])
+    # A line at which nothing is told of a function leaves it unknown.
+    with np.errstate(over="ignore"):
+        inverted = spread / (size[:, None] * size[None])
     slopes: ComplexArray = -np.einsum("ijlf,xljf->xlif", inverted, pulled)
     # E|error|² = 1/weight is shared by the two parts.
     std: FloatArray = np.sqrt(np.abs(np.einsum("iilf->lif", inverted)) / 2)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from cutvib_ss.diagnosis.climb import Trail, _step
+from cutvib_ss.diagnosis.marginal import Marginal
 
 
 def test_a_linear_iteration_is_followed_to_its_end() -> None:
@@ -47,3 +48,21 @@ def test_a_step_that_meets_no_bound_is_the_whole_one() -> None:
     matrix, gradient, far = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([0.3, -0.2]), np.full(2, 1e9)
     found = _step(matrix, gradient, 0.0, np.zeros(2), -far, far)
     np.testing.assert_allclose(found, np.linalg.solve(matrix, gradient), rtol=1e-9)
+
+
+def test_a_step_gains_what_is_left_once_the_directions_have_followed() -> None:
+    """Against the least squares in the directions, at both ends of the step."""
+    rng = np.random.default_rng(0)
+    rows, residual = rng.standard_normal((40, 7)), rng.standard_normal(40)
+    matrix, gradient, step = rows.T @ rows + np.eye(7), rows.T @ residual, rng.standard_normal(3)
+    marginal = Marginal(matrix, gradient, np.arange(3))
+
+    def least(first: np.ndarray) -> float:
+        left = residual - rows[:, :3] @ first
+        fixed = left @ left + first @ first
+        pull = rows[:, 3:].T @ left
+        return float(fixed - pull @ np.linalg.solve(matrix[3:, 3:], pull))
+
+    np.testing.assert_allclose(marginal.taken, residual @ residual - least(np.zeros(3)), rtol=1e-9)
+    np.testing.assert_allclose(marginal.gain(step), least(np.zeros(3)) - least(step), rtol=1e-9)
+    np.testing.assert_allclose(marginal.log_determinant, np.linalg.slogdet(matrix[3:, 3:])[1], rtol=1e-9)
