@@ -160,7 +160,7 @@ def fit_pairs(
         out += [r for r in fitted if r.refined]
         if tried and _enough_on_few(tried):
             break
-    return [*out, *_alone(nominal, records, out)]
+    return [*out, *_alone(nominal, records, out, ranked)]
 
 
 def _enough_on_few(tried: Sequence[tuple[Candidate, Fit]]) -> bool:
@@ -175,8 +175,11 @@ def _second_of(pair: Candidate, fitted: Fit) -> _Base:
     return _Base(pair.name.split(" + ")[-1], alone, fitted.x[: fitted.first_effect])
 
 
-def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ranked]:
+def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked], ranked: Sequence[Ranked]) -> list[Ranked]:
     """Each cause of the best linear pair by itself, from its values there, and each of the best two laws."""
+    own = {
+        r.fit.hypothesis.causes: r.fit.objective for r in sorted(ranked, key=lambda r: -r.fit.objective) if r.refined
+    }
     # The own fit of such a cause may have been caught in a side minimum, or never begun.
     out = []
     for linear, steps in ((True, SETTINGS.search_most_steps), (False, SETTINGS.search_most_law_steps)):
@@ -187,7 +190,9 @@ def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked]) -> list[Ra
         for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
             # A law's range goes by the motion that the pair's hypothesis holds.
             hypothesis = replace(best.fit.hypothesis, effects=(effect,))
-            alone = refit(nominal, records, hypothesis, best.fit.x[: best.fit.first_effect], steps)
+            # It is of use if it leads to more than its own fit did.
+            rival = own.get(hypothesis.causes, np.inf)
+            alone = refit(nominal, records, hypothesis, best.fit.x[: best.fit.first_effect], steps, rival=rival)
             # Without the other it may run away.
             if alone is not None:
                 out.append(Ranked(name, alone, True))

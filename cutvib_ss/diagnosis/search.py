@@ -131,7 +131,8 @@ def search(
             records,
             rough,
             2,
-            _rival(nominal, outlook, _best(ranked, none)),
+            # What is still to be followed reaches as much at the least.
+            _rival(nominal, outlook, _best([*ranked, *unfollowed], none)),
             workers,
             SETTINGS.search_laws_refined,
         )
@@ -163,7 +164,7 @@ def search(
         rival = None if left else _best(ranked, none)
         ranked += unknown_elements(nominal, records, few, observed, ranked, rival, workers, beside=left and stands_out)
         if dependent and left:
-            ranked += unknown_by_level(nominal, records, few, observed, none, workers)
+            ranked += unknown_by_level(nominal, records, few, observed, none, ranked, workers)
     return (none, *_once(ranked))
 
 

@@ -7,6 +7,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.observations import Observations
@@ -44,8 +46,9 @@ def unknown_elements(
     """
     candidates = unknown_candidates(nominal, observed.band, observed.channels)
     alone = [Hypothesis((e,)) for c in candidates for e in c.starts]
+    best = partial(best_unknown, nominal, records, few, workers=workers, reached=_reached(ranked))
     linear = [r for r in ranked if r.refined and r.fit.hypothesis.linear and len(r.fit.hypothesis.effects) == 1]
-    found = best_unknown(nominal, records, few, alone, None, workers, rival)
+    found = best(alone, None, rival=rival)
     if not linear or not found:
         return found
     by_evidence = sorted(linear, key=lambda r: -r.fit.log_evidence)
@@ -53,14 +56,14 @@ def unknown_elements(
     if beside:
         first = by_evidence[0].fit
         both = [_beside(first, h) for h in alone]
-        found += best_unknown(nominal, records, few, both, first.x[: first.first_effect], workers)
+        found += best(both, first.x[: first.first_effect])
     # A known cause of another form than the catalogue's is that cause and something unknown at its own place.
     there = next((r.fit for r in by_evidence if r.fit.hypothesis.place == site.place), None)
     if there is None:
         return found
     both = [_beside(there, h) for h in alone if _site(h) == site.site]
     if not any(r.fit.hypothesis.causes == both[0].causes for r in found):
-        found += best_unknown(nominal, records, few, both, there.x[: there.first_effect], workers, rival)
+        found += best(both, there.x[: there.first_effect], rival=rival)
     return found
 
 
@@ -78,8 +81,13 @@ def best_unknown(
     warm: FloatArray | None,
     workers: Workers,
     rival: Ranked | None = None,
+    reached: float = np.inf,
 ) -> list[Ranked]:
-    """The best unknown elements, or restoring forces, on all lines: the best site with each amplitude, the next with its best."""
+    """
+    The best unknown elements, or restoring forces, on all lines: the best site with each amplitude, the next with its best.
+
+    `reached` is the objective that some hypothesis has on all lines already.
+    """
     steps = partial(first_steps, nominal, few, steps=SETTINGS.search_later_steps)
     there = None if rival is None else steps(rival.fit.hypothesis, rival.fit.x)
     if there is not None:
@@ -103,15 +111,21 @@ def best_unknown(
         fits = [f for f in fits if cost(f) - cost(there) < SETTINGS.search_close]
     own = {_unknown_of(f).site: f for f in reversed(fits)}
     fewer = records.still.coarse(SETTINGS.fit_fewer_lines, 0.0)
-    sharp = _refitted(nominal, fewer, [f for f in fits if f is own[_unknown_of(f).site]], workers)
+    again = partial(_refitted, nominal, fewer, workers=workers)
+    sharp = again([f for f in fits if f is own[_unknown_of(f).site]], within=SETTINGS.search_close)
     if not sharp:
         return []
     site = _unknown_of(min(sharp, key=cost)).site
-    sharp += _refitted(nominal, fewer, [f for f in fits if _unknown_of(f).site == site and f is not own[site]], workers)
+    sharp += again([f for f in fits if _unknown_of(f).site == site and f is not own[site]])
     sharp += [f for f in workers.map(partial(_with_poles, nominal, fewer), _best_at_each_site(sharp)) if f is not None]
     sharp.sort(key=cost)
     close = [f for f in sharp if cost(f) - cost(sharp[0]) < SETTINGS.search_close]
-    return [Ranked(_name(f), f, True) for f in _refitted(nominal, records, close, workers, close)]
+    return [Ranked(_name(f), f, True) for f in _refitted(nominal, records, close, workers, near=True, reached=reached)]
+
+
+def _reached(ranked: Sequence[Ranked]) -> float:
+    """The least objective of hypotheses on all lines."""
+    return min((r.fit.objective for r in ranked if r.refined), default=np.inf)
 
 
 def _best_at_each_site(fits: Sequence[Fit]) -> list[Fit]:
@@ -140,17 +154,32 @@ def _with_poles(nominal: Model, records: Records, alone: Fit) -> Fit | None:
 
 
 def _refitted(
-    nominal: Model, records: Records, fits: Sequence[Fit], workers: Workers, near: Sequence[Fit] | None = None
+    nominal: Model,
+    records: Records,
+    fits: Sequence[Fit],
+    workers: Workers,
+    near: bool = False,
+    within: float = 0.0,
+    reached: float = np.inf,
 ) -> list[Fit]:
-    """Fits on other lines, from beside other fits if some are given; those that run away are left out."""
-    again = workers.map(
-        partial(refit, nominal, records),
-        [f.hypothesis for f in fits],
-        [f.x for f in fits],
-        [SETTINGS.search_most_steps] * len(fits),
-        near or [None] * len(fits),
-    )
-    return [f for f in again if f is not None]
+    """
+    Fits on other lines, best first, from beside the others if they are near; those that run away are left out.
+
+    What the first, or another hypothesis, has reached the others have to come up to, to within some of the objective.
+    """
+    out: list[Fit] = []
+    for some_of in (slice(1), slice(1, None)):
+        rival = min([reached, *(f.objective for f in out)]) + within
+        starts = fits[some_of]
+        made = workers.map(
+            partial(refit, nominal, records, rival=rival),
+            [f.hypothesis for f in starts],
+            [f.x for f in starts],
+            [SETTINGS.search_most_steps] * len(starts),
+            starts if near else [None] * len(starts),
+        )
+        out += [f for f in made if f is not None]
+    return out
 
 
 def _name(f: Fit) -> str:
@@ -175,8 +204,15 @@ def _site(h: Hypothesis) -> str:
 
 
 def unknown_by_level(
-    nominal: Model, records: Records, few: Records, observed: Observations, none: Ranked, workers: Workers
+    nominal: Model,
+    records: Records,
+    few: Records,
+    observed: Observations,
+    none: Ranked,
+    ranked: Sequence[Ranked],
+    workers: Workers,
 ) -> list[Ranked]:
     """An unknown restoring force at each port, and an unknown error of each channel that depends on the level."""
     candidates = unknown_candidates(nominal, observed.band, observed.channels, by_level=True)
-    return best_unknown(nominal, records, few, [Hypothesis(c.starts) for c in candidates], none.fit.x, workers)
+    alone = [Hypothesis(c.starts) for c in candidates]
+    return best_unknown(nominal, records, few, alone, none.fit.x, workers, reached=_reached(ranked))
