@@ -162,11 +162,8 @@ def _refitted(
     within: float = 0.0,
     reached: float = np.inf,
 ) -> list[Fit]:
-    """
-    Fits on other lines, best first, from beside the others if they are near; those that run away are left out.
-
-    What the first, or another hypothesis, has reached the others have to come up to, to within some of the objective.
-    """
+    """Fits on other lines, the best first, from beside the others if they are near; those that run away are left out."""
+    # What the first, or another hypothesis, has reached the others have to come up to, to within some of the objective.
     out: list[Fit] = []
     for some_of in (slice(1), slice(1, None)):
         rival = min([reached, *(f.objective for f in out)]) + within
