@@ -28,7 +28,7 @@ from cutvib_ss.diagnosis.result import Limit
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import SmallSize
 from cutvib_ss.effects.base import Model, Range
-from cutvib_ss.effects.prior import SMALLEST
+from cutvib_ss.effects.prior import density_on_either_side
 
 
 def limits(nominal: Model, accepted: Fit, sizes: Sequence[Sequence[SmallSize]], counts: Counts) -> tuple[Limit, ...]:
@@ -111,12 +111,10 @@ def _density(size: float, bounds: Range, infinite: bool) -> float:
     """Prior density of a size, its range continued to the weak side; that of 1/value is as even in the logarithm as the value's."""
     if bounds.scale == "log":
         return 1.0 / (size * math.log(bounds.high / bounds.low))
-    if bounds.scale in ("asinh", "ratio"):
-        low, high = (
-            (bounds.low, bounds.high) if bounds.scale == "asinh" else (math.log(bounds.low), math.log(bounds.high))
-        )
-        width = SMALLEST * max(abs(low), abs(high))
-        return 1.0 / ((math.asinh(high / width) - math.asinh(low / width)) * math.hypot(size, width))
+    if bounds.scale == "asinh":
+        return density_on_either_side(bounds.low, bounds.high, size)
+    if bounds.scale == "ratio":
+        return density_on_either_side(math.log(bounds.low), math.log(bounds.high), size)
     if bounds.scale == "normal":
         return 1.0 / (math.sqrt(2.0 * math.pi) * bounds.high)
     return size**-2 / (bounds.high - bounds.low) if infinite else 1.0 / (bounds.high - bounds.low)

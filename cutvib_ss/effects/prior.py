@@ -62,6 +62,12 @@ class Range:
         return float(np.sum(inside / (_CELLS * np.diff(ends))))
 
 
+def density_on_either_side(low: float, high: float, value: float) -> float:
+    """Density of a prior that is even in the logarithm on either side of zero, at a value; its range continued."""
+    width = SMALLEST * max(abs(low), abs(high))
+    return 1.0 / ((math.asinh(high / width) - math.asinh(low / width)) * math.hypot(value, width))
+
+
 def _on_either_side(low: float, high: float, part: FloatArray) -> FloatArray:
     width = SMALLEST * max(abs(low), abs(high))
     ends = np.arcsinh(low / width), np.arcsinh(high / width)
