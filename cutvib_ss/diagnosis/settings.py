@@ -193,6 +193,8 @@ class Settings:
         "fewer modes in the tail", _NUMERICAL)
     tail_force: float = _of(1e-3, "peak force", "Below which a sample of a blow is no part of it", "shorter blows",
         "sensor noise between blows would ring in the tail")
+    tail_force_noise: float = _of(0.02, "peak force", "Most that is taken for noise of the force", "shorter blows",
+        "a push may fill its record; noisier blows only take longer")
     tail_points: int = _of(16, "points", "On each circle around a pole: with the radius, 0.4^16 = 4e-7 of the tail", "longer",
         _NUMERICAL)
     tail_radius: float = _of(0.4, "distance",
