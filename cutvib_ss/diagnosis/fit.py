@@ -7,7 +7,7 @@ The maximum of the posterior is found by Gauss-Newton steps with analytic deriva
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import linalg
@@ -48,6 +48,8 @@ class Fit:
     at_end: tuple[str, ...]
     correlation: float  # Number of residuals that tell the same thing; 1 where they are white
     spread: Spread  # Drift and discrepancy: their sizes, and what the records say of them
+    # Of each channel the constant part of its calibration error, real or imaginary, in tolerances
+    gains: Mapping[str, float] = field(default_factory=dict)
     # The same at unknowns of the model that is closest to the records without the discrepancy inferred beside it
     closest: Fit | None = None
 
@@ -72,9 +74,19 @@ class Fit:
         return tuple(out)
 
     @property
+    def tolerated(self) -> tuple[Effect, ...]:
+        """Effects no larger than the part that they sit on may differ by itself, within the tolerance of the matrices."""
+        return tuple(e for e in self.hypothesis.effects if e.tolerated(self.tuned))
+
+    @property
     def tuned_away(self) -> bool:
         """Whether some tuned value lies far out of its tolerance."""
         return bool(np.any(np.abs(self.x[: self.n_tuning]) > SETTINGS.fit_tuned_away))
+
+    @property
+    def calibrated_away(self) -> frozenset[str]:
+        """Channels whose gain or phase lies far out of its tolerance."""
+        return frozenset(c for c, size in self.gains.items() if size > SETTINGS.fit_tuned_away)
 
     @property
     def beyond_belief(self) -> bool:
@@ -254,6 +266,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         stds=stds,
         at_end=at_end,
         correlation=correlation,
+        gains=_gains(problem, x),
         spread=Spread(quadratic.layout, search.sizes, offsets, own),
     )
 
@@ -303,3 +316,9 @@ def _closest_simulated(search: Climb, start: FloatArray, steps: int, tolerance: 
     alone.try_from(start)
     alone.climb(steps, tolerance)
     return alone.at.x if alone.at.squares < least else search.at.x
+
+
+def _gains(problem: Problem, x: FloatArray) -> dict[str, float]:
+    """Of each channel the larger of the constant parts of its calibration error, in tolerances."""
+    shapes = problem.n_calibration // (2 * max(len(problem.channels), 1))
+    return {c: float(np.abs(x[problem.own(c, shapes)[[0, shapes]]]).max()) for c in problem.channels if shapes}

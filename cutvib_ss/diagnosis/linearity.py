@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
+from scipy import signal, stats
 
 from cutvib_ss.diagnosis.comparison import across_grids
 from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.prediction import moves_as_one
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.records import Entry, Records, merged, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -139,6 +140,8 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
             assert entry.replay is not None
             form = modal_form(model, at, places, SETTINGS.simulation_hysteresis_at, input=struck)
             moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
+            if moves_as_one(model):
+                moved = _in_band(moved, entry.replay.fs, float(g.freq[0]))
             peaks.append(np.abs(moved).max(axis=(0, 2)))
             rates.append(np.abs(np.diff(moved, axis=-1)).max(axis=(0, 2)) * entry.replay.fs)
     peak, rate, force = np.array(peaks), np.array(rates), np.array(forces)
@@ -151,6 +154,12 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
         )
         for i, name in enumerate(places)
     }
+
+
+def _in_band(moved: FloatArray, fs: float, lowest: float) -> FloatArray:
+    """Motions without what lies below a record's lines: what nothing holds wanders off under the errors of a force."""
+    filtered = signal.butter(2, 0.5 * lowest, "highpass", fs=fs, output="sos")
+    return np.asarray(signal.sosfiltfilt(filtered, moved, axis=-1))
 
 
 def _holding(model: Model, position: float | None, freq: FloatArray, places: tuple[str, ...], input: str) -> FloatArray:

@@ -22,6 +22,7 @@ from cutvib_ss.diagnosis.held_out import HeldOut, share
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.effects.base import Effect
 
 UNKNOWN = "unknown"
 
@@ -115,6 +116,8 @@ class _HeldOutRules:
         elif known and r.fit.corrected.of_no_size and self.without_what_may_be_nothing(r, r.fit.corrected, 0.5):
             # With its discrepancy it is something, without it nothing: either there is no cause, or one that nothing here has.
             self.without_what_is_only_its_error(r)
+        if causes and r.fit.tolerated:
+            self.within_tolerance(r)
         if self.bare and (known or kind_of(r.fit.hypothesis) == UNKNOWN):
             self.by_both_leads(r, self.bare)
         if kind_of(r.fit.hypothesis) == UNKNOWN:
@@ -154,10 +157,21 @@ class _HeldOutRules:
             _give(self.odds, r, less, part)
         return True
 
+    def within_tolerance(self, r: Ranked) -> None:
+        """Pass on most of the probability of causes of which one is no more than its part may differ from the model by itself."""
+        # The tolerance is that of a matrix, and tuning moves all of it: its parts differ among themselves by as much.
+        less = self._without(r.fit, r.fit.tolerated)
+        if less is not None:
+            _give(self.odds, r, less, SETTINGS.verdict_form)
+
     def with_what_is_there(self, fit: Fit) -> Ranked | None:
         """The best hypothesis of those causes of which a fit holds that they are there."""
-        certain = Hypothesis(tuple(e for e in fit.hypothesis.effects if e not in fit.of_no_size))
-        return _best(x for x in self.fitted if x.fit.hypothesis.causes == certain.causes)
+        return self._without(fit, fit.of_no_size)
+
+    def _without(self, fit: Fit, effects: Sequence[Effect]) -> Ranked | None:
+        """The best hypothesis of the causes of a fit but for some."""
+        rest = Hypothesis(tuple(e for e in fit.hypothesis.effects if e not in effects))
+        return _best(x for x in self.fitted if x.fit.hypothesis.causes == rest.causes)
 
     def without_what_is_only_its_error(self, r: Ranked) -> None:
         """Pass on the probability of causes of which one is nothing without its discrepancy; a single one is something unknown."""
@@ -243,8 +257,12 @@ class _HeldOutRules:
         """Where the re-tuned model leaves far more than noise, something unknown is there."""
         unknown = _best(x for x in self.fitted if kind_of(x.fit.hypothesis) == UNKNOWN)
         # Held against the noise as stated: the model's own factor on the noise takes up what is not the machine's.
-        if unknown and self.held(bare).against_stated > SETTINGS.verdict_misfit:
+        left = self.held(bare).against_stated
+        if unknown and left > SETTINGS.verdict_misfit:
             _give(self.odds, bare, unknown)
+        elif left > SETTINGS.fit_hopeless:
+            # No element of unknown form was fitted: what this loses lies on something unknown.
+            self.odds[bare.name] *= 1.0 - SETTINGS.verdict_form
 
 
 def that_drift_by_chance(
@@ -311,6 +329,12 @@ def _of_another_form(r: Ranked, held: Callable[[Ranked], HeldOut]) -> bool:
     return beyond or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit
 
 
+def _leaves_more(cause: HeldOut, bare: HeldOut) -> bool:
+    """Whether a cause leaves a larger error of held-out records than the re-tuned model, by more than its standard error."""
+    more = np.array([j.squares - other.squares for j, other in zip(cause.records, bare.records, strict=True)])
+    return bool(more.mean() > np.std(more, ddof=1) / np.sqrt(more.size)) if more.size > 1 else False
+
+
 def _best(ranked: Iterable[Ranked]) -> Ranked | None:
     """That of most evidence."""
     return max(ranked, key=lambda r: r.fit.log_evidence, default=None)
@@ -329,9 +353,9 @@ def of_known_form(
     Probabilities in which an answer whose form nothing here has is not sure.
 
     Where a parameter of a restoring force ends at what the motion allows, or discrepancies or tuned values lie beyond
-    what is believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, the form is not known, and
-    no more is the cause. What such answers lose lies on something unknown: with it the probabilities sum to one. A linear cause
-    ends where another takes over: a resonance far above the band is a mass.
+    what is believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, or a larger error than the
+    re-tuned model has there, the form is not known, and no more is the cause. What such answers lose lies on something unknown:
+    with it the probabilities sum to one. A linear cause ends where another takes over: a resonance far above the band is a mass.
 
     An unknown element has no form that could err, but a known cause in a form that the catalogue lacks fits no other hypothesis
     either: no evidence tells the two apart, and priors have to. A known cause of its place is the answer in another form, and
@@ -342,7 +366,14 @@ def of_known_form(
     """
     out = dict(odds)
     likely = [r for r in ranked if odds[r.name] >= SETTINGS.verdict_hardly and r.fit.hypothesis.causes]
-    strained = [r for r in likely if kind_of(r.fit.hypothesis) != UNKNOWN and r.refined and _of_another_form(r, held)]
+    bare = next((r for r in ranked if r.refined and not r.fit.hypothesis.effects), None)
+    strained = [
+        r
+        for r in likely
+        if kind_of(r.fit.hypothesis) != UNKNOWN
+        and r.refined
+        and (_of_another_form(r, held) or (bare is not None and _leaves_more(held(r), held(bare))))
+    ]
     for r in strained:
         out[r.name] *= SETTINGS.verdict_form
     # What may as well be nothing is no form of anything.

@@ -219,7 +219,7 @@ def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray)
     ending = np.flatnonzero(np.isfinite(rest))
     alive = light_poles(model, positions[ending]) if ending.size else []
     # A response without a block that ends, as a sine's, loses nothing; its element may differ from line to line.
-    free = bool(ending.size) and any(q != "acceleration" for q in group.quantities) and _moves_as_one(model)
+    free = bool(ending.size) and any(q != "acceleration" for q in group.quantities) and moves_as_one(model)
     for i, light in zip(ending, alive, strict=True):
         # A window that was never taken out shifts the poles of what is measured.
         poles, time = light - model.chain.decay_rate, rest[i]
@@ -278,7 +278,7 @@ def _blow_between(group: Group, row: int, start: float, z: ComplexArray, s: Comp
     return np.asarray(np.concatenate([at_poles, at_poles.conj()]) @ shares)
 
 
-def _moves_as_one(model: Model) -> bool:
+def moves_as_one(model: Model) -> bool:
     """Whether a structure has a rigid motion, up to the rounding of its matrices: it goes on moving after a blow."""
     if model.has_position:
         return False
@@ -302,7 +302,7 @@ def light_poles(model: Model, positions: FloatArray) -> list[ComplexArray]:
     decay = np.sum(shapes * (stack.damping @ shapes), axis=1) / 2
     found = []
     for square, own in zip(squares, decay, strict=True):
-        # What rounding leaves of a rigid motion is no mode: it has a circle of its own (`_moves_as_one`).
+        # What rounding leaves of a rigid motion is no mode: it has a circle of its own (`moves_as_one`).
         alive = (square > own**2) & (own > 0) & (square > _RIGID * square[-1])
         found.append(-own[alive] + 1j * np.sqrt(square[alive] - own[alive] ** 2))
     return found

@@ -85,7 +85,9 @@ def scouted(
 
 
 def _tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:
-    """Whether a cause moves a value that the tuned model has far out of its tolerance: no residual is left to show it."""
+    """Whether a cause moves what the tuned model has far out of its tolerance, a value or a gain: no residual shows it."""
+    if getattr(effect, "channel", None) in none.calibrated_away:
+        return True
     away = np.abs(none.x[: none.n_tuning]) > SETTINGS.fit_tuned_away
     strained = {path for (path, _), far in zip(tuning_paths(nominal), away, strict=True) if far}
     moved = effect.moved_by(nominal, effect.apply(nominal)) if strained else {}

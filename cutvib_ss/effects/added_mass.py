@@ -19,7 +19,7 @@ from cutvib_ss.effects.base import (
     ports_of,
 )
 from cutvib_ss.effects.port_element import PortElement
-from cutvib_ss.effects.scales import port_scale
+from cutvib_ss.effects.scales import TOLERATED, port_scale
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.paths import Path, value_at, with_value
 
@@ -55,6 +55,11 @@ class AddedMass(PortElement):
         for place in cls.places(model):
             mass = model.carried_at(place)[0] * 0.02
             yield place, tuple(cls(place, f * mass) for f in (1.0, 4.0, 16.0))
+
+    def tolerated(self, model: Any) -> bool:
+        return (
+            model.head is None and abs(self.mass) <= TOLERATED * model.tolerance.mass * model.carried_at(self.place)[0]
+        )
 
     def element(self) -> SpringDamperMass:
         return SpringDamperMass(mass=self.mass)

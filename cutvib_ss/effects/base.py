@@ -151,6 +151,10 @@ class Effect(ABC):
         """Parameters to which, taken together, a restoring force is in proportion; none of a linear effect, and where it is not."""
         return ()
 
+    def tolerated(self, model: Any) -> bool:
+        """Whether the part it sits on may differ from the model as much by itself, within the tolerance of the matrices."""
+        return False
+
     def by_size(self) -> dict[str, float]:
         """Derivative of each fitted parameter that carries the severity to the logarithm of the effect's size."""
         grows, own = self.grows(), {f.name for f in parameter_fields(type(self))}

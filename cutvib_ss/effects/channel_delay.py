@@ -21,7 +21,7 @@ class ChannelDelay(ChainEffect):
     inspection = "compare the filters, sampling and cables of {what} with those of the force"
 
     channel: str  # Name of the channel, or ``"all"``
-    delay: float = parameter("s", -2e-3, 2e-3, "asinh", minimum=None)  # How late it is [s]; negative: early
+    delay: float = parameter("s", -1e-2, 1e-2, "asinh", minimum=None)  # How late it is [s]; negative: early
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from cutvib_ss.effects.base import Effect, Measured, Model, Range, Severity, parameter, ports_of
 from cutvib_ss.effects.port_element import OBLIQUE, ObliqueElement
-from cutvib_ss.effects.scales import port_scale
+from cutvib_ss.effects.scales import TOLERATED, port_scale
 from cutvib_ss.model.elements import SpringDamperMass
 
 STIFFEST = 100.0
@@ -74,6 +74,14 @@ class ToolContact(ObliqueElement):
             if model.head is None and model.spring_at(place) is not None:
                 grid += [(-5.0, 0.3), (-25.0, 0.3)]
             yield place, tuple(cls(place, f * stiffness, g * damping) for f, g in grid)
+
+    def tolerated(self, model: Any) -> bool:
+        spring = model.spring_at(self.place) if model.head is None else None
+        if spring is None:
+            return False
+        stiffness, damping = (TOLERATED * t for t in (model.tolerance.stiffness, model.tolerance.damping))
+        loss = model.carried_at(self.place)[2]
+        return abs(self.stiffness) <= stiffness * spring[0] and abs(self.damping) <= damping * loss
 
     def element(self) -> SpringDamperMass:
         return SpringDamperMass(stiffness=self.stiffness, damping=self.damping)

@@ -269,7 +269,18 @@ def _spanned(row: FloatArray, stiffness: FloatArray) -> float:
     elif held.size == 2 and row[held[0]] == -row[held[1]]:
         found = float(-stiffness[held[0], held[1]])
     else:
-        return 0.0
+        return _static(row, stiffness)
     # Matrices are written to so many digits: the rounding error of a row that adds up to nothing is no spring.
-    own = float(np.abs(stiffness[held[0]]).max())
-    return found / row[held[0]] ** 2 if found > _NO_SPRING * own else 0.0
+    least = _NO_SPRING * float(np.abs(stiffness[held[0]]).max())
+    if held.size == 2 and found < -least:
+        return _static(row, stiffness)
+    return found / row[held[0]] ** 2 if found > least else 0.0
+
+
+def _static(row: FloatArray, stiffness: FloatArray) -> float:
+    """Stiffness of a port against slow forces, 0 if it floats: in modal or reduced coordinates no element is a spring."""
+    values, shapes = np.linalg.eigh(stiffness)
+    moved, held = (shapes.T @ row) ** 2, values > 1e-9 * values[-1]
+    if not held.any() or moved[~held].sum() > 1e-9 * moved.sum():
+        return 0.0
+    return 1.0 / float(np.sum(moved[held] / values[held]))

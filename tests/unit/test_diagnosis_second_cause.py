@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import cast
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -35,6 +36,7 @@ class OnlyEvidence:
     hypothesis: Hypothesis
     log_evidence: float
     of_no_size: tuple[Effect, ...] = ()
+    tolerated: tuple[Effect, ...] = ()
     at_end: tuple[str, ...] = ()
     beyond_belief: bool = False
     nothing_when_used: tuple[Effect, ...] = ()
@@ -58,11 +60,12 @@ class Leaves:
     against_stated: float = 1.0
     log_density: float = 0.0
     squares: float = 0.0
+    records: tuple[Any, ...] = ()
     floor: float = 0.0
 
 
 def held(**each: Leaves) -> Callable[[Ranked], HeldOut]:
-    return lambda r: cast(HeldOut, each[r.name])
+    return lambda r: cast(HeldOut, each.get(r.name, Leaves()))
 
 
 NONE = ranked("none", 0.0)
@@ -329,6 +332,7 @@ class WithSizes:
     x: FloatArray = field(default_factory=lambda: np.zeros(20))
     n_tuning: int = 20
     of_no_size: tuple[Effect, ...] = ()
+    tolerated: tuple[Effect, ...] = ()
     beyond_belief = Fit.beyond_belief
 
 
@@ -413,3 +417,27 @@ def test_a_cause_that_stands_in_for_others_is_not_enough() -> None:
         (sized("mass", 3e-5, 1e-3, CUBIC, tuned=5.5), False),
     ):
         assert _enough([found], none, lambda r: 1.0) is enough
+
+
+def test_a_cause_within_the_tolerance_of_its_part_leaves_most_to_the_model_without_it() -> None:
+    none, mass = ranked("none", 0.0), ranked("mass", 40.0, MASS)
+    within = replace(mass, fit=replace(cast(OnlyEvidence, mass.fit), tolerated=(MASS,)))
+    odds, seen = {"none": 0.0, "mass": 1.0}, held(none=TUNED, mass=Leaves(log_density=40.0))
+    assert judged_on_held_out([none, mass], odds, seen, 1.0)["mass"] == pytest.approx(1.0)
+    found = judged_on_held_out([none, within], odds, seen, 1.0)
+    assert found == pytest.approx({"none": SETTINGS.verdict_form, "mass": 1.0 - SETTINGS.verdict_form})
+
+
+def test_a_model_that_leaves_far_more_than_noise_is_no_answer_even_without_another() -> None:
+    none = ranked("none", 0.0)
+    found = judged_on_held_out([none], {"none": 1.0}, held(none=Leaves(against_stated=50.0)), 1.0)
+    assert found == pytest.approx({"none": 1.0 - SETTINGS.verdict_form})
+
+
+def test_a_cause_that_leaves_a_larger_error_than_none_is_not_sure() -> None:
+    none, mass = sized("none", 3e-5, 1e-3), sized("mass", 3e-5, 1e-3, MASS)
+    bare = Leaves(records=tuple(SimpleNamespace(squares=s) for s in (1.0, 1.2, 0.9, 1.1)))
+    for sizes, kept in (((1.5, 1.6, 1.4, 1.5), SETTINGS.verdict_form), ((1.1, 1.1, 0.9, 1.1), 1.0), ((0.2,) * 4, 1.0)):
+        left = Leaves(records=tuple(SimpleNamespace(squares=s) for s in sizes))
+        odds = of_known_form([none, mass], {"none": 0.0, "mass": 1.0}, held(none=bare, mass=left))
+        assert odds["mass"] == pytest.approx(kept)
