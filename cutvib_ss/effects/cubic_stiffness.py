@@ -38,7 +38,7 @@ class CubicStiffness(LawElement):
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         unit = scale.stiffness / scale.motion**2
-        return {"stiffness3": (-0.5 * unit, 20.0 * unit)}
+        return {"stiffness3": (-0.5 * unit, 5.0 * unit)}
 
     @classmethod
     def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:
