@@ -81,7 +81,7 @@ class ToolContact(ObliqueElement):
             return False
         stiffness, damping = (TOLERATED * t for t in (model.tolerance.stiffness, model.tolerance.damping))
         loss = model.carried_at(self.place)[2]
-        return abs(self.stiffness) <= stiffness * spring[0] and abs(self.damping) <= damping * loss
+        return bool(abs(self.stiffness) <= stiffness * spring[0] and abs(self.damping) <= damping * loss)
 
     def element(self) -> SpringDamperMass:
         return SpringDamperMass(stiffness=self.stiffness, damping=self.damping)
