@@ -125,6 +125,7 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
     peaks: list[np.ndarray] = []
     forces: list[np.ndarray] = []
     rates: list[np.ndarray] = []
+    floats = moves_as_one(model)
     for g in merged(records.simulable, apart=True):
         for position, struck, (entry, *_) in zip(g.positions, g.inputs, g.entries, strict=True):
             at = position_at(position)
@@ -140,7 +141,7 @@ def motions(model: Model, records: Records) -> dict[str, Motion]:
             assert entry.replay is not None
             form = modal_form(model, at, places, SETTINGS.simulation_hysteresis_at, input=struck)
             moved = step(form, np.stack(entry.replay.forces), entry.replay.fs).responses
-            if moves_as_one(model):
+            if floats:
                 moved = _in_band(moved, entry.replay.fs, float(g.freq[0]))
             peaks.append(np.abs(moved).max(axis=(0, 2)))
             rates.append(np.abs(np.diff(moved, axis=-1)).max(axis=(0, 2)) * entry.replay.fs)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cutvib_ss.diagnosis.linearity import _in_band
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.model.second_order import Channel, SecondOrder
@@ -59,3 +60,12 @@ def test_a_port_that_floats_has_no_spring() -> None:
     found = floating.spring_at("both")
     assert found is not None
     assert found[0] == pytest.approx(1.0 / (1.0 / 3e4 + 1.0 / 2e4))
+
+
+def test_what_wanders_off_is_no_motion_in_the_band() -> None:
+    time = np.arange(8000) / 400.0
+    ringing = 1e-4 * np.sin(2 * np.pi * 40.0 * time)
+    found = _in_band((ringing + 1e-3 * time)[None, None], 400.0, 20.0)
+    # 20 mm of wander; where a record is cut off in full swing the filter rings a little.
+    np.testing.assert_allclose(found[0, 0, 2000:6000], ringing[2000:6000], atol=1e-6)
+    assert np.abs(found).max() < 1.5e-4
