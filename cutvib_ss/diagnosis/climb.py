@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from cutvib_ss.diagnosis.directions import Directions, Layout, Sizes
+from cutvib_ss.diagnosis.directions import Directions, Layout, Sizes, deviations
 from cutvib_ss.diagnosis.drifted import Drifted
 from cutvib_ss.diagnosis.likelihood import Known, Quadratic
 from cutvib_ss.diagnosis.marginal import Marginal
@@ -104,6 +104,7 @@ class Climb:
         self.known = Known(problem.nominal.tolerance.drift, beside.known, within)
         self.count = problem.count + beside.data
         self.precision = problem.prior_precision()
+        self.parts = np.array((*problem.parts, *problem.losses), dtype=np.intp)
         self.low, self.high = problem.bounds()
         drift = self.drifted.of(near) if near is not None and spread else self.drifted.none
         try:
@@ -153,9 +154,7 @@ class Climb:
         problem, each = self.drifted.at(x, drift)
         predictions, residuals, squares = problem.residuals(each)
         squares += self.beside.squares
-        at = At(
-            problem, x, drift, each, predictions, residuals, squares, squares, squares + float(self.precision @ x**2)
-        )
+        at = At(problem, x, drift, each, predictions, residuals, squares, squares, squares + self._prior(x))
         if squares > SETTINGS.fit_run_away * self.count:
             # What drift and discrepancy leave of such squares is rounding error.
             at.objective = np.inf
@@ -207,9 +206,20 @@ class Climb:
         """The objective with drift and discrepancy of the present sizes integrated out."""
         assert at.quadratic is not None
         marginal = Marginal(*at.quadratic.system(self.sizes), np.arange(at.x.size))
-        prior = float(self.precision @ at.x**2)
+        prior = self._prior(at.x)
         at.chi2 = at.quadratic.at(self.sizes) - prior - marginal.taken
-        at.objective = at.chi2 + marginal.log_determinant + self.count * float(np.log(self.sizes.noise)) + prior
+        # What errors of parts take has to pay, as what drifts and discrepancies do: their size moves with the evidence.
+        paid = marginal.log_determinant + marginal.of_own(self.parts)
+        at.objective = at.chi2 + paid + self.count * float(np.log(self.sizes.noise)) + prior
+
+    def _prior(self, x: FloatArray) -> float:
+        """Squares of the priors of the unknowns."""
+        return float(self.precision @ (x / self._unit) ** 2)
+
+    @property
+    def _unit(self) -> FloatArray:
+        """Standard deviation of each unknown's prior, in its unit: errors of parts have a size."""
+        return deviations(self.problem, self.precision.size, self.sizes)
 
     def resize(self) -> None:
         """The sizes of drift and discrepancy that suit where it stands."""
@@ -252,9 +262,12 @@ class Climb:
         n, x = self.at.x.size, self.at.x
         matrix, gradient = quadratic.system(self.sizes)
         beside = np.full(matrix.shape[0] - n, np.inf)
-        low, high = np.concatenate([self.low, -beside]), np.concatenate([self.high, beside])
-        start = np.concatenate([x, np.zeros(beside.size)])
-        weight = np.concatenate([np.sqrt(np.diag(matrix)[:n]), np.full(self.at.drift.size, 1.0 / self.sizes.drift)])
+        unit = self._unit
+        low, high = np.concatenate([self.low / unit, -beside]), np.concatenate([self.high / unit, beside])
+        start = np.concatenate([x / unit, np.zeros(beside.size)])
+        weight = np.concatenate(
+            [np.sqrt(np.diag(matrix)[:n]) / unit, np.full(self.at.drift.size, 1.0 / self.sizes.drift)]
+        )
         here, tried = np.concatenate([x, self.at.drift.ravel()]), damping
         # What the directions take already is not gained again, but for drift that is still to be followed. Of a restoring force,
         # whose derivatives are those of an equivalent stiffness, no step is given up for what it promises.
@@ -266,7 +279,7 @@ class Climb:
             promised = marginal.gain(step[kept])
             if promised < (worth if tried > damping else SETTINGS.fit_promise * worth):
                 break
-            there = np.concatenate([x + step[:n], self._drifted(step[n:]).ravel()])
+            there = np.concatenate([x + unit * step[:n], self._drifted(step[n:]).ravel()])
             ahead = trail.ahead(here, there - here, weight) if tried == damping else None
             if ahead is not None:
                 if self._moved_to(ahead):

@@ -229,16 +229,16 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
         chi2, drifts, density = power / np.maximum(told, 1), 0.0, -float(np.sum(power))
     else:
 
-        def show(x: FloatArray) -> tuple[Predicted, ComplexArray]:
-            there = (
-                shown
-                if np.array_equal(x, fitted.x)
-                else predicted(e, _model_for(e, problem, x), problem.blow_at(x), problem, x)
-            )
-            return there.seen, (e.data - there.data) * np.where(e.precision > 0.0, np.sqrt(2.0 / total), 0.0)
+        def show(x: FloatArray, e: Entry = e, here: Shown | None = shown) -> tuple[Predicted, ComplexArray]:
+            if here is None or not np.array_equal(x, fitted.x):
+                here = predicted(e, _model_for(e, problem, x), problem.blow_at(x), problem, x)
+            weight = np.where(e.precision > 0.0, np.sqrt(2.0 / (e.variance + shown.variance)), 0.0)
+            return here.seen, (e.data - here.data) * weight
 
+        wider = e.showing(e.data, e.variance + (SETTINGS.fit_start_error * np.abs(e.data)) ** 2)
+        afar = partial(show, e=wider, here=None)
         hits = 0 if e.hits is None else len(e.hits)
-        chi2, drifts, density = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show, hits)
+        chi2, drifts, density = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show, afar, hits)
         chi2 = chi2 * e.freq.size / np.maximum(told, 1)
         total = fitted.spread.sizes.noise * total
     # A prediction that is uncertain by itself pays for it.

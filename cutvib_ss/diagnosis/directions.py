@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -37,6 +37,28 @@ class Sizes:
     cause: float = 1e-2
     noise: float = 1.0
     within: float = 1e-3
+    # Of errors of single parts of a structure's matrices, and of the losses of its modes, in tolerances of the matrix
+    parts: float = 0.1
+    losses: float = 0.3
+
+
+class WithParts(Protocol):
+    """Unknowns of which some are errors of parts of a structure."""
+
+    @property
+    def parts(self) -> tuple[int, ...]:
+        """Those of stiffness and mass."""
+
+    @property
+    def losses(self) -> tuple[int, ...]:
+        """Those of the losses of single modes."""
+
+
+def deviations(of: WithParts, count: int, sizes: Sizes) -> FloatArray:
+    """Standard deviations of the priors of unknowns, in their units: one, but for errors of parts, which have a size."""
+    out = np.ones(count)
+    out[list(of.parts)], out[list(of.losses)] = sizes.parts, sizes.losses
+    return out
 
 
 @dataclass(frozen=True)
@@ -53,6 +75,8 @@ class Layout:
     records: tuple[int, ...] = ()  # Those that drift within their session, by their index in the campaign
     cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
     hits: tuple[tuple[int, int], ...] = ()  # What the hits of a record do: its index, and the number of the direction
+    parts: tuple[int, ...] = ()  # Unknowns that are errors of parts of a structure's stiffness or mass
+    losses: tuple[int, ...] = ()  # The same of the losses of its modes
 
     @cached_property
     def per_session(self) -> int:
@@ -87,6 +111,7 @@ class Layout:
     def scale(self, sizes: Sizes) -> FloatArray:
         """Factor on each column."""
         out = np.ones(self.size)
+        out[: self.unknowns] = deviations(self, self.unknowns, sizes)
         out[self.unknowns : self.first_within] = sizes.drift
         out[self.first_within : self.first_nominal] = sizes.within
         out[self.first_nominal : self.first_cause] = sizes.nominal
@@ -136,6 +161,8 @@ class Directions:
             problem.drifting_within if spread else (),
             cause_drifts=bool(spread and np.any(self.cause)),
             hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
+            parts=problem.parts,
+            losses=problem.losses,
         )
         self.shared = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
         self.plain = [p.data * g.weight for p, g in zip(predictions, self.groups, strict=True)]

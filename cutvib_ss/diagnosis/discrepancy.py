@@ -47,20 +47,25 @@ def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
     A row is the derivative to one tolerance. A frequency moves by half of what its stiffness moves. A damping drifts by as many
     tolerances as the stiffness beside it.
     """
-    tolerance = {path[-1]: t for path, t in problem.tuning}
+    tolerance = {path[-1]: t for path, t in problem.tuning if path[0] != "parts"}
     beside = {"c1": "k1", "c2": "k2", "damping_ratio": "first_frequency", 1: 2}
     stiff = {"k1": 1.0, "k2": 1.0, "first_frequency": 0.5, 2: 1.0}
     drift, nominal = np.zeros(len(problem.tuning)), np.zeros(len(problem.tuning))
     for i, (path, own) in enumerate(problem.tuning):
         name = path[-1]
-        if name in stiff:
+        if path[0] == "parts":
+            # Modes drift one by one beside what moves all of them, by half of it where three or four springs drift by themselves.
+            part = problem.nominal.system.parts[int(name)]
+            drift[i] = 0.5 / tolerance.get(2, own) if part.power < 2 and part.modes[0] == part.modes[1] else 0.0
+        elif name in stiff:
             drift[i] = nominal[i] = stiff[name] / own
         elif name in beside:
             other = beside[name]
             drift[i] = stiff[other] / tolerance[other] if other in tolerance else 10.0 / own
     if not nominal.any():
         # A free body has no stiffness to err: its mass does.
-        nominal = np.array([1.0 / t if path[-1] in (0, "m1", "m2") else 0.0 for path, t in problem.tuning])
+        masses = (("scales", 0), ("head", "m1"), ("head", "m2"))
+        nominal = np.array([1.0 / t if path in masses else 0.0 for path, t in problem.tuning])
     return drift, nominal
 
 

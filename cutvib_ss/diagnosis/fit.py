@@ -84,6 +84,12 @@ class Fit:
         return bool(np.any(np.abs(self.x[: self.n_tuning]) > SETTINGS.fit_tuned_away))
 
     @property
+    def taken_up(self) -> bool:
+        """Whether drift or errors of single parts, the largest of their priors, may have taken up what a cause does."""
+        sizes = self.spread.sizes
+        return any(getattr(sizes, name) >= SETTINGS.sizes[name][-1][0] for name in ("drift", "parts"))
+
+    @property
     def calibrated_away(self) -> frozenset[str]:
         """Channels whose gain or phase lies far out of its tolerance."""
         return frozenset(c for c, size in self.gains.items() if size > SETTINGS.fit_tuned_away)
@@ -218,6 +224,7 @@ def _on_fewer_lines(
 def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
     x = search.at.x
     index, even = np.arange(problem.first_effect, problem.size), np.flatnonzero(problem.even)
+    unit = quadratic.layout.scale(search.sizes)[: problem.size]
     own, pull = quadratic.system(search.sizes)
     # An even prior over a unit range knows a parameter to no better than its range.
     own[even, even] += 12.0
@@ -257,7 +264,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         x=x,
         n_tuning=problem.n_tuning,
         first_effect=problem.first_effect,
-        covariance=covariance[: problem.size, : problem.size],
+        covariance=covariance[: problem.size, : problem.size] * np.outer(unit, unit),
         chi2=search.at.chi2,
         count=search.count,
         objective=search.at.objective,
@@ -306,7 +313,7 @@ def _closest(search: Climb, quadratic: Quadratic, offsets: FloatArray) -> FloatA
     step, free = np.zeros(x.size), quadratic.free
     pulled = of_data[own, inferred] @ offsets[inferred]
     step[free] = solved((of_data[own, own] / heat + prior)[np.ix_(free, free)], pulled[free] / heat)
-    return search.towards(x + step) if np.any(step) else x
+    return search.towards(x + scale[own] * step) if np.any(step) else x
 
 
 def _closest_simulated(search: Climb, start: FloatArray, steps: int, tolerance: float) -> FloatArray:

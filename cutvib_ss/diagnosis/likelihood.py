@@ -51,7 +51,7 @@ class Quadratic:
         prior = np.ones(self.layout.size)
         prior[:n] = self.precision + SETTINGS.likelihood_precision_floor
         matrix[np.diag_indices_from(matrix)] += prior
-        gradient[:n] -= self.precision * self.x
+        gradient[:n] -= self.precision * self.x / scale[:n]
         gradient[n:] -= self.offsets[n:] / scale[n:]
         return matrix, gradient
 
@@ -59,7 +59,8 @@ class Quadratic:
         """Squares of the residuals and of the priors at the point."""
         n, scale = self.layout.unknowns, self.layout.scale(sizes)
         drifted = self.offsets[n:] / scale[n:]
-        return self.squares / sizes.noise + float(self.precision @ self.x**2) + float(drifted @ drifted)
+        own = self.x / scale[:n]
+        return self.squares / sizes.noise + float(self.precision @ own**2) + float(drifted @ drifted)
 
     def log_evidence(self, sizes: Sizes) -> float:
         """Laplace's evidence for given sizes, up to a constant of the data."""
@@ -163,7 +164,8 @@ class Known:
 
 def grids(layout: Layout, known: Known) -> dict[str, tuple[tuple[float, float], ...]]:
     """Sizes that are searched, with their prior; one value where there are no such directions, or the drift is stated."""
-    out = {}
+    of = {"nominal": layout.nominal, "cause": layout.pivots, "parts": layout.parts, "losses": layout.losses}
+    out, absent = {}, [name for name, columns in of.items() if not columns]
     for f in fields(Sizes):
         grid = SETTINGS.sizes[f.name]
         if f.name == "noise":
@@ -176,7 +178,7 @@ def grids(layout: Layout, known: Known) -> dict[str, tuple[tuple[float, float], 
             grid = ((Sizes().within, 1.0),)
         elif f.name == "within" and known.within is not None:
             grid = ((known.within, 1.0),)
-        elif (f.name == "nominal" and not layout.nominal) or (f.name == "cause" and not layout.pivots):
+        elif f.name in absent:
             grid = ((getattr(Sizes(), f.name), 1.0),)
         out[f.name] = grid
     return out

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from cutvib_ss.diagnosis.likelihood import log_determinant
 from cutvib_ss.results import FloatArray
 
 
@@ -34,6 +35,13 @@ class Marginal:
     def log_determinant(self) -> float:
         """Logarithm of the determinant of the others' matrix."""
         return 2.0 * float(np.sum(np.log(np.diag(self._factor))))
+
+    def of_own(self, which: NDArray[np.intp]) -> float:
+        """Logarithm of the determinant of some of the kept unknowns, by their number among them."""
+        if not which.size:
+            return 0.0
+        across = self._coupled[:, which]
+        return log_determinant(self._own[np.ix_(which, which)] - across.T @ across)
 
     @cached_property
     def _coupled(self) -> FloatArray:

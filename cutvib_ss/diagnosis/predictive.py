@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from cutvib_ss.results import ComplexArray, FloatArray
 if TYPE_CHECKING:
     from cutvib_ss.diagnosis.prediction import Predicted
     from cutvib_ss.diagnosis.problem import Problem
+
+
+Show: TypeAlias = Callable[["FloatArray"], "tuple[Predicted, ComplexArray]"]
+"""A record as predicted from some unknowns, and its weighted residual."""
 
 
 class Left(NamedTuple):
@@ -109,7 +113,8 @@ class Spread:
         x: FloatArray,
         name: tuple[float | str, ...],
         record: int,
-        show: Callable[[FloatArray], tuple[Predicted, ComplexArray]],
+        show: Show,
+        afar: Show,
         hits: int = 0,
     ) -> Left:
         """
@@ -117,34 +122,20 @@ class Spread:
 
         The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. Where drift
         of the session or of the record is not known yet, a record may tell more of it, and of the unknowns, than is small: they
-        are taken where the record has them, by Gauss-Newton steps, and pay their prior.
+        are taken where the record has them, by Gauss-Newton steps, and pay their prior. `afar` shows it with a widened noise.
         """
         own = self.of_record(name, record, hits)
         columns = _drifts(own.layout, name, record, own.sizes)
         seen = (name in self.layout.sessions, record in self.layout.records)
         new = any(not seen[k] and size > SETTINGS.predictive_small_drift for k, _, size in columns)
         seeing = _Seeing(own, problem, x, [(at, size) for _, at, size in columns], show)
-        moved = np.zeros(own.layout.size)
-        best = seeing.at(moved)
-        step, longer = best.step if new else moved, np.inf
-        for _ in range(SETTINGS.predictive_iterations if new else 0):
-            try:
-                there = seeing.at(seeing.within(best.moved + step))
-            except CutvibError:
-                step, longer = step / 2.0, np.inf
-                continue
-            gained = best.left - there.left
-            if abs(gained) < SETTINGS.predictive_gain * there.left:
-                best = there if gained > 0.0 else best
-                break
-            if gained > 0.0:
-                best, step, longer = there, there.step, np.inf
-            elif -4.0 * gained >= longer:
-                # The parabola through what this step and one of twice its length lose rises from the start: none shorter gains.
-                break
-            else:
-                step, longer = step / 2.0, -gained
-        return seeing.judged(best)
+        best = seeing.at(np.zeros(own.layout.size))
+        if new and best.left > SETTINGS.fit_hopeless * 2 * best.residual.size:
+            # Of sharp resonances far from where they are expected first order tells little: a widened noise has no side minima.
+            rough = replace(seeing, show=afar)
+            there = seeing.at(rough.climbed(rough.at(best.moved)).moved)
+            best = there if there.left < best.left else best
+        return seeing.judged(seeing.climbed(best) if new else best)
 
 
 class _Seen(NamedTuple):
@@ -167,7 +158,7 @@ class _Seeing:
     problem: Problem
     x: FloatArray
     drifts: list[tuple[np.ndarray, float]]  # Columns of session and record, and the size of their drift
-    show: Callable[[FloatArray], tuple[Predicted, ComplexArray]]
+    show: Show
 
     @property
     def followed(self) -> np.ndarray:
@@ -178,7 +169,9 @@ class _Seeing:
         """Moved columns within the bounds of the unknowns, drifts within what their size allows."""
         out, n, most = moved.copy(), self.own.layout.unknowns, SETTINGS.likelihood_farthest_drift
         low, high = self.problem.bounds()
-        out[:n] = np.clip(self.x + out[:n], np.minimum(low, self.x), np.maximum(high, self.x)) - self.x
+        unit = self.own.layout.scale(self.own.sizes)[:n]
+        there = np.clip(self.x + unit * out[:n], np.minimum(low, self.x), np.maximum(high, self.x))
+        out[:n] = (there - self.x) / unit
         for at, _ in self.drifts:
             out[at] = np.clip(self.own.offsets[at] + out[at], -most, most) - self.own.offsets[at]
         return out
@@ -188,7 +181,7 @@ class _Seeing:
         own, lay = self.own, self.own.layout
         scale, noise = lay.scale(own.sizes), own.sizes.noise
         weight, tuned = weights(self.problem)[0], np.array(lay.drifting, dtype=int)
-        there, mean = self.x + moved[: lay.unknowns], own.offsets.copy()
+        there, mean = self.x + (scale * moved)[: lay.unknowns], own.offsets.copy()
         for at, size in self.drifts:
             there[tuned] += weight[tuned] * size * (own.offsets[at] + moved[at])
             mean[at] = 0.0
@@ -205,6 +198,27 @@ class _Seeing:
         step = np.zeros(lay.size)
         step[self.followed] = best[self.followed]
         return _Seen(moved, shown, residual, directions, matrix, squares - float(pulled @ best), step)
+
+    def climbed(self, best: _Seen) -> _Seen:
+        """Where Gauss-Newton steps lead."""
+        step, longer = best.step, np.inf
+        for _ in range(SETTINGS.predictive_iterations):
+            try:
+                there = self.at(self.within(best.moved + step))
+            except CutvibError:
+                step, longer = step / 2.0, np.inf
+                continue
+            gained = best.left - there.left
+            if abs(gained) < SETTINGS.predictive_gain * there.left:
+                return there if gained > 0.0 else best
+            if gained > 0.0:
+                best, step, longer = there, there.step, np.inf
+            elif -4.0 * gained >= longer:
+                # The parabola through what this step and one of twice its length lose rises from the start: none shorter gains.
+                break
+            else:
+                step, longer = step / 2.0, -gained
+        return best
 
     def judged(self, seen: _Seen) -> Left:
         """What is left of each channel by itself, and of all together."""

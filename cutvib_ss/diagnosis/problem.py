@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis, carried_on, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.records import Group, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.unknowns import calibration_shapes, from_unknown, to_unknown, tuning_paths
+from cutvib_ss.diagnosis.unknowns import calibration_shapes, from_unknown, parts_among, to_unknown, tuning_paths
 from cutvib_ss.effects.base import Carried, Effect, Model
 from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -50,6 +50,11 @@ class Problem:
             if getattr(e, name) is not None and np.isfinite(getattr(e, name))
         ]
         self.n_tuning = len(self.tuning)
+        self.parts, self.losses = parts_among(nominal, self.tuning)
+        """Unknowns that are errors of single parts of a structure's matrices, and of the losses of its modes."""
+        self.of_parts = frozenset((*self.parts, *self.losses))
+        self.parts_held = False
+        """Whether they are left at the middle of their priors."""
         shapes = SETTINGS.calibration_shapes if self.calibration > 0 else 0
         self.n_calibration = 2 * shapes * len(self.channels)
         self.n_blow = int(self.free_blow)
@@ -273,8 +278,11 @@ class Problem:
 
     def _tuning_moves(self, effects: Sequence[Effect], stages: Sequence[Model]) -> Iterator[tuple[float, Carried]]:
         """What moves with each tuned value, and by how much a unit of its unknown."""
-        for path, tolerance in self.tuning:
-            yield tolerance * value_at(stages[0], path), carried_on(((path, 1.0),), effects, stages, 0)
+        for i, (path, tolerance) in enumerate(self.tuning):
+            if self.parts_held and i in self.of_parts:
+                yield 0.0, ()
+            else:
+                yield tolerance * value_at(stages[0], path), carried_on(((path, 1.0),), effects, stages, 0)
 
     def _effect_moves(
         self, x: FloatArray, i: int, effects: Sequence[Effect], stages: Sequence[Model]

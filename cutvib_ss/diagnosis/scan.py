@@ -95,7 +95,7 @@ class Scan:
         self.part, self.normal_of_all = part, self.normal if part == 1.0 else Factored(told / part + prior)
         # Where the fit was drawn away from the priors' middle to make up for what it lacks, it gains by going back.
         here = lay.placed(drift) / scale
-        here[: x.size] = x
+        here[: x.size] = x / scale[: x.size]
         self.strain = precision * here
         self.strained = float(self.strain @ here)
         self.of_left = self.rows @ self.left

@@ -60,7 +60,10 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     none = _other_instants(nominal, records, Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True))
     linear = candidates(nominal, observed.band, observed.channels)
     workers.say(f"fitting {len(linear)} linear causes")
-    if none.reduced < SETTINGS.search_enough and not (none.fit.tuned_away or none.fit.calibrated_away):
+    away = (
+        none.fit.tuned_away or none.fit.calibrated_away or none.fit.spread.sizes.parts >= SETTINGS.sizes["parts"][-1][0]
+    )
+    if none.reduced < SETTINGS.search_enough and not away:
         ranked = _by_their_names(nominal, records, beside_tuned(nominal, records, none.fit, linear, workers))
         return Linear(records, few, none, ranked, linear, {}, 0.0)
     rough = scouted(nominal, records, few, linear, none, workers)
@@ -192,9 +195,8 @@ def _told_apart(effect: Effect) -> tuple[object, ...]:
 
 
 def _beside(none: Fit) -> Fit | None:
-    """The tuned model where it leaves noise, for causes to start beside; not where drift may have taken up what a cause does."""
-    drifts = none.spread.sizes.drift >= SETTINGS.sizes["drift"][-1][0]
-    return none if none.reduced < SETTINGS.search_enough and not drifts else None
+    """The tuned model where it leaves noise, for causes to start beside; not where it may have taken up what a cause does."""
+    return none if none.reduced < SETTINGS.search_enough and not none.taken_up else None
 
 
 def _by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -> list[Ranked]:

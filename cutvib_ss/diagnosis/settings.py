@@ -71,6 +71,14 @@ class Settings:
         ((1e-3, 0.10), (3e-3, 0.15), (1e-2, 0.25), (3e-2, 0.30), (1e-1, 0.15), (3e-1, 0.05)), "relative std, probability",
         "Prior of the discrepancy of the cause itself", "causes of the wrong form are forgiven",
         "constitutive models of joints, contacts and losses hold to some percent, seldom to a tenth of that")
+    likelihood_parts_sizes: Weighted = _of(
+        ((1e-3, 0.25), (1e-2, 0.15), (3e-2, 0.15), (0.1, 0.20), (0.3, 0.15), (1.0, 0.10)), "tolerances, probability",
+        "Prior of errors of single parts of a structure's stiffness and mass", "causes at one place are taken for model error",
+        "the tolerance of a matrix is that of all of it; parts differ among each other by less")
+    likelihood_losses_sizes: Weighted = _of(
+        ((1e-3, 0.15), (3e-2, 0.15), (0.1, 0.20), (0.3, 0.25), (1.0, 0.25)), "tolerances, probability",
+        "The same of the losses of single modes", "causes of damping are taken for model error",
+        "measured modal dampings scatter by 20-50 % about any law")
     likelihood_noise_factors: Weighted = _of(
         ((0.1, 0.005), (0.3, 0.02), (0.7, 0.075), (1.0, 0.65), (1.3, 0.18), (2.0, 0.055), (4.0, 0.01), (10.0, 0.004),
          (100.0, 0.001)),
@@ -195,6 +203,9 @@ class Settings:
         "sensor noise between blows would ring in the tail")
     tail_force_noise: float = _of(0.02, "peak force", "Most that is taken for noise of the force", "shorter blows",
         "a push may fill its record; noisier blows only take longer")
+    leakage_poles: float = _of(1.5, "band end", "Up to which poles of a model leak", "more poles",
+        "beyond, what a block's window spreads of them is smooth over the band")
+    leakage_alike: float = _of(1e-9, "1", "Below which parts of a change are told from no other", "-", _NUMERICAL)
     tail_points: int = _of(16, "points", "On each circle around a pole: with the radius, 0.4^16 = 4e-7 of the tail", "longer",
         _NUMERICAL)
     tail_radius: float = _of(0.4, "distance",
@@ -474,6 +485,7 @@ class Settings:
         return {
             "drift": self.likelihood_drift_sizes, "nominal": self.likelihood_nominal_sizes,
             "cause": self.likelihood_cause_sizes, "noise": self.likelihood_noise_factors, "within": self.likelihood_within_sizes,
+            "parts": self.likelihood_parts_sizes, "losses": self.likelihood_losses_sizes,
         }
 
     @property

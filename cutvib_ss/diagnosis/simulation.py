@@ -21,7 +21,8 @@ from cutvib_ss.diagnosis.equivalent_forces import EquivalentForces
 from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import By, Group, Records, merged, site
+from cutvib_ss.diagnosis.leakage import Leakage
+from cutvib_ss.diagnosis.records import By, Entry, Group, Records, merged, site
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.sweeps import SweptRecord, swept
 from cutvib_ss.diagnosis.unknown_by_level import ByLevelProblem
@@ -252,10 +253,12 @@ class SimulatedProblem(Problem):
                 moves.append((i, *self._effect_moves(x, k, effects, stages)))
             else:
                 by_simulation.append(i)
-        if any(e.replay is not None and e.replay.block for same in p.group.entries for e in same):
-            # Windowed blocks leak by more than a step moves them: their derivative is not that of the response.
-            by_simulation += [i for i, _, _ in moves]
-            moves = []
+        leaking = {row: same[0].replay for row, same in enumerate(p.group.entries) if _in_blocks(same[0])}
+        if leaking and p.model.nonlinear:
+            # A restoring force is not its equivalent stiffness where blocks leak; for errors of single parts, which are small and
+            # many, it has to do.
+            by_simulation += [i for i, _, _ in moves if i not in self.of_parts]
+            moves = [move for move in moves if move[0] in self.of_parts]
         out = {i: self._by_simulation(x, i, p) for i in by_simulation}
         out.update(self._by_force_scale(x, index, p))
         if self.force_offset > 0.0:
@@ -273,6 +276,8 @@ class SimulatedProblem(Problem):
             closed = [tuple((path, w) for path, w in carried if path[0] != "nonlinear") for _, _, carried in moves]
             taken = EquivalentForces(p.model, sites, row, p.stiffness)
             slopes = linear.derivatives(closed)[:, row] - taken.derivatives(closed)
+            for k, replay in leaking.items():
+                slopes[:, k] += Leakage(p.model, float(p.group.positions[k]), replay, p.group.freq).of(slopes[:, k])
             for (i, scale, carried), slope in zip(moves, slopes, strict=True):
                 out[i] = scale * slope
                 for k, sweep in p.sweeps.items():
@@ -321,6 +326,11 @@ class SimulatedProblem(Problem):
         return out
 
 
+def _in_blocks(entry: Entry) -> bool:
+    """Whether a record is a continuous recording, cut into windowed blocks."""
+    return entry.replay is not None and entry.replay.block > 0
+
+
 def _sites(group: Group) -> tuple[Group, np.ndarray]:
     """The positions behind records apart, and the index of each record's."""
     entries = [same[0] for same in group.entries]
@@ -348,6 +358,8 @@ def problem_for(
     else:
         steps = SETTINGS.simulation_rough_steps if records.rough else SETTINGS.simulation_steps
         problem = SimulatedProblem(nominal, records.apart_groups(by), hypothesis, steps)
+    # Beside a widened noise errors of single parts are nothing, and would take up what a cause does.
+    problem.parts_held = records.widened
     if records.moving:
         problem.drifting_within = tuple(sorted(same[0].record for g in problem.groups for same in g.entries))
     return problem

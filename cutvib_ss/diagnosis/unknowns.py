@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 from functools import lru_cache
 
@@ -10,6 +11,7 @@ from numpy.polynomial import legendre
 
 from cutvib_ss.effects.base import Model, Range
 from cutvib_ss.model.paths import Path, value_at
+from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import Tolerances
 from cutvib_ss.results import FloatArray
 
@@ -28,7 +30,19 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
             path = ("scales", ("mass", "damping", "stiffness").index(f.name))
         if value_at(model, path) != 0.0:
             found.append((path, float(tolerance)))
+    if isinstance(model, Structure):
+        of_matrix = (model.tolerance.stiffness, model.tolerance.damping, model.tolerance.mass)
+        parts = ((("parts", k), of_matrix[part.power]) for k, part in enumerate(model.system.parts))
+        found += [(path, tolerance) for path, tolerance in parts if tolerance > 0.0]
     return tuple(found)
+
+
+def parts_among(model: Model, tuning: Sequence[tuple[Path, float]]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Which of the tuned values are errors of parts of a structure's stiffness or mass, and which of the losses of its modes."""
+    if not isinstance(model, Structure):
+        return (), ()
+    power = {k: model.system.parts[int(path[1])].power for k, (path, _) in enumerate(tuning) if path[0] == "parts"}
+    return tuple(k for k, p in power.items() if p != 1), tuple(k for k, p in power.items() if p == 1)
 
 
 def to_unknown(value: float, r: Range) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from cutvib_ss.errors import CouplingError, ParameterError
+from cutvib_ss.model.parts import Part, modal_parts
 from cutvib_ss.parameters import control_name
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity, read_only
 from cutvib_ss.units import DERIVATIVE_ORDER
@@ -122,6 +124,11 @@ class SecondOrder:
         held = squares > 1e-9 * squares[-1]
         floats = float(moved[~held].sum()) > 1e-9 * float(moved.sum())
         return mass, mass * float(squares[-1]) if floats else 1.0 / float(np.sum(moved[held] / squares[held]))
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """By what its parts may differ from the matrices."""
+        return modal_parts(self.mass, self.damping, self.stiffness)
 
     def dynamic_stiffness(self, s: ArrayLike) -> ComplexArray:
         """

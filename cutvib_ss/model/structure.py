@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.base import BaseModel, Spring
-from cutvib_ss.model.coupling import Assembly, Changes
+from cutvib_ss.model.coupling import Assembly, Changes, Matrices
 from cutvib_ss.model.elements import Attachment
 from cutvib_ss.model.measurement_chain import MeasurementChain
 from cutvib_ss.model.paths import Path, replaced
@@ -45,6 +46,8 @@ class Structure(BaseModel):
         How well the matrices are known.
     scales : tuple of float
         Factors on mass, damping and stiffness, which tuning moves.
+    parts : tuple of float
+        Factors on the parts of the matrices (`cutvib_ss.model.parts`), which tuning moves beside them; ones by default.
     attachments : tuple of Attachment
         Elements in parallel at ports; none by default.
     chain : MeasurementChain
@@ -63,6 +66,7 @@ class Structure(BaseModel):
     input_quantity: Literal["force", "acceleration"] = "force"
     tolerance: StructureTolerances = field(default_factory=StructureTolerances)
     scales: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    parts: tuple[float, ...] = ()
     attachments: tuple[Attachment, ...] = ()
     chain: MeasurementChain = field(default_factory=MeasurementChain)
     nonlinear: tuple[NonlinearElement, ...] = ()
@@ -73,6 +77,10 @@ class Structure(BaseModel):
         object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
         if np.linalg.eigvalsh(self.system.mass).min() <= 0.0:
             raise ParameterError("the mass matrix is not positive definite; check the masses and their signs")
+        if all(f == 1.0 for f in self.parts):
+            object.__setattr__(self, "parts", (1.0,) * len(self.system.parts))
+        elif len(self.parts) != len(self.system.parts):
+            raise ParameterError(f"{len(self.parts)} factors on {len(self.system.parts)} parts of the matrices")
         self.system.port(self.input_port)
         for name, channel in self.channels.items():
             if channel.port not in self.system.ports:
@@ -121,17 +129,25 @@ class Structure(BaseModel):
         """Ports are read in displacement."""
         return "displacement"
 
+    @cached_property
+    def _with_parts(self) -> Matrices:
+        """Mass, damping and stiffness with the factors of their parts applied."""
+        matrices = [self.system.mass, self.system.damping, self.system.stiffness]
+        for factor, part in zip(self.parts, self.system.parts, strict=True):
+            if factor != 1.0:
+                matrices[2 - part.power] = matrices[2 - part.power] + (factor - 1.0) * part.change
+        return matrices[0], matrices[1], matrices[2]
+
     @property
     def scaled(self) -> SecondOrder:
         """The matrices with their factors applied."""
-        m, c, k = self.scales
-        s = self.system
-        return replace(s, mass=m * s.mass, damping=c * s.damping, stiffness=k * s.stiffness)
+        m, c, k = (factor * matrix for factor, matrix in zip(self.scales, self._with_parts, strict=True))
+        return replace(self.system, mass=m, damping=c, stiffness=k)
 
     @property
     def as_written(self) -> Structure:
         """The factors of a tuned structure are written into its matrices."""
-        return replace(self, system=self.scaled, scales=(1.0, 1.0, 1.0))
+        return replace(self, system=self.scaled, scales=(1.0, 1.0, 1.0), parts=())
 
     @property
     def assembly(self) -> Assembly:
@@ -156,10 +172,13 @@ class Structure(BaseModel):
         )
 
     def core_changes(self, path: Path) -> Changes | None:
+        if path[0] == "parts":
+            part = self.system.parts[int(path[1])]
+            return Changes({}, [(part.power, self.scales[2 - part.power] * part.change)])
         if path[0] != "scales":
             return None
         k = int(path[1])
-        return Changes({}, [(2 - k, (self.system.mass, self.system.damping, self.system.stiffness)[k])])
+        return Changes({}, [(2 - k, self._with_parts[k])])
 
     def second_order(
         self, position: float | None = None, viscous_at: float | None = None, points: Mapping[str, float] | None = None

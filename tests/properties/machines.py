@@ -206,11 +206,13 @@ def structures(draw: st.DrawFn) -> Structure:
     }  # fmt: skip
     sprung = st.builds(SprungMass, reals(0.01, 2.0), reals(20.0, 400.0), reals(0.005, 0.2))
     place = st.sampled_from(["first", "last", "between"])
+    system = SecondOrder(mass, damping, stiffness, tuple(f"x{i}" for i in range(n)), ports)
     return Structure(
-        system=SecondOrder(mass, damping, stiffness, tuple(f"x{i}" for i in range(n)), ports),
+        system=system,
         channels={"y": Channel("last", "displacement"), "a": Channel("first", "acceleration")},
         input_port="first" if kind == "force" else "all",
         input_quantity=kind,
         scales=tuple(draw(reals(0.8, 1.25)) for _ in range(3)),
+        parts=tuple(draw(reals(0.98, 1.02)) for _ in system.parts),
         attachments=draw(st.lists(st.builds(Attachment, place, st.one_of(elements(), sprung)), max_size=2).map(tuple)),
     )

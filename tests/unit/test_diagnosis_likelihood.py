@@ -1,5 +1,6 @@
 """Drift and discrepancy as low-rank directions, against dense Gaussian algebra."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,16 +25,24 @@ FREQ = np.linspace(20.0, 110.0, 31)
 
 
 def response(
-    structure: Structure, k: float = 1.0, gain: float | np.ndarray = 1.0, m: float = 1.0, c: float = 1.0
+    structure: Structure,
+    k: float = 1.0,
+    gain: float | np.ndarray = 1.0,
+    m: float = 1.0,
+    c: float = 1.0,
+    parts: Sequence[float] = (),
 ) -> np.ndarray:
     """Displacement at the drive and acceleration at the top, by matrices."""
     system = structure.system
     s = 2j * np.pi * FREQ
     out = []
+    errors = [np.zeros_like(system.mass) for _ in "kcm"]
+    for factor, part in zip(parts, system.parts, strict=False):
+        errors[part.power] += (factor - 1.0) * part.change
     for line in s:
-        z = m * system.mass * line**2 + c * system.damping * line + k * system.stiffness
+        z = m * system.mass * line**2 + c * (system.damping + errors[1]) * line + k * (system.stiffness + errors[0])
         q = np.linalg.solve(z, system.ports["drive"])
-        out.append([q[0], line**2 * q[1]])
+        out.append([system.ports["drive"] @ q, line**2 * (system.ports["top"] @ q)])
     return np.asarray(gain * np.array(out).T)
 
 
@@ -161,6 +170,9 @@ def test_a_record_of_another_session_is_judged_with_the_drift_it_may_have() -> N
 def test_the_corrected_model_is_the_closest_without_its_discrepancy(error: float, gains: bool) -> None:
     """A stiffness that rises with log frequency: where nobody adds the discrepancy, a mean stiffness serves best."""
     structure = example_structure()
+    # The stiffness of each mode by itself would follow it.
+    structure.system.__dict__["parts"] = ()
+    structure = replace(structure, parts=())
     rng = np.random.default_rng(2)
     rising = np.stack(
         [response(structure, 1.0 + error * np.log(f / FREQ[0]))[:, i] for i, f in enumerate(FREQ)], axis=-1
@@ -213,16 +225,26 @@ class Dense:
 
     def __init__(self, structure: Structure, x: np.ndarray, sizes: Sizes) -> None:
         t = structure.tolerance
-        self.here = dict(zip("mck", np.exp(np.array([t.mass, t.damping, t.stiffness]) * x), strict=True))
-        self.plain = response(structure, **self.here)
-        by = {}
-        for name, value in self.here.items():
-            up, down = (response(structure, **{**self.here, name: value * (1 + h)}) for h in (1e-6, -1e-6))
-            by[name] = (up - down) / 2e-6
-        # Tuning by its tolerances, about where it was found; damping drifts by as many tolerances as the stiffness.
-        self.x = x
-        self.tuning = [t.mass * by["m"], t.damping * by["c"], t.stiffness * by["k"]]
-        self.drift = [sizes.drift * by["k"], sizes.drift * t.damping / t.stiffness * by["c"]]
+        parts = structure.system.parts
+        of_part = [(t.stiffness, sizes.parts) if part.power == 0 else (t.damping, sizes.losses) for part in parts]
+        tolerance = np.array([t.mass, t.damping, t.stiffness, *(own for own, _ in of_part)])
+        self.here = np.exp(tolerance * x)
+        by = []
+        for i in range(x.size):
+            up, down = (self.shown(structure, self.here * (1 + h * (np.arange(x.size) == i))) for h in (1e-6, -1e-6))
+            by.append((up - down) / 2e-6)
+        self.plain = self.shown(structure, self.here)
+        # Tuning by its tolerances, errors of parts by their size in them, about where it was found.
+        size = np.array([1.0, 1.0, 1.0, *(own for _, own in of_part)])
+        self.x = x / size
+        self.tuning = [own * row for own, row in zip(size * tolerance, by, strict=True)]
+        # Damping drifts by as many tolerances as the stiffness, single modes by half of it.
+        self.drift = [sizes.drift * by[2], sizes.drift * t.damping / t.stiffness * by[1]]
+        self.drift += [
+            0.5 * sizes.drift * tolerance[3 + i] / t.stiffness * by[3 + i]
+            for i, part in enumerate(parts)
+            if part.modes[0] == part.modes[1]
+        ]
         for channel in range(2):
             alone = sizes.drift * self.plain * (np.arange(2) == channel)[:, None]
             self.drift += [alone, 1j * alone]
@@ -230,7 +252,12 @@ class Dense:
         factor = np.linalg.cholesky(
             np.exp(-0.5 * ((u[:, None] - u) / SETTINGS.discrepancy_length) ** 2) + 1e-10 * np.eye(u.size)
         )
-        self.wrong = [part * sizes.nominal * by["k"] * shape for shape in factor.T for part in (1.0, 1j)]
+        self.wrong = [part * sizes.nominal * by[2] * shape for shape in factor.T for part in (1.0, 1j)]
+
+    @staticmethod
+    def shown(structure: Structure, here: np.ndarray) -> np.ndarray:
+        m, c, k = here[:3]
+        return response(structure, k, m=m, c=c, parts=here[3:].tolist())
 
     def left(self, known: Entry, other: Entry, same_session: bool) -> np.ndarray:
         """χ² per datum of each channel of one record, given the other."""
