@@ -1,9 +1,9 @@
 """
 What the windowed blocks of a continuous recording make of a small change of a model, without another simulation.
 
-A change dH of a response has the poles of the model, simple and double, beside what is smooth over frequency. The estimator (H1 over
-Welch's blocks) is linear in the response, so it makes of dH what it makes of its parts: each pole's response to the recorded force
-is estimated once, for all values of the model and all channels, and what is smooth does not leak.
+A change dH of a response has the poles of the model, simple and double, beside what is smooth over frequency. The estimator (H1
+over Welch's blocks) is linear in the response, so it makes of dH what it makes of its parts: each pole's response to the recorded
+force is estimated once, for all values of the model and all channels, and what is smooth does not leak.
 """
 
 from __future__ import annotations

@@ -19,10 +19,10 @@ import numpy as np
 
 from cutvib_ss.diagnosis.equivalent_forces import EquivalentForces
 from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
+from cutvib_ss.diagnosis.leakage import Leakage
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.leakage import Leakage
-from cutvib_ss.diagnosis.records import By, Entry, Group, Records, merged, site
+from cutvib_ss.diagnosis.records import By, Group, Records, merged, site
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.sweeps import SweptRecord, swept
 from cutvib_ss.diagnosis.unknown_by_level import ByLevelProblem
@@ -253,7 +253,8 @@ class SimulatedProblem(Problem):
                 moves.append((i, *self._effect_moves(x, k, effects, stages)))
             else:
                 by_simulation.append(i)
-        leaking = {row: same[0].replay for row, same in enumerate(p.group.entries) if _in_blocks(same[0])}
+        replays = {row: same[0].replay for row, same in enumerate(p.group.entries)}
+        leaking = {row: replay for row, replay in replays.items() if replay is not None and replay.block}
         if leaking and p.model.nonlinear:
             # A restoring force is not its equivalent stiffness where blocks leak; for errors of single parts, which are small and
             # many, it has to do.
@@ -324,11 +325,6 @@ class SimulatedProblem(Problem):
                 own[row] = change[row]
             out[self._shared_by_all + k] = own
         return out
-
-
-def _in_blocks(entry: Entry) -> bool:
-    """Whether a record is a continuous recording, cut into windowed blocks."""
-    return entry.replay is not None and entry.replay.block > 0
 
 
 def _sites(group: Group) -> tuple[Group, np.ndarray]:

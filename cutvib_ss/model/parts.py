@@ -1,7 +1,7 @@
 """
 By what parts of a structure may differ from its matrices, beside one factor on each: relative errors in modal coordinates.
 
-With mass-normalised modes φ_r of frequency ω_r an error ε_rs of the stiffness is δK = ε_rs ω_r ω_s (M φ_r φ_sᵀ M + its transpose)/2,
+With mass-normalised modes φ_r of frequency ω_r an error ε_rs of the stiffness is δK = ε_rs ω_r ω_s (M φ_r φ_sᵀ M + transpose)/2,
 so that every positive matrix near K can be made of them, each in proportion to what it errs from (Soize 2000, Probabilistic
 Engineering Mechanics 15, 277-294: the same basis, with random ε_rs). Pairs of unlike modes change their shapes. Of the damping
 matrix each mode's own value may differ. Modes without a spring have masses instead.

@@ -1,13 +1,19 @@
 """Parts of a structure differ by themselves within the tolerance of their matrix; springs in reduced coordinates."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import _in_band
+from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
+from tests.unit.record_example import entry_of
 
 MASS = np.diag([2.0, 1.0, 1.0])
 STIFFNESS = np.array([[5e4, -3e4, 0.0], [-3e4, 5e4, -2e4], [0.0, -2e4, 2e4]])
@@ -69,3 +75,62 @@ def test_what_wanders_off_is_no_motion_in_the_band() -> None:
     # 20 mm of wander; where a record is cut off in full swing the filter rings a little.
     np.testing.assert_allclose(found[0, 0, 2000:6000], ringing[2000:6000], atol=1e-6)
     assert np.abs(found).max() < 1.5e-4
+
+
+def measured(truth: Structure, nominal: Structure, seed: int) -> Records:
+    """Three sessions of a structure as its matrices give it, which drifts by 0.1 % between them."""
+    rng, freq = np.random.default_rng(seed), np.linspace(8.0, 45.0, 150)
+    entries = []
+    for k in range(3):
+        s = 2j * np.pi * freq
+        moved = 1 + 1e-3 * rng.standard_normal()
+        rows = []
+        for z in s:
+            system = truth.system
+            q = np.linalg.solve(
+                system.mass * z**2 + system.damping * z + moved * system.stiffness, system.ports["base"]
+            )
+            rows.append([z**2 * (system.ports[p] @ q) for p in ("base", "tip")])
+        data = np.array(rows).T
+        variance = np.full(data.shape, (1e-3 * np.abs(data).max()) ** 2)
+        noise = np.sqrt(variance / 2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
+        entries.append(
+            entry_of(k, None, 1.0, data + noise, variance, freq, ("b", "t"), ("acceleration", "acceleration"))
+        )
+    return Records(tuple(entries))
+
+
+def chain_of(to_ground: float = 2e4, lower: float = 3e4, upper: float = 2e4, tip: float = 1.0) -> Structure:
+    stiffness = np.array([[to_ground + lower, -lower, 0.0], [-lower, lower + upper, -upper], [0.0, -upper, upper]])
+    ports = {name: np.array(row) for name, row in PORTS.items()}
+    out = of(np.diag([2.0, 1.0, tip]), 1e-4 * STIFFNESS, stiffness, ports)
+    return replace(out, channels={"b": Channel("base", "acceleration"), "t": Channel("tip", "acceleration")})
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_springs_that_differ_one_by_one_are_no_gap(seed: int) -> None:
+    nominal, rng = chain_of(), np.random.default_rng(10 + seed)
+    k = [value * (1 + 0.01 * rng.standard_normal()) for value in (2e4, 3e4, 2e4)]
+    records = measured(chain_of(*k), nominal, seed)
+    none = fit(nominal, records, Hypothesis())
+    assert none.reduced < 1.15
+    assert none.spread.sizes.parts > 1e-2
+    mass = fit(nominal, records, Hypothesis((AddedMass("tip", 0.02),)))
+    assert mass.log_evidence < none.log_evidence + 1.0
+    # Matrices that are right up to one factor each take more drift and discrepancy, and are less likely.
+    exact = replace(nominal, system=replace(nominal.system))
+    exact.system.__dict__["parts"] = ()
+    without = fit(replace(exact, parts=()), records, Hypothesis())
+    assert without.log_evidence < none.log_evidence - 10.0
+
+
+def test_a_mass_stands_out_of_springs_that_differ() -> None:
+    nominal = chain_of()
+    records = measured(chain_of(2.02e4, 2.97e4, 2e4, tip=1.15), nominal, 3)
+    none = fit(nominal, records, Hypothesis())
+    mass = fit(nominal, records, Hypothesis((AddedMass("tip", 0.1),)))
+    assert mass.log_evidence > none.log_evidence + 10.0
+    (found,) = mass.hypothesis.effects
+    assert isinstance(found, AddedMass)
+    assert found.mass == pytest.approx(0.15, abs=0.03)
+    assert mass.spread.sizes.parts < none.spread.sizes.parts

@@ -22,7 +22,7 @@ def springs(to_ground: float, lower: float, upper: float) -> np.ndarray:
 
 def of(stiffness: np.ndarray, damping: np.ndarray | None = None, mass: np.ndarray = MASS) -> Structure:
     n = len(mass)
-    ports = {name: row for name, row in zip("abc", np.eye(n), strict=False)}
+    ports = dict(zip("abc", np.eye(n), strict=False))
     names = tuple("xyzuvw"[k] if k < 6 else f"q{k}" for k in range(n))
     system = SecondOrder(mass, 2e-4 * stiffness if damping is None else damping, stiffness, names, ports)
     last = tuple(ports)[-1]
