@@ -12,6 +12,7 @@ import numpy as np
 from scipy import signal
 
 from cutvib_ss.diagnosis.prediction import light_poles
+from cutvib_ss.diagnosis.records import Group
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.measurement.replay import Replay
@@ -45,3 +46,11 @@ class Leakage:
     def of(self, change: ComplexArray) -> ComplexArray:
         """What leakage adds to changes of the responses, shape (..., frequency)."""
         return np.asarray((change @ self._parts.T) @ self._added.T)
+
+
+def wanders(model: Model, group: Group) -> bool:
+    """Whether records show a motion that has no oscillating pole: not of accelerations, which stay."""
+    at = group.positions[:1]
+    return any(q != "acceleration" for q in group.quantities) and (
+        light_poles(model, at)[0].size < len(model.matrices(at, viscous_at=30.0).dofs)
+    )

@@ -7,6 +7,7 @@ Sharp peaks then pull from afar, and no start is lost in a side minimum of a pre
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -20,7 +21,7 @@ from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import scan_beside, weak
-from cutvib_ss.diagnosis.unknowns import tuning_paths
+from cutvib_ss.diagnosis.unknowns import parts_of, tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.results import FloatArray
@@ -82,6 +83,32 @@ def scouted(
     fits = workers.map(climb, [ordered[i] for i in kept], firsts)
     pairs = [(found[i], f) for i, f in zip(kept, fits, strict=True) if f is not None]
     return sorted(pairs, key=lambda pair: cost(pair[1]))
+
+
+def beside_parts(
+    nominal: Model,
+    records: Records,
+    few: Records,
+    rough: Sequence[tuple[Candidate, Fit]],
+    ranked: Sequence[Ranked],
+    workers: Workers,
+) -> list[Ranked]:
+    """Causes on all lines, with those of the best that need errors of a structure's parts to come first."""
+    if not parts_of(nominal):
+        return list(ranked)
+    # A widened noise hides no more than some percent, and parts that differ move resonances by more than they are wide.
+    free, best = replace(few, widened=False), rough[: SETTINGS.search_most_close]
+    again = partial(refit, nominal, free, steps=SETTINGS.search_later_steps)
+    fits = workers.map(again, [f.hypothesis for _, f in best], [f.x for _, f in best])
+    found = sorted(
+        ((c, f) for (c, _), f in zip(best, fits, strict=True) if f is not None), key=lambda pair: cost(pair[1])
+    )
+    have = {r.name for r in ranked if r.refined}
+    missed = [(c, f) for c, f in found[: SETTINGS.search_parts_leading] if c.name not in have]
+    on_all = partial(refit, nominal, records, steps=SETTINGS.search_most_steps)
+    fits = workers.map(on_all, [f.hypothesis for _, f in missed], [f.x for _, f in missed])
+    new = [Ranked(c.name, f, True) for (c, _), f in zip(missed, fits, strict=True) if f is not None]
+    return [*new, *(r for r in ranked if r.name not in {r.name for r in new})]
 
 
 def _tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:

@@ -31,7 +31,7 @@ from cutvib_ss.diagnosis.pairs import Second, fit_pairs
 from cutvib_ss.diagnosis.prediction import slow_frequencies
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, refit
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.scouting import beside_tuned, scouted, scouted_laws
+from cutvib_ss.diagnosis.scouting import beside_parts, beside_tuned, scouted, scouted_laws
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import SmallSize
@@ -77,6 +77,7 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
         workers,
         near=_beside(none.fit),
     )
+    ranked = beside_parts(nominal, records, few, rough, ranked, workers)
     ranked = _by_their_names(nominal, records, ranked)
     best = _best(ranked, none)
     ranked = [_other_instants(nominal, records, r) if r is best else r for r in ranked]

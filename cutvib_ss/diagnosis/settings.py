@@ -302,6 +302,8 @@ class Settings:
     search_scouted: int = _of(9, "causes",
         "Linear causes that promise most from the tuned model, and as many from the untuned one, that are fitted",
         "longer", "the true cause was within the first three of one or the other of 16 simulated machines, but for one")
+    search_parts_leading: int = _of(2, "causes", "That lead beside errors of a structure's parts, fitted on all lines too",
+        "longer", _TIME)
     search_linear_refined: int = _of(3, "causes", "Linear causes fitted on all lines, at least", "longer", _TIME)
     search_laws_refined: int = _of(3, "causes", "Simulated causes fitted on all lines, at most", "longer", _TIME)
     search_laws_looked_at: int = _of(6, "causes", "Simulated causes whose scan is refined: the most promising", "longer",

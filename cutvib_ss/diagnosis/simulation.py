@@ -19,7 +19,7 @@ import numpy as np
 
 from cutvib_ss.diagnosis.equivalent_forces import EquivalentForces
 from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
-from cutvib_ss.diagnosis.leakage import Leakage
+from cutvib_ss.diagnosis.leakage import Leakage, wanders
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import By, Group, Records, merged, site
@@ -255,9 +255,9 @@ class SimulatedProblem(Problem):
                 by_simulation.append(i)
         replays = {row: same[0].replay for row, same in enumerate(p.group.entries)}
         leaking = {row: replay for row, replay in replays.items() if replay is not None and replay.block}
-        if leaking and p.model.nonlinear:
-            # A restoring force is not its equivalent stiffness where blocks leak; for errors of single parts, which are small and
-            # many, it has to do.
+        if leaking and (p.model.nonlinear or wanders(p.model, p.group)):
+            # Neither is a restoring force its equivalent stiffness where blocks leak, nor does a body that wanders off have a pole
+            # to leak from. For errors of single parts, which are small and many, that has to do.
             by_simulation += [i for i, _, _ in moves if i not in self.of_parts]
             moves = [move for move in moves if move[0] in self.of_parts]
         out = {i: self._by_simulation(x, i, p) for i in by_simulation}
