@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.unknowns import from_unknown, parts_of
+from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.results import FloatArray
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
     tolerances as the stiffness beside it.
     """
     tolerance = {path[-1]: t for path, t in problem.tuning if path[0] != "parts"}
-    parts = parts_of(problem.nominal)
+    parts = problem.nominal.matrix_parts
     beside = {"c1": "k1", "c2": "k2", "damping_ratio": "first_frequency", 1: 2}
     stiff = {"k1": 1.0, "k2": 1.0, "first_frequency": 0.5, 2: 1.0}
     drift, nominal = np.zeros(len(problem.tuning)), np.zeros(len(problem.tuning))

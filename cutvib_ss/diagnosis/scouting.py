@@ -21,7 +21,7 @@ from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import scan_beside, weak
-from cutvib_ss.diagnosis.unknowns import parts_of, tuning_paths
+from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.results import FloatArray
@@ -94,7 +94,7 @@ def beside_parts(
     workers: Workers,
 ) -> list[Ranked]:
     """Causes on all lines, with those of the best that need errors of a structure's parts to come first."""
-    if not parts_of(nominal):
+    if not nominal.matrix_parts:
         return list(ranked)
     # A widened noise hides no more than some percent, and parts that differ move resonances by more than they are wide.
     free, best = replace(few, widened=False), rough[: SETTINGS.search_most_close]

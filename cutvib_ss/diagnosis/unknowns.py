@@ -10,9 +10,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from cutvib_ss.effects.base import Model, Range
-from cutvib_ss.model.parts import Part
 from cutvib_ss.model.paths import Path, value_at
-from cutvib_ss.model.structure import Structure
 from cutvib_ss.parameters import Tolerances
 from cutvib_ss.results import FloatArray
 
@@ -31,7 +29,7 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
             path = ("scales", ("mass", "damping", "stiffness").index(f.name))
         if value_at(model, path) != 0.0:
             found.append((path, float(tolerance)))
-    for k, part in enumerate(parts_of(model)):
+    for k, part in enumerate(model.matrix_parts):
         # A part is known as well as its matrix is.
         tolerance = float(getattr(model.tolerance, ("stiffness", "damping", "mass")[part.power]))
         if tolerance > 0.0:
@@ -39,14 +37,9 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
     return tuple(found)
 
 
-def parts_of(model: Model) -> tuple[Part, ...]:
-    """Parts by which a structure may differ from its matrices; the machine's are its parameters."""
-    return model.system.parts if isinstance(model, Structure) else ()
-
-
 def parts_among(model: Model, tuning: Sequence[tuple[Path, float]]) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Which of the tuned values are errors of parts of a structure's stiffness or mass, and which of the losses of its modes."""
-    parts = parts_of(model)
+    parts = model.matrix_parts
     power = {k: parts[int(path[1])].power for k, (path, _) in enumerate(tuning) if path[0] == "parts"}
     return tuple(k for k, p in power.items() if p != 1), tuple(k for k, p in power.items() if p == 1)
 

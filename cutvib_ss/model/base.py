@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from cutvib_ss.model.coupling import Changes
 from cutvib_ss.model.elements import Attachment, Element, of_known_poles
 from cutvib_ss.model.measurement_chain import MeasurementChain
+from cutvib_ss.model.parts import Part
 from cutvib_ss.model.paths import Path, with_slots
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.model.second_order import MatrixStack, SecondOrder
@@ -43,6 +44,18 @@ class BaseModel(Displayed, ABC):
     def force_ports(self) -> tuple[str, ...]:
         """Ports at which a force may act."""
         raise NotImplementedError
+
+    @property
+    def matrix_parts(self) -> tuple[Part, ...]:
+        """
+        Parts of its matrices that may err one by one (`cutvib_ss.model.parts`).
+
+        Returns
+        -------
+        tuple of Part
+            None where its values are tuned one by one.
+        """
+        return ()
 
     @property
     def elements(self) -> tuple[Element, ...]:

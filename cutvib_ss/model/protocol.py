@@ -18,6 +18,7 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.coupling import Assembly, Changes
 from cutvib_ss.model.elements import Attachment, Element
 from cutvib_ss.model.measurement_chain import MeasurementChain
+from cutvib_ss.model.parts import Part
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.rail import Rail
 from cutvib_ss.model.restoring_forces import RestoringForce, law
@@ -157,6 +158,11 @@ class Model(Protocol):
 
     def rotates(self, signal: str) -> bool:
         """Whether a signal is a rotation."""
+        ...
+
+    @property
+    def matrix_parts(self) -> tuple[Part, ...]:
+        """Parts of its matrices that may err one by one; none where its values are tuned one by one."""
         ...
 
     def core_changes(self, path: Path) -> Changes | None:

@@ -16,6 +16,7 @@ from cutvib_ss.model.base import BaseModel, Spring
 from cutvib_ss.model.coupling import Assembly, Changes, Matrices
 from cutvib_ss.model.elements import Attachment
 from cutvib_ss.model.measurement_chain import MeasurementChain
+from cutvib_ss.model.parts import Part
 from cutvib_ss.model.paths import Path, replaced
 from cutvib_ss.model.protocol import NonlinearElement
 from cutvib_ss.model.second_order import Channel, MatrixStack, SecondOrder
@@ -90,6 +91,10 @@ class Structure(BaseModel):
         rows = [(name, c.port, c.quantity) for name, c in self.channels.items()]
         title = f"Structure of {len(self.system.dofs)} degrees of freedom; {self.input_quantity} at {self.input_port}"
         return Table(title, ("channel", "port", "quantity"), rows)
+
+    @property
+    def matrix_parts(self) -> tuple[Part, ...]:
+        return self.system.parts
 
     @property
     def head(self) -> None:
