@@ -134,6 +134,7 @@ def places(
 
 
 def sizes(chosen: Fit) -> dict[str, float]:
-    """Sizes in the likelihood of a fit; that of drift within sessions only where records were followed."""
-    moving = bool(chosen.spread.layout.records)
-    return {name: v for name, v in vars(chosen.spread.sizes).items() if moving or name != "within"}
+    """Sizes in the likelihood of a fit, of what there is: records that were followed, parts that may err."""
+    lay = chosen.spread.layout
+    there = {"within": lay.records, "parts": lay.parts, "losses": lay.losses}
+    return {name: v for name, v in vars(chosen.spread.sizes).items() if there.get(name, True)}

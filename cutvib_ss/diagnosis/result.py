@@ -176,7 +176,8 @@ class Diagnosis(Drawn):
         rms(H_a - H_b) beyond noise over √2 rms(H), of records of the same thing; NaN where none repeat.
     sizes : mapping of str to float
         Of the accepted answer: ``drift`` between sessions, ``within`` them where their records differ, discrepancy of the
-        ``nominal`` elements and of the ``cause`` (relative standard deviations), and the factor on the variance of the ``noise``.
+        ``nominal`` elements and of the ``cause`` (relative standard deviations), and the factor on the variance of the
+        ``noise``; of a structure errors of single ``parts`` and of the ``losses`` of single modes (in tolerances of the matrix).
     """
 
     verdict: Verdict

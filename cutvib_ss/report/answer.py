@@ -182,6 +182,12 @@ def size_rows(d: Diagnosis) -> list[Row]:
         if math.isfinite(value := d.sizes.get(key, math.nan)):
             least = " or less" if value <= 3e-5 else ""
             rows.append((name, f"{100 * value:.2g} %{least}", words))
+    for key, name, words in (
+        ("parts", "parts", "error of single springs and masses of the structure (standard deviation)"),
+        ("losses", "losses", "the same of the damping of single modes"),
+    ):
+        if math.isfinite(value := d.sizes.get(key, math.nan)):
+            rows.append((name, f"{value:.2g} tolerances", words))
     return rows
 
 
