@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, optimize
 
+from cutvib_ss.diagnosis.directions import Sizes, deviations
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Group, merged
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.severity import Run
 from cutvib_ss.diagnosis.simulation import simulated
-from cutvib_ss.diagnosis.unknowns import calibration_shapes, tuning_paths
+from cutvib_ss.diagnosis.unknowns import calibration_shapes, parts_among, tuning_paths
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.model.paths import value_at
@@ -58,9 +59,12 @@ class Space:
         # An error that is smooth over frequency is no smaller for being seen on many lines.
         alike = max(1.0, SETTINGS.seen_smooth / float(group.freq[1] - group.freq[0]))
         self.weight = np.sqrt(2.0 / (group.variance + alike * (error * np.abs(self.plain[self.row])) ** 2))
+        tuning = tuning_paths(model)
+        # Errors of a structure's parts have no size before they are measured: that from which fits start.
+        known = deviations(parts_among(model, tuning), len(tuning), Sizes())
         columns = [
-            tolerance * value_at(model, path) * shown.derivative(((path, 1.0),))
-            for path, tolerance in tuning_paths(model)
+            std * tolerance * value_at(model, path) * shown.derivative(((path, 1.0),))
+            for std, (path, tolerance) in zip(known, tuning, strict=True)
         ]
         calibration = model.tolerance.calibration
         band = (float(group.freq[0]), float(group.freq[-1]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -37,11 +38,18 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
     return tuple(found)
 
 
-def parts_among(model: Model, tuning: Sequence[tuple[Path, float]]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Which of the tuned values are errors of parts of a structure's stiffness or mass, and which of the losses of its modes."""
+class PartsAmong(NamedTuple):
+    """Tuned values that are errors of single parts of a structure, by their number."""
+
+    parts: tuple[int, ...]  # Of its stiffness or mass
+    losses: tuple[int, ...]  # Of the losses of its modes
+
+
+def parts_among(model: Model, tuning: Sequence[tuple[Path, float]]) -> PartsAmong:
+    """Which of the tuned values are errors of parts."""
     parts = model.matrix_parts
     power = {k: parts[int(path[1])].power for k, (path, _) in enumerate(tuning) if path[0] == "parts"}
-    return tuple(k for k, p in power.items() if p != 1), tuple(k for k, p in power.items() if p == 1)
+    return PartsAmong(tuple(k for k, p in power.items() if p != 1), tuple(k for k, p in power.items() if p == 1))
 
 
 def to_unknown(value: float, r: Range) -> float:
