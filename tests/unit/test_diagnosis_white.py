@@ -78,10 +78,23 @@ def test_white_noise_is_not(tmp_path: Path) -> None:
     assert "unknown" not in fitted
 
 
-@pytest.mark.parametrize(("left", "drift", "beside"), [(1.0, 0.001, True), (1.0, 0.03, False), (3.0, 0.001, False)])
-def test_causes_start_beside_the_tuned_model_unless_drift_may_have_taken_them_up(
-    left: float, drift: float, beside: bool
+@pytest.mark.parametrize(
+    ("left", "sizes", "beside"),
+    [
+        (1.0, Sizes(), True),
+        (1.0, Sizes(drift=0.03), False),
+        (1.0, Sizes(parts=0.3), True),
+        (1.0, Sizes(parts=1.0), False),
+        (3.0, Sizes(), False),
+    ],
+)
+def test_causes_start_beside_the_tuned_model_unless_it_may_have_taken_them_up(
+    left: float, sizes: Sizes, beside: bool
 ) -> None:
     """A delay of all channels that drift of 3 % had taken up was caught beside that fit, 13 000 nats below its own maximum."""
-    none = cast(Fit, SimpleNamespace(reduced=left, spread=SimpleNamespace(sizes=Sizes(drift=drift))))
+
+    class Tuned(SimpleNamespace):
+        taken_up = Fit.taken_up
+
+    none = cast(Fit, Tuned(reduced=left, spread=SimpleNamespace(sizes=sizes)))
     assert _beside(none) is (none if beside else None)
