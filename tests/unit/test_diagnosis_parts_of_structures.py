@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import _in_band
+from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.scouting import beside_parts
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.model.second_order import Channel, SecondOrder
@@ -134,3 +140,20 @@ def test_a_mass_stands_out_of_springs_that_differ() -> None:
     assert isinstance(found, AddedMass)
     assert found.mass == pytest.approx(0.15, abs=0.03)
     assert mass.spread.sizes.parts < none.spread.sizes.parts
+
+
+def test_what_leads_beside_errors_of_parts_is_fitted_on_all_lines() -> None:
+    nominal = chain_of()
+    records = measured(chain_of(2.02e4, 2.97e4, 2e4, tip=1.15), nominal, 3)
+    few = records.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
+    mass, spring = AddedMass("tip", 0.1), ToolContact("upper", 100.0, 0.0)
+    rough = [(Candidate(e.effect, (e,)), fit(nominal, few, Hypothesis((e,)))) for e in (spring, mass)]
+    # Beside the widened noise no part errs.
+    assert all(not f.x[list(Problem(nominal, records.merged, Hypothesis()).parts)].any() for _, f in rough)
+    ranked = [Ranked(c.name, f, False) for c, f in rough]
+    with Workers(1, None) as workers:
+        found = {r.name: r for r in beside_parts(nominal, records, few, rough, ranked, workers)}
+    assert set(found) == {"added_mass", "tool_contact"}
+    assert found["added_mass"].refined
+    none = fit(nominal, records, Hypothesis())
+    assert found["added_mass"].fit.log_evidence > none.log_evidence + 10.0
