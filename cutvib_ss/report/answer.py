@@ -187,7 +187,7 @@ def size_rows(d: Diagnosis) -> list[Row]:
         ("losses", "losses", "the same of the damping of single modes"),
     ):
         if math.isfinite(value := d.sizes.get(key, math.nan)):
-            rows.append((name, f"{value:.2g} tolerances", words))
+            rows.append((name, f"{value:.2g} of the tolerance", words))
     return rows
 
 
