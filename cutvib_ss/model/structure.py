@@ -202,8 +202,12 @@ class Structure(BaseModel):
     def spring_at(self, place: str) -> Spring | None:
         # A port between two degrees of freedom, e_i - e_j, spans -K_ij; one that is a degree of freedom, its spring to ground,
         # the sum of that row of K.
-        spring = _spanned(self.system.port(place), self.system.stiffness)
-        return (self.scales[2] * spring, ((("scales", 2), spring),)) if spring > 0.0 else None
+        row = self.system.port(place)
+        # What errors of parts put between degrees of freedom that no spring joins is none.
+        if _spanned(row, self.system.stiffness) <= 0.0:
+            return None
+        spring = _spanned(row, self._with_parts[2])
+        return self.scales[2] * spring, ((("scales", 2), spring),)
 
     def carried_at(self, place: str) -> tuple[float, float, float]:
         # The diagonals of finite elements' matrices are those of one element, hundreds of times stiffer than what holds a point.

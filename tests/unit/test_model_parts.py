@@ -1,15 +1,18 @@
 """Errors of single parts of a structure: one spring, one mass, one mode's losses, in modal coordinates."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cutvib_ss.effects.bilinear_stiffness import BilinearStiffness
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.parts import MOST_MODES, modal_parts
 from cutvib_ss.model.paths import with_value, with_values
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
+from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.response.frequency import frequency_response
 
 FREQ = np.linspace(3.0, 60.0, 40)
@@ -87,3 +90,19 @@ def test_many_degrees_of_freedom_have_parts_of_the_lowest_modes() -> None:
 def test_factors_of_other_parts_are_refused() -> None:
     with pytest.raises(ParameterError, match="2 factors on 9 parts"):
         replace(of(springs(2e4, 3e4, 1e4)), parts=(1.1, 0.9))
+
+
+def test_a_law_in_place_of_a_spring_is_written_and_read_back_beside_errors_of_parts(tmp_path: Path) -> None:
+    structure = of(springs(2e4, 3e4, 1e4))
+    ports = {**structure.system.ports, "between": np.array([-1.0, 1.0, 0.0])}
+    structure = replace(structure, system=replace(structure.system, ports=ports))
+    moved = replace(structure, scales=(1.01, 0.9, 1.02), parts=tuple(1.0 + 1e-3 * k for k in range(9)))
+    model = BilinearStiffness("between", 0.3).apply(moved)
+    write_machine(model, tmp_path / "machine.toml")
+    found = read_machine(tmp_path / "machine.toml")
+    assert isinstance(found, Structure)
+    np.testing.assert_allclose(found.scaled.stiffness, model.scaled.stiffness, rtol=1e-9, atol=1e-6)
+    spring, again = model.spring_at("between"), found.spring_at("between")
+    assert spring is not None
+    assert again is not None
+    assert again[0] == pytest.approx(spring[0], rel=1e-9)
