@@ -204,10 +204,15 @@ class Structure(BaseModel):
         # the sum of that row of K.
         row = self.system.port(place)
         # What errors of parts put between degrees of freedom that no spring joins is none.
-        if _spanned(row, self.system.stiffness) <= 0.0:
+        if _spanned(row, self.system.stiffness)[0] <= 0.0:
             return None
-        spring = _spanned(row, self._with_parts[2])
-        return self.scales[2] * spring, ((("scales", 2), spring),)
+        spring, slope = _spanned(row, self._with_parts[2])
+        moved = [
+            (("parts", k), self.scales[2] * float(np.sum(slope * part.change)))
+            for k, part in enumerate(self.system.parts)
+            if part.power == 0
+        ]
+        return self.scales[2] * spring, ((("scales", 2), spring), *(move for move in moved if move[1] != 0.0))
 
     def carried_at(self, place: str) -> tuple[float, float, float]:
         # The diagonals of finite elements' matrices are those of one element, hundreds of times stiffer than what holds a point.
@@ -289,26 +294,32 @@ class Structure(BaseModel):
 _NO_SPRING = 1e-5  # Of the largest stiffness of a degree of freedom: what five digits of a matrix leave of a sum
 
 
-def _spanned(row: FloatArray, stiffness: FloatArray) -> float:
-    """Stiffness of the spring between the degrees of freedom of a port."""
-    held = np.flatnonzero(row)
+def _spanned(row: FloatArray, stiffness: FloatArray) -> tuple[float, FloatArray]:
+    """Stiffness of the spring between the degrees of freedom of a port, and its derivative to the stiffness matrix."""
+    held, slope = np.flatnonzero(row), np.zeros_like(stiffness)
     if held.size == 1:
-        found = float(stiffness[held[0]].sum())
+        slope[held[0]] = 1.0 / row[held[0]] ** 2
     elif held.size == 2 and row[held[0]] == -row[held[1]]:
-        found = float(-stiffness[held[0], held[1]])
+        slope[held[0], held[1]] = -1.0 / row[held[0]] ** 2
     else:
         return _static(row, stiffness)
+    found = float(np.sum(slope * stiffness))
     # Matrices are written to so many digits: the rounding error of a row that adds up to nothing is no spring.
-    least = _NO_SPRING * float(np.abs(stiffness[held[0]]).max())
+    least = _NO_SPRING * float(np.abs(stiffness[held[0]]).max()) / row[held[0]] ** 2
     if held.size == 2 and found < -least:
         return _static(row, stiffness)
-    return found / row[held[0]] ** 2 if found > least else 0.0
+    return found if found > least else 0.0, slope
 
 
-def _static(row: FloatArray, stiffness: FloatArray) -> float:
-    """Stiffness of a port against slow forces, 0 if it floats: in modal or reduced coordinates no element is a spring."""
+def _static(row: FloatArray, stiffness: FloatArray) -> tuple[float, FloatArray]:
+    """
+    Stiffness of a port against slow forces, 0 if it floats, and its derivative: in modal or reduced coordinates no element is a
+    spring.
+    """
     values, shapes = np.linalg.eigh(stiffness)
-    moved, held = (shapes.T @ row) ** 2, values > 1e-9 * values[-1]
-    if not held.any() or moved[~held].sum() > 1e-9 * moved.sum():
-        return 0.0
-    return 1.0 / float(np.sum(moved[held] / values[held]))
+    along, held = shapes.T @ row, values > 1e-9 * values[-1]
+    if not held.any() or np.sum(along[~held] ** 2) > 1e-9 * np.sum(along**2):
+        return 0.0, np.zeros_like(stiffness)
+    bent = shapes[:, held] @ (along[held] / values[held])
+    found = 1.0 / float(row @ bent)
+    return found, found**2 * np.outer(bent, bent)
