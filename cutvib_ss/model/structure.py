@@ -312,10 +312,8 @@ def _spanned(row: FloatArray, stiffness: FloatArray) -> tuple[float, FloatArray]
 
 
 def _static(row: FloatArray, stiffness: FloatArray) -> tuple[float, FloatArray]:
-    """
-    Stiffness of a port against slow forces, 0 if it floats, and its derivative: in modal or reduced coordinates no element is a
-    spring.
-    """
+    """Stiffness of a port against slow forces, 0 if it floats, and its derivative to the stiffness matrix."""
+    # In modal or reduced coordinates no element is a spring.
     values, shapes = np.linalg.eigh(stiffness)
     along, held = shapes.T @ row, values > 1e-9 * values[-1]
     if not held.any() or np.sum(along[~held] ** 2) > 1e-9 * np.sum(along**2):
