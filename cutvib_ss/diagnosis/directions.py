@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from cutvib_ss.results import ComplexArray, FloatArray
 if TYPE_CHECKING:
     from cutvib_ss.diagnosis.prediction import Predicted
     from cutvib_ss.diagnosis.problem import Problem
+    from cutvib_ss.diagnosis.unknowns import PartsAmong
 
 
 @dataclass(frozen=True)
@@ -42,19 +43,7 @@ class Sizes:
     losses: float = 0.3
 
 
-class WithParts(Protocol):
-    """Unknowns of which some are errors of parts of a structure."""
-
-    @property
-    def parts(self) -> tuple[int, ...]:
-        """Those of stiffness and mass."""
-
-    @property
-    def losses(self) -> tuple[int, ...]:
-        """Those of the losses of single modes."""
-
-
-def deviations(of: WithParts, count: int, sizes: Sizes) -> FloatArray:
+def deviations(of: Problem | Layout | PartsAmong, count: int, sizes: Sizes) -> FloatArray:
     """Standard deviations of the priors of unknowns, in their units: one, but for errors of parts, which have a size."""
     out = np.ones(count)
     out[list(of.parts)], out[list(of.losses)] = sizes.parts, sizes.losses

@@ -86,8 +86,7 @@ class Fit:
     @property
     def taken_up(self) -> bool:
         """Whether drift or errors of single parts, the largest of their priors, may have taken up what a cause does."""
-        sizes = self.spread.sizes
-        return any(getattr(sizes, name) >= SETTINGS.sizes[name][-1][0] for name in ("drift", "parts"))
+        return self.spread.largest("drift") or self.spread.largest("parts")
 
     @property
     def calibrated_away(self) -> frozenset[str]:

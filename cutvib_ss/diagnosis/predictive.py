@@ -46,8 +46,11 @@ class Spread:
     @property
     def at_largest(self) -> bool:
         """Whether the discrepancies of the nominal model and of a cause are both the largest of their priors."""
-        largest = all(getattr(self.sizes, name) >= SETTINGS.sizes[name][-1][0] for name in ("nominal", "cause"))
-        return bool(self.layout.nominal and self.layout.pivots) and largest
+        return bool(self.layout.nominal and self.layout.pivots) and self.largest("nominal") and self.largest("cause")
+
+    def largest(self, name: str) -> bool:
+        """Whether a size is the largest of its prior."""
+        return bool(getattr(self.sizes, name) >= SETTINGS.sizes[name][-1][0])
 
     def drifts(self, sessions: Sequence[tuple[float | str, ...]], records: Sequence[int], count: int) -> FloatArray:
         """Drift of the tuned values of some sessions, then of some records; zero of those that were not fitted."""

@@ -60,9 +60,7 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     none = _other_instants(nominal, records, Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True))
     linear = candidates(nominal, observed.band, observed.channels)
     workers.say(f"fitting {len(linear)} linear causes")
-    away = (
-        none.fit.tuned_away or none.fit.calibrated_away or none.fit.spread.sizes.parts >= SETTINGS.sizes["parts"][-1][0]
-    )
+    away = none.fit.tuned_away or none.fit.calibrated_away or none.fit.spread.largest("parts")
     if none.reduced < SETTINGS.search_enough and not away:
         ranked = _by_their_names(nominal, records, beside_tuned(nominal, records, none.fit, linear, workers))
         return Linear(records, few, none, ranked, linear, {}, 0.0)

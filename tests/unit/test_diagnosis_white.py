@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from cutvib_ss.diagnosis.directions import Sizes
+from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.search import _beside, search, search_linear
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -96,5 +97,7 @@ def test_causes_start_beside_the_tuned_model_unless_it_may_have_taken_them_up(
     class Tuned(SimpleNamespace):
         taken_up = Fit.taken_up
 
-    none = cast(Fit, Tuned(reduced=left, spread=SimpleNamespace(sizes=sizes)))
+    none = cast(
+        Fit, Tuned(reduced=left, spread=Spread(Layout(0, (), (), (), (), (), 0), sizes, np.zeros(0), np.zeros((0, 0))))
+    )
     assert _beside(none) is (none if beside else None)
