@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from threadpoolctl import threadpool_limits
@@ -17,6 +18,7 @@ from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.lasting import with_lasting
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import chance_of_order, confounded, level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
@@ -162,7 +164,9 @@ def _without(campaign: Campaign, observed: Observations, odd: Mapping[int, float
 
 
 def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
-    searched = _searched(campaign, nominal, observe(campaign, nominal), hold_out, seed, workers)
+    observed = observe(campaign, nominal)
+    observed = replace(observed, entries=with_lasting(nominal, observed.entries))
+    searched = _searched(campaign, nominal, observed, hold_out, seed, workers)
     linear = [r for r in searched.ranked[1:] if r.fit.hypothesis.linear]
     # Where some cause, a restoring force too, leaves noise of all records, none is odd.
     explained = any(r.refined and r.reduced < SETTINGS.search_enough for r in searched.ranked)

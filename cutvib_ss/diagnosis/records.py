@@ -226,8 +226,10 @@ class Records:
 
     @property
     def leaking(self) -> bool:
-        """Whether windowed blocks of a continuous recording leak, so that only a replayed simulation shows what they show."""
-        return not self.rough and any(e.replay is not None and e.replay.block > 0 for e in self.entries)
+        """Whether blocks leak, of a continuous recording or under a lasting force: only a replayed simulation shows what they do."""
+        return not self.rough and any(
+            e.replay is not None and (e.replay.block or e.replay.lasting) for e in self.entries
+        )
 
     @cached_property
     def scatter(self) -> float:

@@ -43,6 +43,9 @@ class Settings:
     record_heard: float = _of(4.0, "1",
         "Response power over noise power below which a line is left out: noise on the force biases the estimate",
         "fewer lines", _JUDGEMENT)
+    record_lasting: float = _of(10.0, "squares of the noise",
+        "Sum over all lines of what closed form and simulation of blows differ by, from which both are tried",
+        "faster", "half of it is in nats what it may shift evidence by")
     record_least_noise: float = _of(1e-4, "of the response",
         "Standard deviation below which none is believed that was read off how smooth a response is",
         "noise-free data are believed less", "force and response channels are linear to no better")

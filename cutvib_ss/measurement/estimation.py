@@ -28,7 +28,7 @@ from cutvib_ss.measurement.noise import (
     widened,
 )
 from cutvib_ss.measurement.records import FORCE, History, Record
-from cutvib_ss.measurement.rounding import coarser, rounding_error
+from cutvib_ss.measurement.rounding import coarser, hidden_power, rounding_error
 from cutvib_ss.results import ComplexArray, Estimator, FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.results.arrays import optional_array
 from cutvib_ss.results.frequency import EstimatorKind
@@ -234,8 +234,13 @@ def _rounding_variance(
     variance: FloatArray,
 ) -> FloatArray | float:
     """What rounding to coarse steps does alike in every blow, see `rounding`."""
-    total: FloatArray | float = 0.0
-    for more in coarser(record, [h.start for h in record.histories]):
+    starts = [h.start for h in record.histories]
+    freq, force, _, window, _ = spectra_of_blows(record, decay_rate)
+    hidden = hidden_power(record, starts, freq, window)
+    total: FloatArray | float = _quotient(
+        hidden[1:] + np.abs(data) ** 2 * hidden[0], np.mean(np.abs(force) ** 2, axis=0)
+    ).real
+    for more in coarser(record, starts):
         _, other, scatter, _, _ = _from_blows(more.record, estimator, decay_rate, noise_bins)
         seen = np.maximum(scatter - variance, 0.0) if len(record.histories) > 1 else None
         total = total + rounding_error(data, other, seen, more.shares)

@@ -14,6 +14,11 @@ error that follows the signal scales with q, for all amplitudes have the same sh
 Noise, on dither), at 3q by the ninth root of that, and the quotient changes accordingly. The white part of H(3q) - H(q) has been
 seen as scatter of the blows, and is taken off.
 
+Nor does rounding once more show what never moved a step: an AC-coupled force swings back by less than that, for seconds. While a
+channel without dither stays on one step for d seconds its error has the variance q²/12 and, moving slowly, jumps by q where it
+leaves the step: the transform of that has the power q² d²/12 at low frequencies and (q/ω)² at high ones, together
+q² d²/(12 + (ω d)²) (`hidden_power`). Stays of one sample make up the white noise of rounding, which scatter shows, and are taken off.
+
 The error is a variance here and not taken out: its sign hangs on where in its step a channel rests, and a mode that is still
 ringing at the end of a record, or that never moved a whole step, does not scale.
 """
@@ -68,12 +73,21 @@ class Steps:
         """Whether rounding follows the signal."""
         return self.size > 0.0 and self.noise < DITHERED
 
+    def counted(self, values: FloatArray) -> FloatArray:
+        """Values in steps."""
+        return np.asarray(np.round((values - self.rest) / self.size), dtype=np.float64)
+
     def coarser(self, values: FloatArray) -> FloatArray:
         """Values as a converter with steps so many times as large had shown them."""
         if not self.coarse:
             return values
         size = COARSER * self.size
         return np.asarray(self.rest + size * np.round((values - self.rest) / size), dtype=np.float64)
+
+    @property
+    def variance(self) -> float:
+        """Mean square of the error that stays with a value as long as that does not move."""
+        return float(self.size**2 / 12 * np.exp(-4 * np.pi**2 * self.noise**2)) if self.coarse else 0.0
 
     @property
     def share(self) -> float:
@@ -193,6 +207,36 @@ def coarser(record: Record, starts: Sequence[int]) -> tuple[Coarser, ...]:
         )
         out.append(Coarser(replace(record, histories=histories), shares))
     return tuple(out)
+
+
+def hidden_power(record: Record, starts: Sequence[int], freq: FloatArray, window: FloatArray) -> FloatArray:
+    """
+    Power of the transforms that channels hide while they stay on one step, mean of the blows; shape (force and channel, line).
+
+    The unit is that of the transforms in `spectra_of_blows`, squared; `window` is theirs.
+    """
+    out = np.zeros((1 + len(record.channels), freq.size))
+    for h, start in zip(record.histories, starts, strict=True):
+        for power, values in zip(out, (h.force, *h.responses), strict=True):
+            steps = steps_of(values, start)
+            if steps.coarse:
+                power += (
+                    steps.variance
+                    * _stays(steps.counted(values[: window.size]), 1.0 / h.fs, freq, window)
+                    / len(record.histories)
+                )
+    return out
+
+
+def _stays(counts: FloatArray, dt: float, freq: FloatArray, window: FloatArray) -> FloatArray:
+    """The same over the variance of the error [s^2], of counted steps."""
+    begun = np.flatnonzero(np.diff(counts, prepend=np.nan, append=np.nan))
+    lengths, which = np.unique(np.diff(begun), return_inverse=True)
+    # A window lets late stays count less.
+    weights = np.bincount(which, window[(begun[1:] + begun[:-1]) // 2] ** 2)
+    seconds = lengths[:, None] * dt
+    power = weights @ (seconds**2 / (1.0 + (2 * np.pi * freq * seconds) ** 2 / 12))
+    return np.asarray(np.maximum(power - weights @ lengths * dt**2, 0.0))
 
 
 def orders_by_rounding(record: Record, starts: Sequence[int]) -> np.ndarray:

@@ -9,7 +9,7 @@ from cutvib_ss.measurement import Campaign, History, Record, estimate, read_camp
 from cutvib_ss.measurement import estimation as estimation_module
 from cutvib_ss.measurement.blow_noise import blow_scatter
 from cutvib_ss.measurement.estimation import rounded_part
-from cutvib_ss.measurement.rounding import COARSER, DITHERED, NONE, coarser, steps_of
+from cutvib_ss.measurement.rounding import COARSER, DITHERED, NONE, coarser, hidden_power, steps_of
 from tests.unit.measurement_rig import FREQ, FS, blow, impact, small_campaign
 
 RNG = np.random.default_rng(5)
@@ -237,3 +237,31 @@ def test_nothing_is_left_of_a_response_that_moves_by_a_step_or_two(steps):
     freq = estimate(fine).freq
     told = (freq > 20.0) & (freq < 200.0)
     assert np.mean(part[0, told] > 0.05**2) > 0.8
+
+
+@pytest.mark.parametrize(("corner", "peak"), [(0.15, 20.0), (0.15, 60.0), (0.5, 60.0)])
+def test_what_a_channel_hides_on_one_step_is_counted(corner, peak):
+    # An AC-coupled force swings back by less than a step, or by few, for seconds.
+    fs, step = 8000.0, 0.08
+    time = np.arange(16000) / fs
+    over = []
+    for k in range(40):
+        area = peak * (1 + 0.1 * RNG.random()) * 2.5e-3
+        force = np.where(time < 0.005, np.sin(np.pi * time / 0.005), 0.0) * area * np.pi / 0.01
+        after = np.maximum(time - 0.0025, 0.0)
+        force = force - area * 2 * np.pi * corner * np.exp(-2 * np.pi * corner * after) * (time > 0.0025)
+        force = np.concatenate([np.zeros(400), force])
+        read = _rounded(force, step)
+        h = History(fs, read, np.zeros((1, read.size)), ("a",), f"blow {k}")
+        freq, window = np.fft.rfftfreq(read.size, 1 / fs), np.ones(read.size)
+        hidden = hidden_power(_record([h]), [400], freq, window)[0]
+        lost = np.abs(np.fft.rfft(read - force) / fs) ** 2
+        band = (freq > 0.3) & (freq < 40.0)
+        over.append(lost[band] / hidden[band])
+    assert 0.3 < np.mean(over) < 1.2
+
+
+def test_nothing_is_hidden_where_noise_dithers():
+    noise = 0.1 * RNG.standard_normal(4000)
+    h = History(2000.0, _rounded(noise, 0.08), noise[None], ("a",), "blow 1")
+    assert not hidden_power(_record([h]), [100], np.array([1.0, 10.0]), np.ones(4000)).any()
