@@ -226,7 +226,7 @@ class Records:
 
     @property
     def leaking(self) -> bool:
-        """Whether blocks leak, of a continuous recording or under a lasting force: only a replayed simulation shows what they do."""
+        """Whether blocks leak, or a force outlasts its blow: only a replayed simulation shows what such records show."""
         return not self.rough and any(
             e.replay is not None and (e.replay.block or e.replay.lasting) for e in self.entries
         )

@@ -17,7 +17,8 @@ seen as scatter of the blows, and is taken off.
 Nor does rounding once more show what never moved a step: an AC-coupled force swings back by less than that, for seconds. While a
 channel without dither stays on one step for d seconds its error has the variance q²/12 and, moving slowly, jumps by q where it
 leaves the step: the transform of that has the power q² d²/12 at low frequencies and (q/ω)² at high ones, together
-q² d²/(12 + (ω d)²) (`hidden_power`). Stays of one sample make up the white noise of rounding, which scatter shows, and are taken off.
+q² d²/(12 + (ω d)²) (`hidden_power`). Stays of one sample make up the white noise of rounding, which scatter shows, and are taken
+off.
 
 The error is a variance here and not taken out: its sign hangs on where in its step a channel rests, and a mode that is still
 ringing at the end of a record, or that never moved a whole step, does not scale.
