@@ -16,8 +16,10 @@ from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.directions import Sizes
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut
+from cutvib_ss.diagnosis.held_out_rules import judged_on_held_out
 from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.known_form import of_known_form
 from cutvib_ss.diagnosis.lasting import with_lasting
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import chance_of_order, confounded, level_stands_out
@@ -28,9 +30,7 @@ from cutvib_ss.diagnosis.odd_records import ODD, odd_records
 from cutvib_ss.diagnosis.place import Located, locate
 from cutvib_ss.diagnosis.posterior import (
     Counts,
-    judged_on_held_out,
     kind_of,
-    of_known_form,
     probabilities,
     temperature,
     that_drift_by_chance,

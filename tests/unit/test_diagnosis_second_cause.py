@@ -13,8 +13,10 @@ import pytest
 from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut
+from cutvib_ss.diagnosis.held_out_rules import judged_on_held_out
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.posterior import judged_on_held_out, kind_of, of_known_form, that_drift_by_chance
+from cutvib_ss.diagnosis.known_form import of_known_form
+from cutvib_ss.diagnosis.posterior import kind_of, that_drift_by_chance
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.search import _enough, _once

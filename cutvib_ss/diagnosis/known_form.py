@@ -1,0 +1,87 @@
+"""What answers keep of their probability where their form is not what the records show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from cutvib_ss.diagnosis.held_out import HeldOut
+from cutvib_ss.diagnosis.posterior import UNKNOWN, best, give, is_there, kind_of
+from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.settings import SETTINGS
+
+
+def of_known_form(
+    ranked: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
+) -> dict[str, float]:
+    """
+    Probabilities in which an answer whose form nothing here has is not sure.
+
+    Where a parameter of a restoring force ends at what the motion allows, or discrepancies or tuned values lie beyond
+    what is believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, or a larger error than the
+    re-tuned model has there, the form is not known, and no more is the cause. What such answers lose lies on something unknown:
+    with it the probabilities sum to one. A linear cause ends where another takes over: a resonance far above the band is a mass.
+
+    An unknown element has no form that could err, but a known cause in a form that the catalogue lacks fits no other hypothesis
+    either: no evidence tells the two apart, and priors have to. A known cause of its place is the answer in another form, and
+    keeps what such an answer keeps, where it leaves no more of what the element explains than the largest error of its dynamic
+    stiffness that is believed: squared, since the excess is of squares. Else the nearest known cause has the rest of an unknown
+    element, and of a known cause beside one the nearest pair of that cause with another known one, where it leaves no more than
+    noise.
+    """
+    out = dict(odds)
+    likely = [r for r in ranked if odds[r.name] >= SETTINGS.verdict_hardly and r.fit.hypothesis.causes]
+    bare = next((r for r in ranked if r.refined and not r.fit.hypothesis.effects), None)
+    strained = [
+        r
+        for r in likely
+        if kind_of(r.fit.hypothesis) != UNKNOWN
+        and r.refined
+        and (of_another_form(r, held) or (bare is not None and _leaves_more(held(r), held(bare))))
+    ]
+    for r in strained:
+        out[r.name] *= SETTINGS.verdict_form
+    # What may as well be nothing is no form of anything.
+    named = [r for r in ranked if r.refined and UNKNOWN not in dict(r.fit.hypothesis.causes) and is_there(r)]
+    for r in [r for r in likely if r not in strained and r.fit.hypothesis.causes[-1][0] == UNKNOWN]:
+        known, part = _another_form(r, named, out, held)
+        if known:
+            give(out, r, known, part)
+    return out
+
+
+def _another_form(
+    r: Ranked, named: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
+) -> tuple[Ranked | None, float]:
+    """The known cause that something unknown may be in another form, and the part of its probability that it has then."""
+    *first, _ = r.fit.hypothesis.causes
+    rest = 1.0 - SETTINGS.verdict_form
+    if first:
+        nearest = best(x for x in named if len(x.fit.hypothesis.causes) > 1 and first[0] in x.fit.hypothesis.causes)
+        return (nearest, rest) if nearest and held(nearest).reduced <= SETTINGS.verdict_noise else (None, rest)
+    single = [x for x in named if kind_of(x.fit.hypothesis) == "known"]
+    bare = best(x for x in named if not x.fit.hypothesis.causes)
+    here = best(x for x in single if x.fit.hypothesis.place == r.fit.hypothesis.place)
+    if bare and here and _as_much(held(here).squares, held(r).squares, held(bare).squares):
+        # Of what both have together it keeps as much as the answer in another form does.
+        both = odds[here.name] + odds[r.name]
+        return here, max(SETTINGS.verdict_form * both - odds[here.name], 0.0) / odds[r.name]
+    return best(x for x in named if x.fit.hypothesis.causes), rest
+
+
+def _as_much(known: float, unknown: float, bare: float) -> bool:
+    """Whether a known cause closes what an unknown element does but for the largest error of a cause, by their mean squares."""
+    return known < bare and known - unknown <= SETTINGS.sizes["cause"][-1][0] ** 2 * (bare - unknown)
+
+
+def of_another_form(r: Ranked, held: Callable[[Ranked], HeldOut]) -> bool:
+    """Whether causes only stand because their model errs by more than is believed."""
+    beyond = bool(r.fit.at_end) and not r.fit.hypothesis.linear
+    return beyond or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit
+
+
+def _leaves_more(cause: HeldOut, bare: HeldOut) -> bool:
+    """Whether a cause leaves a larger error of held-out records than the re-tuned model, by more than its standard error."""
+    more = np.array([j.squares - other.squares for j, other in zip(cause.records, bare.records, strict=True)])
+    return bool(more.mean() > np.std(more, ddof=1) / np.sqrt(more.size)) if more.size > 1 else False
