@@ -136,5 +136,5 @@ def places(
 def sizes(chosen: Fit) -> dict[str, float]:
     """Sizes in the likelihood of a fit, of what there is: records that were followed, parts that may err."""
     lay = chosen.spread.layout
-    there = {"within": lay.records, "parts": lay.parts, "losses": lay.losses}
+    there = {"within": lay.records, "parts": lay.parts.matrices, "losses": lay.parts.losses}
     return {name: v for name, v in vars(chosen.spread.sizes).items() if there.get(name, True)}

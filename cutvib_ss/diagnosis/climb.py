@@ -104,7 +104,7 @@ class Climb:
         self.known = Known(problem.nominal.tolerance.drift, beside.known, within)
         self.count = problem.count + beside.data
         self.precision = problem.prior_precision()
-        self.parts = np.array((*problem.parts, *problem.losses), dtype=np.intp)
+        self.parts = np.array(problem.parts.all, dtype=np.intp)
         self.low, self.high = problem.bounds()
         drift = self.drifted.of(near) if near is not None and spread else self.drifted.none
         try:
@@ -219,7 +219,7 @@ class Climb:
     @property
     def _unit(self) -> FloatArray:
         """Standard deviation of each unknown's prior, in its unit: errors of parts have a size."""
-        return deviations(self.problem, self.precision.size, self.sizes)
+        return deviations(self.problem.parts, self.precision.size, self.sizes)
 
     def resize(self) -> None:
         """The sizes of drift and discrepancy that suit where it stands."""

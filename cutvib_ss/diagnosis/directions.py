@@ -17,12 +17,12 @@ from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, 
 from cutvib_ss.diagnosis.normal_matrix import Alike, Columns, add_products
 from cutvib_ss.diagnosis.records import session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.unknowns import NO_PARTS, Parts
 from cutvib_ss.results import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
     from cutvib_ss.diagnosis.prediction import Predicted
     from cutvib_ss.diagnosis.problem import Problem
-    from cutvib_ss.diagnosis.unknowns import PartsAmong
 
 
 @dataclass(frozen=True)
@@ -43,10 +43,10 @@ class Sizes:
     losses: float = 0.3
 
 
-def deviations(of: Problem | Layout | PartsAmong, count: int, sizes: Sizes) -> FloatArray:
+def deviations(parts: Parts, count: int, sizes: Sizes) -> FloatArray:
     """Standard deviations of the priors of unknowns, in their units: one, but for errors of parts, which have a size."""
     out = np.ones(count)
-    out[list(of.parts)], out[list(of.losses)] = sizes.parts, sizes.losses
+    out[list(parts.matrices)], out[list(parts.losses)] = sizes.parts, sizes.losses
     return out
 
 
@@ -64,8 +64,7 @@ class Layout:
     records: tuple[int, ...] = ()  # Those that drift within their session, by their index in the campaign
     cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
     hits: tuple[tuple[int, int], ...] = ()  # What the hits of a record do: its index, and the number of the direction
-    parts: tuple[int, ...] = ()  # Unknowns that are errors of parts of a structure's stiffness or mass
-    losses: tuple[int, ...] = ()  # The same of the losses of its modes
+    parts: Parts = NO_PARTS  # Unknowns that are errors of single parts of a structure
 
     @cached_property
     def per_session(self) -> int:
@@ -100,7 +99,7 @@ class Layout:
     def scale(self, sizes: Sizes) -> FloatArray:
         """Factor on each column."""
         out = np.ones(self.size)
-        out[: self.unknowns] = deviations(self, self.unknowns, sizes)
+        out[: self.unknowns] = deviations(self.parts, self.unknowns, sizes)
         out[self.unknowns : self.first_within] = sizes.drift
         out[self.first_within : self.first_nominal] = sizes.within
         out[self.first_nominal : self.first_cause] = sizes.nominal
@@ -151,7 +150,6 @@ class Directions:
             cause_drifts=bool(spread and np.any(self.cause)),
             hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
             parts=problem.parts,
-            losses=problem.losses,
         )
         self.shared = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
         self.plain = [p.data * g.weight for p, g in zip(predictions, self.groups, strict=True)]

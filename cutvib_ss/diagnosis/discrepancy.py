@@ -55,9 +55,10 @@ def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
     for i, (path, own) in enumerate(problem.tuning):
         name = path[-1]
         if path[0] == "parts":
-            # Modes drift one by one beside what moves all of them, by half of it where three or four springs drift by themselves.
+            # Modes drift one by one beside what moves all of them.
             part = parts[int(name)]
-            drift[i] = 0.5 / tolerance.get(2, own) if part.power < 2 and part.modes[0] == part.modes[1] else 0.0
+            alone = part.power < 2 and part.modes[0] == part.modes[1]
+            drift[i] = SETTINGS.discrepancy_modes_drift / tolerance.get(2, own) if alone else 0.0
         elif name in stiff:
             drift[i] = nominal[i] = stiff[name] / own
         elif name in beside:

@@ -157,14 +157,14 @@ class Known:
 
     drift: float | None = None
     noise: bool = True
-    within: float | None = (
-        None  # Drift of records beside their sessions, where sessions of one record tell nothing of it
-    )
+    # Drift of records beside their sessions, where sessions of one record tell nothing of it
+    within: float | None = None
 
 
 def grids(layout: Layout, known: Known) -> dict[str, tuple[tuple[float, float], ...]]:
     """Sizes that are searched, with their prior; one value where there are no such directions, or the drift is stated."""
-    of = {"nominal": layout.nominal, "cause": layout.pivots, "parts": layout.parts, "losses": layout.losses}
+    parts, losses = layout.parts
+    of = {"nominal": layout.nominal, "cause": layout.pivots, "parts": parts, "losses": losses}
     out, absent = {}, [name for name, columns in of.items() if not columns]
     for f in fields(Sizes):
         grid = SETTINGS.sizes[f.name]

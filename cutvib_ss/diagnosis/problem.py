@@ -50,9 +50,8 @@ class Problem:
             if getattr(e, name) is not None and np.isfinite(getattr(e, name))
         ]
         self.n_tuning = len(self.tuning)
-        self.parts, self.losses = parts_among(nominal, self.tuning)
+        self.parts = parts_among(nominal, self.tuning)
         """Unknowns that are errors of single parts of a structure's matrices, and of the losses of its modes."""
-        self.of_parts = frozenset((*self.parts, *self.losses))
         self.parts_held = False
         """Whether they are left at the middle of their priors."""
         shapes = SETTINGS.calibration_shapes if self.calibration > 0 else 0
@@ -279,7 +278,7 @@ class Problem:
     def _tuning_moves(self, effects: Sequence[Effect], stages: Sequence[Model]) -> Iterator[tuple[float, Carried]]:
         """What moves with each tuned value, and by how much a unit of its unknown."""
         for i, (path, tolerance) in enumerate(self.tuning):
-            if self.parts_held and i in self.of_parts:
+            if self.parts_held and i in self.parts.all:
                 yield 0.0, ()
             else:
                 yield tolerance * value_at(stages[0], path), carried_on(((path, 1.0),), effects, stages, 0)

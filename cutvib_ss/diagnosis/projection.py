@@ -134,7 +134,7 @@ class Outer:
         out = []
         with np.errstate(all="ignore"):
             for k in range(self.problem.n_tuning):
-                if k in self.problem.of_parts:
+                if k in self.problem.parts.all:
                     # Beside an element of unknown form nothing tells errors of parts apart: they are held.
                     out.append(np.zeros_like(here))
                     continue

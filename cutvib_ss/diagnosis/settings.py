@@ -104,6 +104,9 @@ class Settings:
         "as over frequency, wider since amplitude spans decades")
     discrepancy_position_length: float = _of(0.3, "rail length", "The same of a cause along the rail over the head's position",
         "smoother discrepancies", "mode shapes of the first two bending or torsional modes differ so by their end conditions")
+    discrepancy_modes_drift: float = _of(0.5, "drift of a stiffness",
+        "By how much a mode of a structure drifts by itself, beside what moves all modes", "sessions may differ in single modes",
+        "springs of chains of three to six that drift one by one: 0.44 to 0.46")
     discrepancy_least_variance: float = _of(1e-3, "1", "Relative variance below which a shape of the process is dropped",
         "fewer shapes", _NUMERICAL)
     discrepancy_points: int = _of(25, "points", "Points of a record that stand for the process behind a cause's discrepancy",

@@ -258,8 +258,8 @@ class SimulatedProblem(Problem):
         if leaking and (p.model.nonlinear or wanders(p.model, p.group)):
             # Neither is a restoring force its equivalent stiffness where blocks leak, nor does a body that wanders off have a pole
             # to leak from. For errors of single parts, which are small and many, that has to do.
-            by_simulation += [i for i, _, _ in moves if i not in self.of_parts]
-            moves = [move for move in moves if move[0] in self.of_parts]
+            by_simulation += [i for i, _, _ in moves if i not in self.parts.all]
+            moves = [move for move in moves if move[0] in self.parts.all]
         out = {i: self._by_simulation(x, i, p) for i in by_simulation}
         out.update(self._by_force_scale(x, index, p))
         if self.force_offset > 0.0:

@@ -38,18 +38,27 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
     return tuple(found)
 
 
-class PartsAmong(NamedTuple):
+class Parts(NamedTuple):
     """Tuned values that are errors of single parts of a structure, by their number."""
 
-    parts: tuple[int, ...]  # Of its stiffness or mass
-    losses: tuple[int, ...]  # Of the losses of its modes
+    matrices: tuple[int, ...] = ()  # Of its stiffness or mass
+    losses: tuple[int, ...] = ()  # Of the losses of its modes
+
+    @property
+    def all(self) -> tuple[int, ...]:
+        """Of either kind."""
+        return (*self.matrices, *self.losses)
 
 
-def parts_among(model: Model, tuning: Sequence[tuple[Path, float]]) -> PartsAmong:
+NO_PARTS = Parts()
+"""Of a machine, or of a structure without tolerance."""
+
+
+def parts_among(model: Model, tuning: Sequence[tuple[Path, float]]) -> Parts:
     """Which of the tuned values are errors of parts."""
     parts = model.matrix_parts
     power = {k: parts[int(path[1])].power for k, (path, _) in enumerate(tuning) if path[0] == "parts"}
-    return PartsAmong(tuple(k for k, p in power.items() if p != 1), tuple(k for k, p in power.items() if p == 1))
+    return Parts(tuple(k for k, p in power.items() if p != 1), tuple(k for k, p in power.items() if p == 1))
 
 
 def to_unknown(value: float, r: Range) -> float:

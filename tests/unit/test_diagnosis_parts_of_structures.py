@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import linalg
 
+from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -130,6 +132,33 @@ def test_springs_that_differ_one_by_one_are_no_gap(seed: int) -> None:
     assert without.log_evidence < none.log_evidence - 10.0
 
 
+@pytest.mark.parametrize("springs", [3, 4, 6])
+def test_modes_drift_by_half_of_what_springs_do(springs: int) -> None:
+    rng, own = np.random.default_rng(springs), []
+    ends = np.eye(springs) - np.eye(springs, k=-1)
+    for _ in range(100):
+        stiffness, mass = rng.uniform(0.3, 3.0, springs), np.diag(rng.uniform(0.5, 2.0, springs))
+        squares, shapes = linalg.eigh(ends.T @ np.diag(stiffness) @ ends, mass)
+        # By how much each spring moves each mode: its share of the strain energy.
+        shares = (stiffness[:, None] * (ends @ shapes) ** 2 / squares).T
+        assert shares.sum(axis=1) == pytest.approx(1.0)
+        own.append(np.sqrt(np.mean(np.sum((shares - shares.mean(axis=0)) ** 2, axis=1))))
+    assert np.mean(own) == pytest.approx(SETTINGS.discrepancy_modes_drift, rel=0.2)
+
+
+def test_only_a_mode_by_itself_drifts() -> None:
+    problem = Problem(chain_of(), measured(chain_of(), chain_of(), 2).merged, Hypothesis())
+    drift, _ = weights(problem)
+    whole = next(i for i, (path, _) in enumerate(problem.tuning) if path == ("scales", 2))
+    parts = chain_of().matrix_parts
+    for i, (path, _) in enumerate(problem.tuning):
+        if path[0] == "parts":
+            part = parts[int(path[1])]
+            alone = part.power < 2 and part.modes[0] == part.modes[1]
+            expected = SETTINGS.discrepancy_modes_drift * drift[whole] if alone else 0.0
+            assert drift[i] == pytest.approx(expected)
+
+
 def test_a_mass_stands_out_of_springs_that_differ() -> None:
     nominal = chain_of()
     records = measured(chain_of(2.02e4, 2.97e4, 2e4, tip=1.15), nominal, 3)
@@ -149,7 +178,7 @@ def test_what_leads_beside_errors_of_parts_is_fitted_on_all_lines() -> None:
     mass, spring = AddedMass("tip", 0.1), ToolContact("upper", 100.0, 0.0)
     rough = [(Candidate(e.effect, (e,)), fit(nominal, few, Hypothesis((e,)))) for e in (spring, mass)]
     # Beside the widened noise no part errs.
-    assert all(not f.x[list(Problem(nominal, records.merged, Hypothesis()).parts)].any() for _, f in rough)
+    assert all(not f.x[list(Problem(nominal, records.merged, Hypothesis()).parts.matrices)].any() for _, f in rough)
     ranked = [Ranked(c.name, f, False) for c, f in rough]
     with Workers(1, None) as workers:
         found = {r.name: r for r in beside_parts(nominal, records, few, rough, ranked, workers)}
