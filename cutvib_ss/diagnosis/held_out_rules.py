@@ -70,6 +70,8 @@ class _HeldOutRules:
             self.by_both_leads(r, self.bare)
         if kind_of(r.fit.hypothesis) == UNKNOWN:
             self.with_what_predicts_more(r)
+        elif kind_of(r.fit.hypothesis) == "known":
+            self.with_another_that_predicts_more(r)
         parts = [(c,) for c in causes if c[0] != UNKNOWN]
         first = best(x for x in self.fitted if x.fit.hypothesis.causes in parts) if len(causes) > 1 else None
         if first is None:
@@ -152,6 +154,22 @@ class _HeldOutRules:
         if known and self.held(known).log_density > self.held(unknown).log_density:
             # Evidence says that its form is not the known one, prediction that it is: neither is sure.
             give(self.odds, unknown, known, 0.5)
+
+    def with_another_that_predicts_more(self, r: Ranked) -> None:
+        """Share the probability of a known cause with another answer that leads in prediction by more than it lags in evidence."""
+        near = [x for x in self.fitted if x is not r and self.odds[x.name] >= SETTINGS.verdict_hardly]
+        other = max(
+            (x for x in near if kind_of(x.fit.hypothesis) in ("known", UNKNOWN)),
+            key=lambda x: self.held(x).log_density,
+            default=None,
+        )
+        if other is None:
+            return
+        predicted = self.held(other).log_density - self.held(r).log_density
+        if predicted > max(r.fit.log_evidence - other.fit.log_evidence, _by_chance(len(r.fit.stds))):
+            # Each leads by one of two estimates: neither is sure.
+            both = self.odds[r.name] + self.odds[other.name]
+            give(self.odds, r, other, max(1.0 - SETTINGS.verdict_form * both / self.odds[r.name], 0.0))
 
     def mainly_known(self, unknown: Ranked) -> None:
         """Pass on the probability of an unknown element to a known cause with it beside, which closes most of the excess alone."""

@@ -443,3 +443,21 @@ def test_a_cause_that_leaves_a_larger_error_than_none_is_not_sure() -> None:
         left = Leaves(records=tuple(SimpleNamespace(squares=s) for s in sizes))
         odds = of_known_form([none, mass], {"none": 0.0, "mass": 1.0}, held(none=bare, mass=left))
         assert odds["mass"] == pytest.approx(kept)
+
+
+@pytest.mark.parametrize(("predicted", "kept"), [(72.0, 0.6), (1.0, 0.93)])
+def test_a_cause_is_not_sure_where_another_leads_in_prediction_by_more_than_it_lags(
+    predicted: float, kept: float
+) -> None:
+    near = ranked("near", 98.0, UNKNOWN)
+    seen = held(none=TUNED, near=Leaves(log_density=predicted))
+    found = judged_on_held_out([NONE, MAIN, near], {"none": 0.0, "main": 0.93, "near": 0.07}, seen, 1.0)
+    assert found["main"] == pytest.approx(kept)
+    assert sum(found.values()) == pytest.approx(1.0)
+
+
+def test_what_lags_far_in_evidence_does_not_unsettle_a_cause_by_its_prediction() -> None:
+    far = ranked("far", 20.0, UNKNOWN)
+    seen = held(none=TUNED, far=Leaves(log_density=50.0))
+    found = judged_on_held_out([NONE, MAIN, far], {"none": 0.0, "main": 0.98, "far": 0.02}, seen, 1.0)
+    assert found["main"] == pytest.approx(0.98)
