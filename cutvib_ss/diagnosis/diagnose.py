@@ -182,7 +182,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     odds = _odds(searched, counts, variants)
     shown = _shown(nominal, searched, odds)
     odds, hidden = _hidden(searched, odds, counts)
-    by_level, located, interference = _located(nominal, searched, problem, workers)
+    by_level, located, interference = _located(nominal, searched, problem, odds, workers)
     elsewhere = located.best if located.best != "none" else shown.first.fit.hypothesis.places
     rest = Cause("unknown", elsewhere, max(1.0 - sum(odds.values()) - sum(hidden.values()), 0.0))
     rows = answer.causes(shown, odds, hidden, rest, observed.per_unit)
@@ -299,14 +299,15 @@ def _shown(nominal: Model, searched: _Searched, odds: Mapping[str, float]) -> Sh
 
 
 def _located(
-    nominal: Model, searched: _Searched, problem: Problem, workers: Workers
+    nominal: Model, searched: _Searched, problem: Problem, odds: Mapping[str, float], workers: Workers
 ) -> tuple[bool, Located, float | None]:
     """Whether the level matters, where the fault lies without a hypothesis, and the mains whose interference it is."""
     records, none = searched.records, searched.ranked[0]
     fitted, blow_at = list(records.entries), problem.blow_at(none.fit.x)
     levels = where.level_dependence(fitted, none.fit.model, blow_at)
     by_level = bool(levels > SETTINGS.level_excess) or level_stands_out(records, none.fit.model, blow_at)
-    if not by_level and none.reduced <= SETTINGS.search_enough:
+    # Where drift may have taken up what depends on the level, odds tell whether there is a fault at all.
+    if none.reduced <= SETTINGS.search_enough and (not by_level or odds[none.name] >= SETTINGS.verdict_half):
         return by_level, Located(), None
     workers.say("locating the fault without a hypothesis")
     located = locate(nominal, none.fit, fitted, blow_at, by_level)
