@@ -228,7 +228,8 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
     # An even prior over a unit range knows a parameter to no better than its range.
     own[even, even] += 12.0
     size = np.sqrt(np.diag(own))
-    covariance = linalg.inv(own / np.outer(size, size)) / np.outer(size, size)
+    unique = own / np.outer(size, size) + SETTINGS.likelihood_precision_floor * np.eye(size.size)
+    covariance = linalg.inv(unique) / np.outer(size, size)
     offsets = np.zeros(own.shape[0])
     if own.shape[0] > problem.size:
         inner = slice(problem.size, None)

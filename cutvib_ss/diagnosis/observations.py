@@ -18,10 +18,12 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.blocks import without_run_in
 from cutvib_ss.measurement.blow_noise import blow_scatter, hit_directions, pretrigger_noise
+from cutvib_ss.measurement.cut_responses import with_one_instant
 from cutvib_ss.measurement.estimation import measured_response, rounded_part
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.response.modes import modes
+from cutvib_ss.results import MeasuredFrequencyResponse
 from cutvib_ss.units import STANDARD_GRAVITY
 
 LACKING = {
@@ -64,7 +66,12 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
 
     A record's band is what it states, else what its noise allows.
     """
-    entries = [_entry(i, record) for i, record in enumerate(campaign.records)]
+    settled = [without_run_in(r) if r.kind == "timeseries" else (r, 0) for r in campaign.records]
+    responses = with_one_instant([measured_response(r) for r, _ in settled])
+    entries = [
+        _entry(i, record, response, begin)
+        for i, (record, response, (_, begin)) in enumerate(zip(campaign.records, responses, settled, strict=True))
+    ]
     first = _lowest_frequency(machine, [e.position for e in entries])
     bands = [_band(e, campaign.records[e.record], first) for e in entries]
     # One hammer: what scatters from blow to blow for the structure's sake hides where its reach ends.
@@ -139,9 +146,7 @@ def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
     return ", ".join(dict.fromkeys(f"{from_quantity[q]}/{below}" for e in entries for q in e.quantities))
 
 
-def _entry(index: int, record: Record) -> Entry:
-    settled, begin = without_run_in(record) if record.kind == "timeseries" else (record, 0)
-    response = measured_response(settled)
+def _entry(index: int, record: Record, response: MeasuredFrequencyResponse, begin: int) -> Entry:
     estimator = response.estimator
     replay = None
     if record.kind != "frf":
