@@ -20,6 +20,7 @@ ALIVE = 10.0
 """Power before the end of an impulse response over that after it, from which the end is seen."""
 _LATE = 0.8  # of the block: an end is looked for after it
 _SMEARED = 5  # samples of the inverse transform over which the end of the band smears what is sharp in time
+_FINER = 16  # samples for each of those where responses are cut: an end between two samples would come back as an alias
 _FEWEST_LINES = 64
 
 
@@ -30,8 +31,12 @@ def with_one_instant(responses: Sequence[MeasuredFrequencyResponse]) -> list[Mea
     return [r if end is None else _cut(r, end, max(instants)) for r, end in zip(responses, ends, strict=True)]
 
 
-def _impulse(r: MeasuredFrequencyResponse) -> tuple[FloatArray, np.ndarray] | None:
-    """Impulse responses on a circle as long as the block, shape (channel, sample), and the lines; None where lines are left out."""
+def _impulse(r: MeasuredFrequencyResponse, finer: int = 1) -> tuple[FloatArray, np.ndarray] | None:
+    """
+    Impulse responses on a circle as long as the block, shape (channel, sample), and the lines; None where lines are left out.
+
+    Lines fall off over the upper half of the band: of one that ends at once the blow would ring all round the circle.
+    """
     count = r.freq.size
     if (
         r.estimator.blow_at is not None
@@ -45,8 +50,8 @@ def _impulse(r: MeasuredFrequencyResponse) -> tuple[FloatArray, np.ndarray] | No
     if not whole or lines[0] > 1 or np.any(np.diff(lines) != 1):
         return None
     spectrum: ComplexArray = np.zeros((len(r.outputs), lines[-1] + 1), dtype=np.complex128)
-    spectrum[:, lines] = r.data[0, :, 0]
-    return np.fft.irfft(spectrum, 2 * int(lines[-1])), lines
+    spectrum[:, lines] = r.data[0, :, 0] * _tapered(int(lines[-1]))[lines]
+    return finer * np.fft.irfft(spectrum, 2 * finer * int(lines[-1])), lines
 
 
 def _end(r: MeasuredFrequencyResponse) -> float | None:
@@ -54,10 +59,8 @@ def _end(r: MeasuredFrequencyResponse) -> float | None:
     found = _impulse(r)
     if found is None:
         return None
-    impulse, lines = found
-    # Beside a band that ends the blow rings, and on the circle it does so before it begins.
-    taper = np.fft.irfft(_tapered(lines[-1]) * np.fft.rfft(impulse))
-    late = taper[:, int(_LATE * taper.shape[1]) : -_SMEARED]
+    impulse, _ = found
+    late = impulse[:, int(_LATE * impulse.shape[1]) : -_SMEARED]
     size = late.shape[1]
     before, after = np.cumsum(late**2, axis=1), np.cumsum(late[:, ::-1] ** 2, axis=1)[:, ::-1]
     # A line at zero that is missing, or an input coupled to AC, moves the whole circle.
@@ -72,7 +75,7 @@ def _end(r: MeasuredFrequencyResponse) -> float | None:
     last = np.mean(late[:, at[k] - 2 * _SMEARED : at[k] - _SMEARED // 2] ** 2)
     if k == 0 or last < ALIVE * np.mean(two[:, k]):
         return None
-    return float((taper.shape[1] - _SMEARED - size + at[k]) / taper.shape[1] * r.estimator.block)
+    return float((impulse.shape[1] - _SMEARED - size + at[k]) / impulse.shape[1] * r.estimator.block)
 
 
 def _tapered(last: int) -> FloatArray:
@@ -82,16 +85,16 @@ def _tapered(last: int) -> FloatArray:
 
 def _cut(r: MeasuredFrequencyResponse, end: float, blow_at: float) -> MeasuredFrequencyResponse:
     """The response as a block shows it whose blow is at an instant, or by what an end is smeared later."""
-    found = _impulse(r)
+    found = _impulse(r, _FINER)
     assert found is not None
     impulse, lines = found
-    count, block = impulse.shape[1], r.estimator.block
-    first, last = int((1.0 - blow_at / block) * count) - 2 * _SMEARED, count - _SMEARED
-    silent = impulse[:, int(end / block * count) + _SMEARED : last]
+    count, block, smeared = impulse.shape[1], r.estimator.block, _FINER * _SMEARED
+    first, last = int((1.0 - blow_at / block) * count) - 2 * smeared, count - smeared
+    silent = impulse[:, int(end / block * count) + smeared : last]
     lost = np.zeros_like(impulse)
     lost[:, first:last] = impulse[:, first:last] - silent.mean(axis=1, keepdims=True)
     data = r.data.copy()
-    data[0, :, 0] -= np.fft.rfft(lost)[:, lines]
+    data[0, :, 0] -= np.fft.rfft(lost)[:, lines] / _FINER
     # A sample stands for the time around it.
     at = block * (1.0 - (first - 0.5) / count)
     return replace(r, data=data, estimator=replace(r.estimator, blow_at=at))
