@@ -107,8 +107,6 @@ def search(
     ordered = by_level and chance_of_order(none.fit.spread, records) < SETTINGS.level_drift
     # Or drift from session to session does, where each has a level of its own.
     ordered = ordered or drift_for_levels(none.fit, records)
-    dependent: Sequence[Candidate] = ()
-    motion: dict[str, float] = {}
     # Where the re-tuned model leaves less than the noise itself, a widened noise would hide all that is left.
     small = none.reduced < SETTINGS.search_small
     error = 0.0 if small else SETTINGS.search_coarse_error
@@ -119,26 +117,20 @@ def search(
     ranked = [] if later else _moving(nominal, records, none, ranked, workers) if by_level else ranked
     compared = levels_compared(records, none.fit.model)
     likely = _gap(ranked, none) and (by_level or not compared or not _enough(ranked, none, leaves))
-    if outlook is not None and (likely or ordered):
-        moved = motions(none.fit.model, outlook)
-        motion = {place: m.high for place, m in moved.items()}
-        dependent = nonlinear_candidates(nominal, moved)
-        if compared and not by_level:
-            # Levels that agree leave only what depends on the sign of the motion, not on its size.
-            dependent = [c for c in dependent if c.starts[0].scale_free]
+    dependent, motion = _dependent(nominal, none, outlook, compared and not by_level)
+    tried = bool(dependent) and (likely or ordered)
+
+    def with_laws(ranked: Sequence[Ranked]) -> list[Ranked]:
+        assert outlook is not None
         workers.say(f"fitting {len(dependent)} causes that depend on the level")
         rough = scouted_laws(nominal, outlook, dependent, motion, none.fit.x if small else None, workers)
-        ranked += on_all_lines(
-            nominal,
-            records,
-            rough,
-            2,
-            # What is still to be followed reaches as much at the least.
-            _rival(nominal, outlook, _best([*ranked, *unfollowed], none)),
-            workers,
-            SETTINGS.search_laws_refined,
-        )
-        ranked = _by_their_names(nominal, records, ranked)
+        # What is still to be followed reaches as much at the least.
+        rival = _rival(nominal, outlook, _best([*ranked, *unfollowed], none))
+        new = on_all_lines(nominal, records, rough, 2, rival, workers, SETTINGS.search_laws_refined)
+        return _by_their_names(nominal, records, [*ranked, *new])
+
+    if tried:
+        ranked = with_laws(ranked)
     if later:
         ranked += _moving(nominal, records, _best(ranked, none), unfollowed, workers)
     if (
@@ -149,7 +141,7 @@ def search(
         and max(leads, _taken(none.fit, _best(ranked, none).fit)) > SETTINGS.search_leads
     ):
         workers.say("fitting causes that act together")
-        seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent)]
+        seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent if tried)]
         ranked += fit_pairs(nominal, records, ranked, seconds, motion, workers)
     if not _gap(ranked, none):
         ranked += _favoured(nominal, records, none.fit, ranked, sizes(none.fit), workers)
@@ -165,9 +157,33 @@ def search(
         few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
         rival = None if left else _best(ranked, none)
         ranked += unknown_elements(nominal, records, few, observed, ranked, rival, workers, beside=left and stands_out)
-        if dependent and left:
+        if tried and left:
             ranked += unknown_by_level(nominal, records, few, observed, none, ranked, workers)
+    if dependent and not tried and _lacks_a_form(ranked):
+        # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
+        ranked = with_laws(ranked)
     return (none, *_once(ranked))
+
+
+def _dependent(
+    nominal: Model, none: Ranked, outlook: Records | None, alike: bool
+) -> tuple[Sequence[Candidate], dict[str, float]]:
+    """Causes that depend on the level and the motion of their places; of levels that agree those that depend on its sign alone."""
+    if outlook is None:
+        return (), {}
+    moved = motions(none.fit.model, outlook)
+    found = nonlinear_candidates(nominal, moved)
+    return [c for c in found if c.starts[0].scale_free or not alike], {place: m.high for place, m in moved.items()}
+
+
+def _lacks_a_form(ranked: Sequence[Ranked]) -> bool:
+    """Whether something unknown leads all known causes."""
+    refined = [r for r in ranked if r.refined]
+    best = max(refined, key=lambda r: r.fit.log_evidence, default=None)
+    if best is None or best.fit.hypothesis.effect != "unknown":
+        return False
+    known = max((r.fit.log_evidence for r in refined if r.fit.hypothesis.effect != "unknown"), default=-np.inf)
+    return best.fit.log_evidence - known > SETTINGS.search_caught
 
 
 def _favoured(
