@@ -38,6 +38,7 @@ from cutvib_ss.diagnosis.small_sizes import SmallSize
 from cutvib_ss.diagnosis.unknown_search import unknown_by_level, unknown_elements
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model, identifying_values
+from cutvib_ss.results import FloatArray
 
 
 class Linear(NamedTuple):
@@ -117,20 +118,11 @@ def search(
     ranked = [] if later else _moving(nominal, records, none, ranked, workers) if by_level else ranked
     compared = levels_compared(records, none.fit.model)
     likely = _gap(ranked, none) and (by_level or not compared or not _enough(ranked, none, leaves))
-    dependent, motion = _dependent(nominal, none, outlook, compared and not by_level)
-    tried = bool(dependent) and (likely or ordered)
-
-    def with_laws(ranked: Sequence[Ranked]) -> list[Ranked]:
-        assert outlook is not None
-        workers.say(f"fitting {len(dependent)} causes that depend on the level")
-        rough = scouted_laws(nominal, outlook, dependent, motion, none.fit.x if small else None, workers)
+    forces = None if outlook is None else _restoring_forces(nominal, none, outlook, small, compared and not by_level)
+    tried = forces if likely or ordered else None
+    if tried is not None:
         # What is still to be followed reaches as much at the least.
-        rival = _rival(nominal, outlook, _best([*ranked, *unfollowed], none))
-        new = on_all_lines(nominal, records, rough, 2, rival, workers, SETTINGS.search_laws_refined)
-        return _by_their_names(nominal, records, [*ranked, *new])
-
-    if tried:
-        ranked = with_laws(ranked)
+        ranked = _with(nominal, records, tried, ranked, _best([*ranked, *unfollowed], none), workers)
     if later:
         ranked += _moving(nominal, records, _best(ranked, none), unfollowed, workers)
     if (
@@ -141,8 +133,9 @@ def search(
         and max(leads, _taken(none.fit, _best(ranked, none).fit)) > SETTINGS.search_leads
     ):
         workers.say("fitting causes that act together")
-        seconds = [*(Second(c, alone.get(c.name)) for c in linear), *(Second(c, None) for c in dependent if tried)]
-        ranked += fit_pairs(nominal, records, ranked, seconds, motion, workers)
+        seconds = [Second(c, alone.get(c.name)) for c in linear]
+        seconds += [Second(c, None) for c in (tried.candidates if tried else ())]
+        ranked += fit_pairs(nominal, records, ranked, seconds, tried.motion if tried else {}, workers)
     if not _gap(ranked, none):
         ranked += _favoured(nominal, records, none.fit, ranked, sizes(none.fit), workers)
     left = not _enough(ranked, none, leaves)
@@ -157,23 +150,47 @@ def search(
         few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
         rival = None if left else _best(ranked, none)
         ranked += unknown_elements(nominal, records, few, observed, ranked, rival, workers, beside=left and stands_out)
-        if tried and left:
+        if tried is not None and left:
             ranked += unknown_by_level(nominal, records, few, observed, none, ranked, workers)
-    if dependent and not tried and _lacks_a_form(ranked):
+    if forces is not None and tried is None and _lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
-        ranked = with_laws(ranked)
+        ranked = _with(nominal, records, forces, ranked, _best(ranked, none), workers)
     return (none, *_once(ranked))
 
 
-def _dependent(
-    nominal: Model, none: Ranked, outlook: Records | None, alike: bool
-) -> tuple[Sequence[Candidate], dict[str, float]]:
-    """Causes that depend on the level and the motion of their places; of levels that agree those that depend on its sign alone."""
-    if outlook is None:
-        return (), {}
+class _RestoringForces(NamedTuple):
+    """Restoring forces that may be tried, and on what they start."""
+
+    outlook: Records  # Few records that show what depends on the level
+    candidates: Sequence[Candidate]
+    motion: Mapping[str, float]  # Largest of each place
+    warm: FloatArray | None  # Unknowns beside which even faint ones are looked for
+
+
+def _restoring_forces(
+    nominal: Model, none: Ranked, outlook: Records, small: bool, alike: bool
+) -> _RestoringForces | None:
+    """Those of a model, None where it has none; of levels that agree what depends on the sign of the motion, not on its size."""
     moved = motions(none.fit.model, outlook)
-    found = nonlinear_candidates(nominal, moved)
-    return [c for c in found if c.starts[0].scale_free or not alike], {place: m.high for place, m in moved.items()}
+    found = [c for c in nonlinear_candidates(nominal, moved) if c.starts[0].scale_free or not alike]
+    motion = {place: m.high for place, m in moved.items()}
+    return _RestoringForces(outlook, found, motion, none.fit.x if small else None) if found else None
+
+
+def _with(
+    nominal: Model,
+    records: Records,
+    forces: _RestoringForces,
+    ranked: Sequence[Ranked],
+    best: Ranked,
+    workers: Workers,
+) -> list[Ranked]:
+    """Causes, and restoring forces that come close to the best of them."""
+    workers.say(f"fitting {len(forces.candidates)} causes that depend on the level")
+    rough = scouted_laws(nominal, forces.outlook, forces.candidates, forces.motion, forces.warm, workers)
+    rival = _rival(nominal, forces.outlook, best)
+    new = on_all_lines(nominal, records, rough, 2, rival, workers, SETTINGS.search_laws_refined)
+    return _by_their_names(nominal, records, [*ranked, *new])
 
 
 def _lacks_a_form(ranked: Sequence[Ranked]) -> bool:

@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.known_form import of_known_form
 from cutvib_ss.diagnosis.posterior import kind_of, that_drift_by_chance
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked
-from cutvib_ss.diagnosis.search import _enough, _once
+from cutvib_ss.diagnosis.search import _enough, _lacks_a_form, _once
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownChannelError, UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
@@ -461,3 +461,10 @@ def test_what_lags_far_in_evidence_does_not_unsettle_a_cause_by_its_prediction()
     seen = held(none=TUNED, far=Leaves(log_density=50.0))
     found = judged_on_held_out([NONE, MAIN, far], {"none": 0.0, "main": 0.98, "far": 0.02}, seen, 1.0)
     assert found["main"] == pytest.approx(0.98)
+
+
+@pytest.mark.parametrize(("evidence", "lacks"), [(106.0, True), (104.0, False), (90.0, False)])
+def test_a_form_is_missing_where_something_unknown_leads_all_known_causes(evidence: float, lacks: bool) -> None:
+    assert _lacks_a_form([MAIN, OTHER, ranked("unknown", evidence, UNKNOWN)]) == lacks
+    # What was not fitted on all lines leads nothing.
+    assert not _lacks_a_form([MAIN, replace(ranked("unknown", evidence, UNKNOWN), refined=False)])
