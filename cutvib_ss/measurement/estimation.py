@@ -9,6 +9,7 @@ there.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -28,7 +29,7 @@ from cutvib_ss.measurement.noise import (
     widened,
 )
 from cutvib_ss.measurement.records import FORCE, History, Record
-from cutvib_ss.measurement.rounding import coarser, hidden_power, rounding_error
+from cutvib_ss.measurement.rounding import Steps, coarser, hidden_power, rounding_error, steps_in
 from cutvib_ss.results import ComplexArray, Estimator, FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.results.arrays import optional_array
 from cutvib_ss.results.frequency import EstimatorKind
@@ -234,17 +235,24 @@ def _rounding_variance(
     variance: FloatArray,
 ) -> FloatArray | float:
     """What rounding to coarse steps does alike in every blow, see `rounding`."""
-    starts = [h.start for h in record.histories]
+    steps = steps_in(record, [h.start for h in record.histories])
+    if not _any_coarse(steps):
+        return 0.0
     freq, force, _, window, _ = spectra_of_blows(record, decay_rate)
-    hidden = hidden_power(record, starts, freq, window)
+    hidden = hidden_power(record, steps, freq, window)
     total: FloatArray | float = _quotient(
         hidden[1:] + np.abs(data) ** 2 * hidden[0], np.mean(np.abs(force) ** 2, axis=0)
     ).real
-    for more in coarser(record, starts):
+    for more in coarser(record, steps):
         _, other, scatter, _, _ = _from_blows(more.record, estimator, decay_rate, noise_bins)
         seen = np.maximum(scatter - variance, 0.0) if len(record.histories) > 1 else None
         total = total + rounding_error(data, other, seen, more.shares)
     return total
+
+
+def _any_coarse(steps: Mapping[str, list[Steps]]) -> bool:
+    """Whether rounding follows the signal anywhere."""
+    return any(s.coarse for own in steps.values() for s in own)
 
 
 def rounded_part(record: Record, width: float) -> FloatArray:
@@ -253,7 +261,7 @@ def rounded_part(record: Record, width: float) -> FloatArray:
 
     The lines are those of `estimate`. Zero where no steps are coarse.
     """
-    if not coarser(record, [h.start for h in record.histories]):
+    if not _any_coarse(steps_in(record, [h.start for h in record.histories])):
         return np.zeros((len(record.channels), min(h.force.size for h in record.histories) // 2 + 1))
     freq, data, variance, _, _ = _from_blows(record, "H1", 0.0, NOISE_BINS)
     by_steps = _rounding_variance(record, "H1", 0.0, NOISE_BINS, data, variance) + np.zeros(data.shape)

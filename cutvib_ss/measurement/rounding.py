@@ -157,8 +157,13 @@ def steps_in(record: Record, starts: Sequence[int]) -> dict[str, list[Steps]]:
     for h, start in zip(record.histories, starts, strict=True):
         for name, values in zip(found, (h.force, *h.responses), strict=True):
             found[name].append(steps_of(values, start))
-    found[FORCE] = [s if _FEWEST_OF_FORCE <= s.largest <= _MOST_OF_FORCE else NONE for s in found[FORCE]]
     return found
+
+
+def _that_scale(steps: Mapping[str, list[Steps]]) -> dict[str, list[Steps]]:
+    """The same, of a force only those that rounding once more tells of."""
+    force = [s if _FEWEST_OF_FORCE <= s.largest <= _MOST_OF_FORCE else NONE for s in steps[FORCE]]
+    return {**steps, FORCE: force}
 
 
 def words_on_steps(records: Sequence[Record], starts: Sequence[Sequence[int]]) -> list[str]:
@@ -166,7 +171,7 @@ def words_on_steps(records: Sequence[Record], starts: Sequence[Sequence[int]]) -
     files: dict[str, None] = {}
     channels: dict[str, list[float]] = {}
     for record, own in zip(records, starts, strict=True):
-        for name, steps in steps_in(record, own).items():
+        for name, steps in _that_scale(steps_in(record, own)).items():
             for s in steps:
                 if s.coarse and s.largest < _SAID:
                     files[record.name] = None
@@ -188,9 +193,9 @@ class Coarser:
     shares: FloatArray  # Of H(3q) - H(q) that is the error of H(q) which follows the signal, by channel
 
 
-def coarser(record: Record, starts: Sequence[int]) -> tuple[Coarser, ...]:
+def coarser(record: Record, steps: Mapping[str, list[Steps]]) -> tuple[Coarser, ...]:
     """The record rounded once more, in those of force and responses whose steps are coarse."""
-    steps = steps_in(record, starts)
+    steps = _that_scale(steps)
     out = []
     force = _share(steps[FORCE])
     if force > 0.0:
@@ -210,23 +215,19 @@ def coarser(record: Record, starts: Sequence[int]) -> tuple[Coarser, ...]:
     return tuple(out)
 
 
-def hidden_power(record: Record, starts: Sequence[int], freq: FloatArray, window: FloatArray) -> FloatArray:
+def hidden_power(record: Record, steps: Mapping[str, list[Steps]], freq: FloatArray, window: FloatArray) -> FloatArray:
     """
     Power of the transforms that channels hide while they stay on one step, mean of the blows; shape (force and channel, line).
 
     The unit is that of the transforms in `spectra_of_blows`, squared; `window` is theirs.
     """
-    out = np.zeros((1 + len(record.channels), freq.size))
-    for h, start in zip(record.histories, starts, strict=True):
-        for power, values in zip(out, (h.force, *h.responses), strict=True):
-            steps = steps_of(values, start)
-            if steps.coarse:
-                power += (
-                    steps.variance
-                    * _stays(steps.counted(values[: window.size]), 1.0 / h.fs, freq, window)
-                    / len(record.histories)
-                )
-    return out
+    out = np.zeros((len(steps), freq.size))
+    for power, (name, own) in zip(out, steps.items(), strict=True):
+        for h, s in zip(record.histories, own, strict=True):
+            if s.coarse:
+                values = h.force if name == FORCE else h.responses[h.channels.index(name)]
+                power += s.variance * _stays(s.counted(values[: window.size]), 1.0 / h.fs, freq, window)
+    return out / len(record.histories)
 
 
 def _stays(counts: FloatArray, dt: float, freq: FloatArray, window: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from cutvib_ss.measurement import Campaign, History, Record, estimate, read_camp
 from cutvib_ss.measurement import estimation as estimation_module
 from cutvib_ss.measurement.blow_noise import blow_scatter
 from cutvib_ss.measurement.estimation import rounded_part
-from cutvib_ss.measurement.rounding import COARSER, DITHERED, NONE, coarser, hidden_power, steps_of
+from cutvib_ss.measurement.rounding import COARSER, DITHERED, NONE, coarser, hidden_power, steps_in, steps_of
 from tests.unit.measurement_rig import FREQ, FS, blow, impact, small_campaign
 
 RNG = np.random.default_rng(5)
@@ -171,7 +171,7 @@ def test_error_of_a_single_coarse_blow_is_of_the_size_stated():
 def test_dithered_responses_are_left_to_their_scatter():
     record = _digitised(impact(noise=0.2, force_noise=0.02), 0.2, 0.02)
     starts = [h.start for h in record.histories]
-    assert coarser(record, starts) == ()
+    assert coarser(record, steps_in(record, starts)) == ()
     assert np.array_equal(estimate(record).variance[0, :, 0], estimation_module._from_blows(record, "H1", 0.0, 15)[2])
 
 
@@ -254,7 +254,8 @@ def test_what_a_channel_hides_on_one_step_is_counted(corner, peak):
         read = _rounded(force, step)
         h = History(fs, read, np.zeros((1, read.size)), ("a",), f"blow {k}")
         freq, window = np.fft.rfftfreq(read.size, 1 / fs), np.ones(read.size)
-        hidden = hidden_power(_record([h]), [400], freq, window)[0]
+        record = _record([h])
+        hidden = hidden_power(record, steps_in(record, [400]), freq, window)[0]
         lost = np.abs(np.fft.rfft(read - force) / fs) ** 2
         band = (freq > 0.3) & (freq < 40.0)
         over.append(lost[band] / hidden[band])
@@ -264,4 +265,5 @@ def test_what_a_channel_hides_on_one_step_is_counted(corner, peak):
 def test_nothing_is_hidden_where_noise_dithers():
     noise = 0.1 * RNG.standard_normal(4000)
     h = History(2000.0, _rounded(noise, 0.08), noise[None], ("a",), "blow 1")
-    assert not hidden_power(_record([h]), [100], np.array([1.0, 10.0]), np.ones(4000)).any()
+    record = _record([h])
+    assert not hidden_power(record, steps_in(record, [100]), np.array([1.0, 10.0]), np.ones(4000)).any()
