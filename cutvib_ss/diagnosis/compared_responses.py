@@ -17,13 +17,13 @@ from cutvib_ss.measurement.records import FORCE
 
 
 def _alike(e: Entry, apart: bool) -> tuple[object, ...]:
-    """What records share that one curve of a model stands for: of a law that depends on the level, the level too."""
+    """What records share that one curve of a model stands for: of a restoring force that depends on the level, the level too."""
     level = e.record if e.level is None else e.level
     return (*measured_at(e), level) if apart else measured_at(e)
 
 
 def compared_responses(nominal: Model, none: Fit, chosen: Fit, entries: Sequence[Entry]) -> tuple[Comparison, ...]:
-    """One comparison a position, input and, of a law that depends on it, level."""
+    """One comparison a position, input and, of a restoring force that depends on it, level."""
     groups = merged(entries)
     out = []
     start = Problem(nominal, groups, Hypothesis())

@@ -119,7 +119,7 @@ def _warnings(fit: Fit, records: Records, observed: Observations, verdict: Verdi
 
 
 def _force(fit: Fit, records: Records, positions: FloatArray, frequency: float) -> float:
-    """Amplitude of a sine at which the law's port moves, by the linear model, as far as in the middle record."""
+    """Amplitude of a sine at which the restoring force's port moves, by the linear model, as far as in the middle record."""
     port = fit.model.nonlinear[0].port
     plain = replace(fit.model, nonlinear=())
     moved = motions(plain, records).get(port)

@@ -150,7 +150,7 @@ class Shown(NamedTuple):
     """What a model predicts of a record."""
 
     data: ComplexArray  # The prediction
-    variance: FloatArray  # Its own E|Δ|², of a law whose record does not tell the force on which it depends; else zero
+    variance: FloatArray  # Its own E|Δ|², of a restoring force whose record does not tell the force on which it depends; else zero
     seen: Predicted  # The model seen through the record's estimator, calibration errors apart
 
 

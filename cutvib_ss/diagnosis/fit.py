@@ -179,8 +179,8 @@ def _started(
     if near is not None and near.hypothesis.causes == hypothesis.causes and not hypothesis.linear:
         alone = problem_for(nominal, records, near.corrected.hypothesis).start(near.corrected.x)
     if not hypothesis.linear and search.spread and steps > SETTINGS.fit_scout_steps:
-        # The residual of a law far from its optimum would pass for a large discrepancy, in whose side minima the steps end.
-        # Neighbouring lines tell much the same.
+        # The residual of a restoring force far from its optimum would pass for a large discrepancy, in whose side minima the steps
+        # end. Neighbouring lines tell much the same.
         few = records.coarse(SETTINGS.fit_fewer_lines, 0.0)
         fewer = problems_of(nominal, few, hypothesis, False)
         plain = Climb(fewer, search.at.x, False, _beside(fewer[0], few))

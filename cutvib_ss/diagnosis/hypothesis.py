@@ -13,7 +13,7 @@ class Hypothesis:
     """What may cause the gap."""
 
     effects: tuple[Effect, ...] = ()  # Effects at their starting values; none for the tuned nominal model
-    # Peak displacement of places in the records, where it is known: the scale of nonlinear laws
+    # Peak displacement of places in the records, where it is known: the scale of nonlinear restoring forces
     motions: Mapping[str, float] = field(default_factory=dict)
 
     @property

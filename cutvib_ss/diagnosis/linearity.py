@@ -28,7 +28,7 @@ def levels_compared(records: Records, model: Model | None = None, blow_at: float
 
 
 def confounded(records: Records) -> bool:
-    """Whether every session has one level, and they differ: drift then does what a law that depends on the level does."""
+    """Whether every session has one level, and they differ: drift then does what a nonlinear restoring force does."""
     levels: dict[tuple[float | str, ...], list[float]] = {}
     for e in records.entries:
         if (level := e.driven) is not None:
@@ -120,7 +120,7 @@ def _rises(power: FloatArray, count: int) -> bool:
 
 
 def motions(model: Model, records: Records) -> dict[str, Motion]:
-    """How far and how fast each place of a law moves in the records."""
+    """How far and how fast each place of a restoring force moves in the records."""
     places = tuple(dict.fromkeys(place for kind in EFFECTS.values() if not kind.linear for place in kind.places(model)))
     peaks: list[np.ndarray] = []
     forces: list[np.ndarray] = []

@@ -51,7 +51,7 @@ class _Family:
     wide: Records
     sharp: Records
     linear: bool  # Which family it is
-    motion: Mapping[str, float]  # Largest motion at each place, from which laws get their size
+    motion: Mapping[str, float]  # Largest motion at each place, from which restoring forces get their size
     workers: Workers  # Process pool
     # Pairs that were tried; those of one kind are not tried the other way round
     seen: set[tuple[str, ...]] = field(default_factory=set)
@@ -100,7 +100,7 @@ class _Family:
             step = partial(first_steps, self.nominal, fitted_on, warm=scan.warm, steps=steps)
             fits = self.workers.map(step, hypotheses)
             rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
-        # As measured the steps of a law are as expensive again: its two best are enough.
+        # As measured the steps of a restoring force are as expensive again: its two best are enough.
         ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if self.linear else 2]
         step = partial(first_steps, self.nominal, self.sharp, steps=steps)
         fits = self.workers.map(step, [f.hypothesis for _, f in ahead], [f.x for _, f in ahead])
@@ -111,14 +111,14 @@ class _Family:
         # What is small beside the widened noise shows as measured, once the first cause is right.
         if self.linear:
             return [(self.wide, base.x, self.wide), (self.sharp, base.x, self.sharp)]
-        # Laws, whose every scan is a simulation, are scanned once: as measured where the first cause leaves nothing in the
-        # widened noise, and else from afar.
+        # Restoring forces, whose every scan is a simulation, are scanned once: as measured where the first cause leaves nothing in
+        # the widened noise, and else from afar.
         scan = Scan(self.nominal, some(self.wide), base.hypothesis, base.x, self.motion, apart=True)
         if scan.leaves < SETTINGS.search_enough * scan.left.size:
             return [(some(self.sharp), base.x, self.sharp)]
         if not base.hypothesis.linear:
             return [(some(self.wide), base.x, self.wide)]
-        # The tuning of a linear cause that lacks its law leads away from both: the law is scanned with nothing tuned.
+        # The tuning of a linear cause that lacks its restoring force leads away from both: that is scanned with nothing tuned.
         return [(some(self.wide), None, self.wide)]
 
 
@@ -176,7 +176,7 @@ def _second_of(pair: Candidate, fitted: Fit) -> _Base:
 
 
 def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked], ranked: Sequence[Ranked]) -> list[Ranked]:
-    """Each cause of the best linear pair by itself, from its values there, and each of the best two laws."""
+    """Each cause of the best linear pair by itself, from its values there, and each of the best two restoring forces."""
     own = {
         r.fit.hypothesis.causes: r.fit.objective for r in sorted(ranked, key=lambda r: -r.fit.objective) if r.refined
     }
@@ -188,7 +188,7 @@ def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked], ranked: Se
             continue
         best = max(found, key=lambda r: r.fit.log_evidence)
         for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
-            # A law's range goes by the motion that the pair's hypothesis holds.
+            # A restoring force's range goes by the motion that the pair's hypothesis holds.
             hypothesis = replace(best.fit.hypothesis, effects=(effect,))
             # It is of use if it leads to more than its own fit did.
             rival = own.get(hypothesis.causes, np.inf)

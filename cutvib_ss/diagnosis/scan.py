@@ -2,9 +2,9 @@
 What one more cause could explain of a fit's residual, before anything is fitted.
 
 The directions of the fit's unknowns are projected out of the residual, to first order about the drift that the fit found of each
-session. For a linear cause one change of the prediction tells the rest. A law is tried at many values and refined without
-derivatives: with clearance or friction the response to a blow depends on its parameters roughly, and Gauss-Newton steps from afar
-are caught at once, while the residual's squares fall evenly to where the truth is.
+session. For a linear cause one change of the prediction tells the rest. A restoring force is tried at many values and refined
+without derivatives: with clearance or friction the response to a blow depends on its parameters roughly, and Gauss-Newton steps from
+afar are caught at once, while the residual's squares fall evenly to where the truth is.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ class Scan:
         return [found[1:] for found in self._of_starts(starts)]
 
     def refined(self, best: Scanned) -> Scanned:
-        """A law with its parameters where it explains most."""
+        """A restoring force with its parameters where it explains most."""
         if best.hypothesis.effects[-1].linear or not np.isfinite(best.gain):
             return best
         _, problem, x = self.with_cause(best.hypothesis.effects[-1])
@@ -182,14 +182,14 @@ class Scan:
         return Scanned(self._gain_at(problem, x), both)
 
     def faint(self, starts: Sequence[Effect]) -> list[Hypothesis]:
-        """A law in each of its shapes, so weak that what it changes is in proportion to its strength; none where it never is."""
+        """A restoring force in each of its shapes, so weak that it changes in proportion to its strength; none where it never does."""
         weak = [(e, self._weak(e)) for e in _shapes(starts)]
         return [
             Hypothesis((*self.effects, _times(e, factor)), self.motion) for e, (factor, _, size) in weak if size > 0.0
         ]
 
     def _weak(self, effect: Effect) -> tuple[float, float, float]:
-        """A factor below which a law changes in proportion to its strength, the change times the residual, and its squares."""
+        """A factor below which a restoring force changes in proportion to it, the change times the residual, and its squares."""
         _, problem, x = self.with_cause(effect)
         values = {name: float(getattr(effect, name)) for name in effect.strength}
         factor = 1.0
@@ -204,7 +204,7 @@ class Scan:
         return factor, along, size
 
     def _in_proportion(self, weakest: Effect) -> Scanned:
-        """A law between and below its starts: what little of it changes, scaled as it is best and turned round if need be."""
+        """A restoring force between and below its starts: what little of it changes, scaled at its best, turned round if need be."""
         factor, along, size = self._weak(weakest)
         scale = along / size if size > 0.0 else 0.0
         nothing = Scanned(-np.inf, Hypothesis((*self.effects, weakest), self.motion))
@@ -268,12 +268,12 @@ class Scan:
 
 
 def _times(effect: Effect, factor: float) -> Effect:
-    """A law with its restoring force times a factor."""
+    """A restoring force with its restoring force times a factor."""
     return effect.changed({name: factor * float(getattr(effect, name)) for name in effect.strength})
 
 
 def _shapes(starts: Sequence[Effect]) -> list[Effect]:
-    """The weakest start of each shape that a law's strength does not change; some of many."""
+    """The weakest start of each shape that a restoring force's strength does not change; some of many."""
     found: dict[tuple[object, ...], Effect] = {}
     names = starts[0].strength
     if not names:

@@ -1,5 +1,5 @@
 """
-The first fits of a search, on few lines with a widened noise: of linear causes from the best of their starts, of scanned laws.
+First fits of a search, on few lines with a widened noise: linear causes from the best of their starts, scanned restoring forces.
 
 Sharp peaks then pull from afar, and no start is lost in a side minimum of a precise measurement.
 """
@@ -154,7 +154,7 @@ def scouted_laws(
     warm: FloatArray | None,
     workers: Workers,
 ) -> list[tuple[Candidate, Fit]]:
-    """The same for laws, whose steps are expensive: each is scanned, and those that promise most take some."""
+    """The same for restoring forces, whose steps are expensive: each is scanned, and those that promise most take some."""
     scan = Scan(nominal, some(outlook), Hypothesis(), warm, motion, apart=True)
     promising = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))[
         : SETTINGS.search_laws_looked_at

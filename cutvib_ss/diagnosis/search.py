@@ -96,7 +96,7 @@ def search(
     pairs: bool = True,
     laws: bool = True,
 ) -> tuple[Ranked, ...]:
-    """Go on from the linear causes to laws, pairs and unknown elements: the tuned nominal model first, then causes by evidence."""
+    """Go on to restoring forces, pairs and unknown elements: the tuned nominal model first, then causes by evidence."""
     records, few, none, ranked, linear, alone, leads = first
     by_level = level_stands_out(records, none.fit.model)
     if by_level:
@@ -112,7 +112,7 @@ def search(
     small = none.reduced < SETTINGS.search_small
     error = 0.0 if small else SETTINGS.search_coarse_error
     outlook = records.for_laws(SETTINGS.search_coarse_lines, error) if laws else None
-    # Laws first, where they are tried in any case: what they reach the linear causes have to come up to.
+    # Restoring forces first, where they are tried in any case: what they reach the linear causes have to come up to.
     later = by_level and outlook is not None and none.reduced > SETTINGS.search_enough
     unfollowed = ranked if later else []
     ranked = [] if later else _moving(nominal, records, none, ranked, workers) if by_level else ranked
@@ -262,7 +262,7 @@ def _moving(
     """The best linear causes fitted to every record by itself, as long as they lead to what another hypothesis has reached."""
     workers.say("following linear causes from record to record")
     best = sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[: SETTINGS.search_moving]
-    # Beside a law few steps tell whether a linear cause leads there, beside drift alone it may take many.
+    # Beside a restoring force few steps tell whether a linear cause leads there, beside drift alone it may take many.
     alone = reached.fit.hypothesis.linear
     steps = SETTINGS.search_most_steps if alone else SETTINGS.search_later_steps
     rival, again = np.inf if alone else reached.fit.objective, []
@@ -329,7 +329,7 @@ def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], f
         return False
     left = best.reduced
     if not best.fit.hypothesis.linear and (held_out := leaves(best)) > SETTINGS.verdict_misfit:
-        # What a law takes from the levels that it was fitted to may fail at others.
+        # What a restoring force takes from the levels that it was fitted to may fail at others.
         left = held_out * best.fit.spread.sizes.noise
     return left < SETTINGS.search_left + SETTINGS.search_left_of_gap * max(none.reduced - 1.0, 0.0)
 
@@ -340,7 +340,7 @@ def _taken(none: Fit, cause: Fit) -> float:
 
 
 def _rival(nominal: Model, outlook: Records, best: Ranked) -> tuple[float, float]:
-    """The best linear cause on the records on which laws start: its objective there, its evidence on all."""
+    """The best linear cause on the records on which restoring forces start: its objective there, its evidence on all."""
     # Simulated as those are: where blocks leak, the closed form would leave more than there is.
     there = fit(
         nominal,

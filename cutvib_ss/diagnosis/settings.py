@@ -158,7 +158,7 @@ class Settings:
     verdict_noise: float = _of(1.1, "χ² per datum", "On held-out records, up to which a second cause counts as known",
         "second causes are believed that leave more", "as search_enough")
     verdict_misfit: float = _of(2.0, "χ² per datum",
-        "On held-out records, from which the re-tuned model is no answer, a cause not sure, and a law not enough",
+        "On held-out records, from which the re-tuned model is no answer, a cause not sure, and a restoring force not enough",
         "more gaps are called none, fewer pairs", "noise estimated from a few blows is right to a factor below two")
     verdict_closed: float = _of(0.97, "excess", "That a cause alone has to close to be the answer where no second one is known",
         "more answers say that something is left", "restoring forces and supports hold to ten or twenty percent: squared, a few")
@@ -220,7 +220,7 @@ class Settings:
     # Simulation of causes that depend on the level
     simulation_tuning_step: float = _of(0.02, "std", "Step of a tuned value in a difference of two closed forms", "-",
         _NUMERICAL)
-    simulation_law_step: float = _of(2e-4, "range", "Step of a law's parameter in a difference of two simulations", "-",
+    simulation_law_step: float = _of(2e-4, "range", "Step of a restoring force's parameter in a difference of two simulations", "-",
         _NUMERICAL)
     simulation_linear_step: float = _of(2e-6, "range", "The same of a linear cause's, which moves it smoothly", "-",
         _NUMERICAL)
@@ -229,7 +229,7 @@ class Settings:
         "looser fits of such records", "hands scatter, and the blow's length is a guess")
     simulation_force_scale_step: float = _of(0.02, "std", "Its step in a difference of two simulations", "-", _NUMERICAL)
     simulation_force_offset: float = _of(0.1, "rms force",
-        "Standard deviation of a constant force beside that of a continuous recording", "laws that stick or clear fit more",
+        "Standard deviation of a constant force beside that of a continuous recording", "friction and clearance fit more",
         "weights, cables and amplifiers' zeros are some percent of what excites")
     simulation_jump: float = _of(0.2, "1", "Step between lines, of the largest response, from which a sweep may have jumped",
         "jumps are passed over", _JUDGEMENT)
@@ -242,7 +242,7 @@ class Settings:
         "longer", _NUMERICAL)
     simulation_classical_above: float = _of(20.0, "band", "Damping couples no mode so far above the band", "longer", _NUMERICAL)
     simulation_steps: float = _of(20.0, "steps a period",
-        "On all lines: χ² errs by 1e-6 of a degree of freedom for smooth laws, 3e-4 for friction, which takes twice as many",
+        "On all lines: χ² errs by 1e-6 of a degree of freedom for smooth forces, 3e-4 for friction, which takes twice as many",
         "longer", _NUMERICAL)
     simulation_rough_steps: float = _of(10.0, "steps a period", "The same on few lines: 1e-3 and 1e-2", "longer", _NUMERICAL)
     simulation_hysteresis_at: float = _of(100.0, "Hz", "Where hysteretic damping is made viscous for stepping in time", "-",
@@ -298,9 +298,9 @@ class Settings:
     search_starts_climbed: int = _of(3, "starts", "Of a cause from which steps are taken", "longer", _TIME)
     search_starts_most: int = _of(8, "starts", "The same while they leave more than the widened noise", "longer", _TIME)
     search_later_steps: int = _of(10, "steps", "On few lines, from the best start of a cause", "longer", _TIME)
-    search_law_steps: int = _of(6, "steps", "The same of a law", "longer", _TIME)
+    search_law_steps: int = _of(6, "steps", "The same of a restoring force", "longer", _TIME)
     search_most_steps: int = _of(40, "steps", "On all lines", "longer", _TIME)
-    search_most_law_steps: int = _of(15, "steps", "The same of a law: the last of many gain little", "longer", _TIME)
+    search_most_law_steps: int = _of(15, "steps", "The same of a restoring force: the last of many gain little", "longer", _TIME)
     search_first_order: float = _of(20.0, "χ² per datum",
         "Of the tuned model, from which all linear causes are fitted, since what one would take away to first order says little",
         "faster", _JUDGEMENT)
@@ -332,7 +332,7 @@ class Settings:
     search_leads: float = _of(0.1, "excess", "That a single cause has to take away before a second is tried on top",
         "fewer pairs", "else neither is known")
     search_odd: float = _of(10.0, "χ² per datum", "Of one channel of a record under what leaves no more than noise of all others: "
-        "from there it is left out", "fewer records are left out", "a law that shows that much in one shows in its neighbours")
+        "from there it is left out", "fewer records are left out", "friction that shows that much in one shows in its neighbours")
     search_odd_share: float = _of(0.125, "records", "That are left out, at most", "more records may be left out",
         "what shows in more of them may be the machine")
     scan_records: int = _of(5, "records", "Up to which all are scanned", "longer", _TIME)
@@ -341,16 +341,16 @@ class Settings:
     scan_nudge: float = _of(0.02, "range", "By which a parameter is moved off a start that does nothing", "-", _NUMERICAL)
     scan_nothing: float = _of(1e-3, "squares a datum", "Below which a start does nothing", "weak starts are moved",
         "so much the estimator's own sums may differ")
-    scan_simplex: float = _of(0.05, "range", "Size of the simplex from which a law's best values are refined", "-",
+    scan_simplex: float = _of(0.05, "range", "Size of the simplex from which a restoring force's best values are refined", "-",
         _NUMERICAL)
     scan_evaluations: int = _of(12, "evaluations a parameter", "In which they are", "longer", _TIME)
-    scan_shapes: int = _of(5, "shapes", "Of a law that are scanned in proportion to its strength", "longer", _TIME)
-    scan_in_proportion: float = _of(0.01, "χ² per datum", "Up to which the change by a law is in proportion to its strength",
+    scan_shapes: int = _of(5, "shapes", "Of a restoring force that are scanned in proportion to its strength", "longer", _TIME)
+    scan_in_proportion: float = _of(0.01, "χ² per datum", "Up to which a restoring force changes in proportion to its strength",
         "steps from afar", _NUMERICAL)
     scan_weaker: int = _of(4, "tries", "In which such a strength is found", "longer", _TIME)
-    scan_extrapolated: float = _of(4.0, "weakest start", "Up to which a law in proportion to its parameter is scaled", "-",
+    scan_extrapolated: float = _of(4.0, "weakest start", "Up to which a force in proportion to its parameter is scaled", "-",
         _NUMERICAL)
-    pairs_astray: float = _of(10.0, "χ² per datum", "On few lines, from which no pair with a law is looked for", "longer",
+    pairs_astray: float = _of(10.0, "χ² per datum", "On few lines, from which no restoring force is looked for in pairs", "longer",
         _TIME)
     pairs_close: float = _of(15.0, "objective", "As search_close, of pairs", "longer", _TIME)
     pairs_first: int = _of(2, "causes", "Single causes to which a second one is added", "longer", _TIME)
@@ -361,7 +361,7 @@ class Settings:
     held_out_steps: int = _of(15, "steps", "Of a fit on some records from the fit on all", "longer",
         "that lies within its own uncertainty of it")
     held_out_gain: float = _of(1e-4, "1", "Relative gain of the objective at which those steps end", "rougher", _TIME)
-    held_out_law_steps: int = _of(3, "steps", "The same of a law", "longer", _TIME)
+    held_out_law_steps: int = _of(3, "steps", "The same of a restoring force", "longer", _TIME)
     held_out_force_steps: int = _of(3, "steps", "To the force scale of a held-out record whose force is guessed", "longer",
         _NUMERICAL)
     held_out_blows_differ: float = _of(0.5, "std", "By which force scales of its single blows may differ from their mean",
@@ -379,7 +379,7 @@ class Settings:
         "further steps took away less than half of it, of restoring forces in simulated machines")
     place_folds: int = _of(3, "folds", "In which positions are left out", "longer", _STATISTICS)
     place_sharpness: float = _of(0.2, "1", "Weight of a datum's evidence: lines of one resonance repeat each other",
-        "surer places", _SIMULATED + ", one in three of a law outside the catalogue")
+        "surer places", _SIMULATED + ", one in three of a restoring force outside the catalogue")
     place_doubt: float = _of(0.01, "probability", "Spread evenly over all places", "less sure places", "as place_sharpness")
     place_held_out: float = _of(0.25, "1", "Weight of the residual at held-out positions, against that at all",
         "places that predict other positions gain", _JUDGEMENT)

@@ -5,7 +5,7 @@ comes out.
 Such a hypothesis has one prediction a record, none that records at one position could share. Its derivatives to tuning
 and to linear effects come from the equivalent linear model: at every record, the nonlinear force is the motion of its port times
 an equivalent dynamic stiffness z(ω), known from the simulation, and moves with the model through Sherman-Morrison. Those to the
-law's own parameters are differences of two simulations.
+restoring force's own parameters are differences of two simulations.
 """
 
 from __future__ import annotations
@@ -228,7 +228,7 @@ class SimulatedProblem(Problem):
         """Scale of the constant force [N] that a continuous recording lacks: a weight, a cable's pull, the zero of an amplifier."""
         if self.hypothesis.linear:
             return 0.0
-        # On a law a constant force acts as a working point; of blows the offset before them was taken out.
+        # On a restoring force a constant force acts as a working point; of blows the offset before them was taken out.
         replays = (e.replay for g in self.groups for same in g.entries for e in same)
         power = [float(np.mean(f**2)) for r in replays if r is not None and r.block for f in r.forces]
         return SETTINGS.simulation_force_offset * float(np.sqrt(np.mean(power))) if power else 0.0
