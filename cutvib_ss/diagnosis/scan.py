@@ -3,8 +3,8 @@ What one more cause could explain of a fit's residual, before anything is fitted
 
 The directions of the fit's unknowns are projected out of the residual, to first order about the drift that the fit found of each
 session. For a linear cause one change of the prediction tells the rest. A restoring force is tried at many values and refined
-without derivatives: with clearance or friction the response to a blow depends on its parameters roughly, and Gauss-Newton steps from
-afar are caught at once, while the residual's squares fall evenly to where the truth is.
+without derivatives: with clearance or friction the response to a blow depends on its parameters roughly, and Gauss-Newton steps
+from afar are caught at once, while the residual's squares fall evenly to where the truth is.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ class Scan:
         return Scanned(self._gain_at(problem, x), both)
 
     def faint(self, starts: Sequence[Effect]) -> list[Hypothesis]:
-        """A restoring force in each of its shapes, so weak that it changes in proportion to its strength; none where it never does."""
+        """A restoring force in each of its shapes, so weak that it changes in proportion to it; none where it never does."""
         weak = [(e, self._weak(e)) for e in _shapes(starts)]
         return [
             Hypothesis((*self.effects, _times(e, factor)), self.motion) for e, (factor, _, size) in weak if size > 0.0
@@ -204,7 +204,7 @@ class Scan:
         return factor, along, size
 
     def _in_proportion(self, weakest: Effect) -> Scanned:
-        """A restoring force between and below its starts: what little of it changes, scaled at its best, turned round if need be."""
+        """A restoring force between and below its starts: what little of it changes, at its best scale, turned round if need be."""
         factor, along, size = self._weak(weakest)
         scale = along / size if size > 0.0 else 0.0
         nothing = Scanned(-np.inf, Hypothesis((*self.effects, weakest), self.motion))
@@ -268,7 +268,7 @@ class Scan:
 
 
 def _times(effect: Effect, factor: float) -> Effect:
-    """A restoring force with its restoring force times a factor."""
+    """A restoring force times a factor."""
     return effect.changed({name: factor * float(getattr(effect, name)) for name in effect.strength})
 
 
