@@ -163,7 +163,7 @@ class _HeldOutRules:
             key=lambda x: self.held(x).log_density,
             default=None,
         )
-        if other is None:
+        if other is None or self.odds[r.name] == 0.0:
             return
         predicted = self.held(other).log_density - self.held(r).log_density
         if predicted > max(r.fit.log_evidence - other.fit.log_evidence, _by_chance(len(r.fit.stds))):

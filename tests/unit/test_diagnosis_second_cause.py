@@ -468,3 +468,12 @@ def test_a_form_is_missing_where_something_unknown_leads_all_known_causes(eviden
     assert _lacks_a_form([MAIN, OTHER, ranked("unknown", evidence, UNKNOWN)]) == lacks
     # What was not fitted on all lines leads nothing.
     assert not _lacks_a_form([MAIN, replace(ranked("unknown", evidence, UNKNOWN), refined=False)])
+
+
+def test_what_has_passed_all_of_its_probability_on_has_none_to_share() -> None:
+    nothing = Ranked("nothing", cast(Fit, replace(cast(OnlyEvidence, MAIN.fit), of_no_size=(MASS,))), True)
+    near = ranked("near", 98.0, UNKNOWN)
+    seen = held(none=TUNED, near=Leaves(log_density=50.0))
+    found = judged_on_held_out([NONE, nothing, near], {"none": 0.0, "nothing": 0.9, "near": 0.1}, seen, 1.0)
+    assert found["nothing"] == 0.0
+    assert sum(found.values()) == pytest.approx(1.0)
