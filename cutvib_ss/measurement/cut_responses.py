@@ -32,11 +32,7 @@ def with_one_instant(responses: Sequence[MeasuredFrequencyResponse]) -> list[Mea
 
 
 def _impulse(r: MeasuredFrequencyResponse, finer: int = 1) -> tuple[FloatArray, np.ndarray] | None:
-    """
-    Impulse responses on a circle as long as the block, shape (channel, sample), and the lines; None where lines are left out.
-
-    Lines fall off over the upper half of the band: of one that ends at once the blow would ring all round the circle.
-    """
+    """Impulse responses on a circle as long as the block, shape (channel, sample), and the lines; None where lines are left out."""
     count = r.freq.size
     if (
         r.estimator.blow_at is not None
@@ -49,6 +45,7 @@ def _impulse(r: MeasuredFrequencyResponse, finer: int = 1) -> tuple[FloatArray, 
     whole = np.abs(r.freq * r.estimator.block - lines).max() < 1e-3
     if not whole or lines[0] > 1 or np.any(np.diff(lines) != 1):
         return None
+    # Of a band that ends at once the blow would ring all round the circle.
     spectrum: ComplexArray = np.zeros((len(r.outputs), lines[-1] + 1), dtype=np.complex128)
     spectrum[:, lines] = r.data[0, :, 0] * _tapered(int(lines[-1]))[lines]
     return finer * np.fft.irfft(spectrum, 2 * finer * int(lines[-1])), lines
