@@ -21,6 +21,7 @@ ALIVE = 10.0
 _LATE = 0.8  # of the block: an end is looked for after it
 _SMEARED = 5  # samples of the inverse transform over which the end of the band smears what is sharp in time
 _FINER = 16  # samples for each of those where responses are cut: an end between two samples would come back as an alias
+_MOST_SAMPLES = 2**22  # of that finer grid
 _FEWEST_LINES = 64
 
 
@@ -82,16 +83,17 @@ def _tapered(last: int) -> FloatArray:
 
 def _cut(r: MeasuredFrequencyResponse, end: float, blow_at: float) -> MeasuredFrequencyResponse:
     """The response as a block shows it whose blow is at an instant, or by what an end is smeared later."""
-    found = _impulse(r, _FINER)
+    finer = max(min(_FINER, _MOST_SAMPLES // (2 * r.freq.size)), 1)
+    found = _impulse(r, finer)
     assert found is not None
     impulse, lines = found
-    count, block, smeared = impulse.shape[1], r.estimator.block, _FINER * _SMEARED
+    count, block, smeared = impulse.shape[1], r.estimator.block, finer * _SMEARED
     first, last = int((1.0 - blow_at / block) * count) - 2 * smeared, count - smeared
     silent = impulse[:, int(end / block * count) + smeared : last]
     lost = np.zeros_like(impulse)
     lost[:, first:last] = impulse[:, first:last] - silent.mean(axis=1, keepdims=True)
     data = r.data.copy()
-    data[0, :, 0] -= np.fft.rfft(lost)[:, lines] / _FINER
+    data[0, :, 0] -= np.fft.rfft(lost)[:, lines] / finer
     # A sample stands for the time around it.
     at = block * (1.0 - (first - 0.5) / count)
     return replace(r, data=data, estimator=replace(r.estimator, blow_at=at))
