@@ -27,8 +27,9 @@ def with_lasting(nominal: Model, entries: Sequence[Entry]) -> tuple[Entry, ...]:
     marked = [_lasting(e) for e in entries]
     if _differ(nominal, [e for e in marked if e.replay is not None and e.replay.lasting]) <= SETTINGS.record_lasting:
         return tuple(entries)
+    # Record by record: what merging takes from the closed form, where instants of blows differ, is no force that lasts.
     options = [tuple(entries), tuple(marked)]
-    return max(options, key=lambda each: fit(nominal, Records(each), Hypothesis()).log_evidence)
+    return max(options, key=lambda each: fit(nominal, Records(each, moving=True), Hypothesis()).log_evidence)
 
 
 def _lasting(e: Entry) -> Entry:
