@@ -152,7 +152,7 @@ def search(
         ranked += unknown_elements(nominal, records, few, observed, ranked, rival, workers, beside=left and stands_out)
         if tried is not None and left:
             ranked += unknown_by_level(nominal, records, few, observed, none, ranked, workers)
-    if forces is not None and tried is None and _lacks_a_form(ranked):
+    if forces is not None and tried is None and compared and _lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
         ranked = _with(nominal, records, forces, ranked, _best(ranked, none), workers)
     return (none, *_once(ranked))
