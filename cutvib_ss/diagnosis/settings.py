@@ -79,9 +79,9 @@ class Settings:
         "Prior of errors of single parts of a structure's stiffness and mass", "causes at one place are taken for model error",
         "the tolerance of a matrix is that of all of it; parts differ among each other by less")
     likelihood_losses_sizes: Weighted = _of(
-        ((1e-3, 0.15), (3e-2, 0.15), (0.1, 0.20), (0.3, 0.25), (1.0, 0.25)), "tolerances, probability",
+        ((1e-3, 0.15), (3e-2, 0.15), (0.1, 0.20), (0.3, 0.25), (1.0, 0.20), (3.0, 0.05)), "tolerances, probability",
         "The same of the losses of single modes", "causes of damping are taken for model error",
-        "measured modal dampings scatter by 20-50 % about any law")
+        "measured modal dampings scatter by 20-50 % about any law, single ones by a factor of two")
     likelihood_noise_factors: Weighted = _of(
         ((0.1, 0.005), (0.3, 0.02), (0.7, 0.075), (1.0, 0.65), (1.3, 0.18), (2.0, 0.055), (4.0, 0.01), (10.0, 0.004),
          (100.0, 0.001)),
