@@ -41,9 +41,8 @@ class Replay:
     sampled: float = 0.0  # Sampling frequency of the record itself, where the histories here are on a slower clock [Hz]
     begin: int = 0  # Samples of a continuous recording that are run through a model before the first block
     assumed: bool = False  # Whether the force is made up (a half sine), since only estimated responses were recorded
-    lasting: bool = (
-        False  # Whether the force of a blow goes on acting after it: an AC-coupled one swings back for seconds
-    )
+    # Whether the force of a blow goes on acting after it: an AC-coupled one swings back for seconds
+    lasting: bool = False
 
     def ratio(self, under: Sequence[FloatArray], over: Sequence[FloatArray]) -> ComplexArray:
         """H1 of some histories over others."""
