@@ -276,7 +276,7 @@ def _shown(nominal: Model, searched: _Searched, odds: Mapping[str, float]) -> Sh
     held = {none.name: judged(none)}
     no_gap = odds[none.name] > SETTINGS.verdict_sure
     for r in by_odds[: 1 if no_gap else SETTINGS.verdict_judged]:
-        if odds[r.name] > 1e-3 or (r is likeliest and not no_gap):
+        if odds[r.name] >= SETTINGS.verdict_hardly or (r is likeliest and not no_gap):
             held[r.name] = judged(r)
     if no_gap:
         other = next((r for r in by_odds if r.name in held), None)

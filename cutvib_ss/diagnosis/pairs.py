@@ -60,12 +60,14 @@ class _Family:
         """Pairs on top of each base, and of the best second cause that was found; best first, fitted to few lines as measured."""
         tried: list[tuple[Candidate, Fit]] = []
         for round_ in range(len(bases) + 1):
-            if round_ == len(bases) and not self.linear and tried[0][1].reduced > SETTINGS.pairs_astray:
+            if round_ == len(bases) and (
+                not tried or (not self.linear and tried[0][1].reduced > SETTINGS.pairs_astray)
+            ):
                 break
             base = bases[round_] if round_ < len(bases) else _second_of(*tried[0])
             tried += self._with_second(base, seconds)
             tried.sort(key=lambda pair: pair[1].objective)
-            if not tried or (not self.linear and _enough_on_few(tried)):
+            if tried and not self.linear and _enough_on_few(tried):
                 break
         return tried
 
@@ -96,7 +98,9 @@ class _Family:
             scan = Scan(self.nominal, scanned, base.hypothesis, x, self.motion, apart=not self.linear)
             promising = ranked_by_gain(list(added), self.workers.map(scan.promise, added.values()))[:most]
             new = [(name, s) for name, s in promising if name not in rough]
-            hypotheses = [s.hypothesis for s in self.workers.map(scan.refined, [s for _, s in new])]
+            refined = self.workers.map(scan.refined, [s for _, s in new])
+            new = [(name, s) for (name, _), s in zip(new, refined, strict=True) if s.gain >= scan.least]
+            hypotheses = [s.hypothesis for _, s in new]
             step = partial(first_steps, self.nominal, fitted_on, warm=scan.warm, steps=steps)
             fits = self.workers.map(step, hypotheses)
             rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
@@ -109,12 +113,14 @@ class _Family:
     def _views(self, base: _Base) -> list[tuple[Records, FloatArray | None, Records]]:
         """On which records second causes are scanned, with which tuning of the first, and on which they take their first steps."""
         # What is small beside the widened noise shows as measured, once the first cause is right.
+        wide = self.wide if self.linear else some(self.wide)
+        scan = Scan(self.nominal, wide, base.hypothesis, base.x, self.motion, apart=not self.linear)
+        hidden = scan.leaves < SETTINGS.search_enough * scan.left.size
         if self.linear:
-            return [(self.wide, base.x, self.wide), (self.sharp, base.x, self.sharp)]
+            return [(each, base.x, each) for each in ((self.sharp,) if hidden else (self.wide, self.sharp))]
         # Restoring forces, whose every scan is a simulation, are scanned once: as measured where the first cause leaves nothing in
         # the widened noise, and else from afar.
-        scan = Scan(self.nominal, some(self.wide), base.hypothesis, base.x, self.motion, apart=True)
-        if scan.leaves < SETTINGS.search_enough * scan.left.size:
+        if hidden:
             return [(some(self.sharp), base.x, self.sharp)]
         if not base.hypothesis.linear:
             return [(some(self.wide), base.x, self.wide)]
@@ -153,9 +159,9 @@ def fit_pairs(
         if wide is None or sharp is None:
             break
         tried = _Family(nominal, wide, sharp, linear, motion, workers, seen).around(bases, seconds)
-        # No single cause is a rival here: none is enough.
+        # On few lines no single cause is a rival, for none is enough.
         fitted = on_all_lines(
-            nominal, records, tried[:2], 1, (np.inf, -np.inf), workers, close=SETTINGS.pairs_close, near=near
+            nominal, records, tried[:2], 1, (np.inf, first.log_evidence), workers, close=SETTINGS.pairs_close, near=near
         )
         out += [r for r in fitted if r.refined]
         if tried and _enough_on_few(tried):

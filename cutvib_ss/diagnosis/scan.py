@@ -101,6 +101,13 @@ class Scan:
         self.of_left = self.rows @ self.left
         self.leaves = self._freed(self.left)
 
+    @property
+    def least(self) -> float:
+        """χ² that a cause has to take away to be worth trying: some of the excess, where first order tells that."""
+        if self.underneath is None or self.leaves > SETTINGS.search_first_order * self.left.size:
+            return -np.inf
+        return SETTINGS.search_leads * max(self.leaves - self.left.size, 0.0)
+
     def promise(self, starts: Sequence[Effect]) -> Scanned:
         """The best of a cause's starts."""
         if starts[0].linear:

@@ -125,21 +125,11 @@ def search(
         ranked = _with(nominal, records, tried, ranked, _best([*ranked, *unfollowed], none), workers)
     if later:
         ranked += _moving(nominal, records, _best(ranked, none), unfollowed, workers)
-    if (
-        pairs
-        and _gap(ranked, none)
-        and not _enough(ranked, none, leaves)
-        # Far from all causes the fits on all lines may stop anywhere, those with a widened noise do not.
-        and max(leads, _taken(none.fit, _best(ranked, none).fit)) > SETTINGS.search_leads
-    ):
-        workers.say("fitting causes that act together")
-        seconds = [Second(c, alone.get(c.name)) for c in linear]
-        seconds += [Second(c, None) for c in (tried.candidates if tried else ())]
-        ranked += fit_pairs(nominal, records, ranked, seconds, tried.motion if tried else {}, workers)
     if not _gap(ranked, none):
         ranked += _favoured(nominal, records, none.fit, ranked, sizes(none.fit), workers)
     left = not _enough(ranked, none, leaves)
-    by_law = not _best(ranked, none).fit.hypothesis.linear
+    best = _best(ranked, none)
+    by_law, taken = not best.fit.hypothesis.linear, _taken(none.fit, best.fit)
     # A restoring force that leaves nothing at any level needs no element that is the same at all.
     # What drift takes up of each record by itself may fail at records that were held out.
     stands_out = _gap(ranked, none) or against_stated(none) > SETTINGS.verdict_misfit
@@ -148,10 +138,26 @@ def search(
         workers.say("fitting elements of unknown form")
         # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
         few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
-        rival = None if left else _best(ranked, none)
-        ranked += unknown_elements(nominal, records, few, observed, ranked, rival, workers, beside=left and stands_out)
-        if tried is not None and left:
-            ranked += unknown_by_level(nominal, records, few, observed, none, ranked, workers)
+        noise = best.reduced < SETTINGS.search_enough and (not by_law or leaves(best) <= SETTINGS.verdict_misfit)
+        rival = best if noise else None
+        ranked += unknown_elements(
+            nominal, records, few, observed, ranked, linear, rival, workers, beside=rival is None and stands_out
+        )
+        if tried is not None and left and not _of_one_place(ranked, leaves):
+            ranked += unknown_by_level(nominal, records, few, observed, none, ranked, rival, workers)
+    if (
+        pairs
+        and left
+        and _gap(ranked, none)
+        and not _of_one_place(ranked, leaves)
+        # Far from all causes the fits on all lines may stop anywhere, those with a widened noise do not.
+        and max(leads, taken) > SETTINGS.search_leads
+    ):
+        workers.say("fitting causes that act together")
+        known = [r for r in ranked if "unknown" not in dict(r.fit.hypothesis.causes)]
+        seconds = [Second(c, alone.get(c.name)) for c in linear]
+        seconds += [Second(c, None) for c in (tried.candidates if tried else ())]
+        ranked += fit_pairs(nominal, records, known, seconds, tried.motion if tried else {}, workers)
     if forces is not None and tried is None and compared and _lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
         ranked = _with(nominal, records, forces, ranked, _best(ranked, none), workers)
@@ -201,6 +207,14 @@ def _lacks_a_form(ranked: Sequence[Ranked]) -> bool:
         return False
     known = max((r.fit.log_evidence for r in refined if r.fit.hypothesis.effect != "unknown"), default=-np.inf)
     return best.fit.log_evidence - known > SETTINGS.search_caught
+
+
+def _of_one_place(ranked: Sequence[Ranked], leaves: Callable[[Ranked], float]) -> bool:
+    """Whether something unknown at one place, beside a known cause there or alone, leaves noise, of held-out records too."""
+    causes = [(r, r.fit.hypothesis.causes) for r in ranked if r.refined]
+    there = [r for r, own in causes if "unknown" in dict(own) and len({place for _, place in own}) == 1]
+    best = max(there, key=lambda r: r.fit.log_evidence, default=None)
+    return best is not None and best.reduced < SETTINGS.search_enough and leaves(best) < SETTINGS.search_enough
 
 
 def _favoured(

@@ -315,6 +315,8 @@ class Settings:
     search_laws_looked_at: int = _of(6, "causes", "Simulated causes whose scan is refined: the most promising", "longer",
         _TIME)
     search_laws_started: int = _of(3, "causes", "Of these, fitted on few lines", "longer", _TIME)
+    search_unknown_climbed: int = _of(8, "elements", "Of unknown form that lead after their first steps, and take more", "longer",
+        _TIME)
     search_unknown_refined: int = _of(3, "elements",
         "Sites of unknown elements, alone and beside a cause, that are given their own amplitude", "longer", _TIME)
     search_hopeless: float = _of(3.0, "χ² per datum", "On few lines, from which a simulated cause is not fitted on all",
@@ -358,7 +360,7 @@ class Settings:
     pairs_law_seconds: int = _of(3, "causes", "The same where one of the two is simulated", "longer", _TIME)
 
     # Held-out records
-    held_out_steps: int = _of(15, "steps", "Of a fit on some records from the fit on all", "longer",
+    held_out_steps: int = _of(5, "steps", "Of a fit on some records from the fit on all", "longer",
         "that lies within its own uncertainty of it")
     held_out_gain: float = _of(1e-4, "1", "Relative gain of the objective at which those steps end", "rougher", _TIME)
     held_out_law_steps: int = _of(3, "steps", "The same of a restoring force", "longer", _TIME)
