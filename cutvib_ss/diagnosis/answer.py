@@ -136,5 +136,6 @@ def places(
 def sizes(chosen: Fit) -> dict[str, float]:
     """Sizes in the likelihood of a fit, of what there is: records that were followed, parts that may err."""
     lay = chosen.spread.layout
-    there = {"within": lay.records, "parts": lay.parts.matrices, "losses": lay.parts.losses}
-    return {name: v for name, v in vars(chosen.spread.sizes).items() if there.get(name, True)}
+    absent = {"within": not lay.records, "parts": not lay.parts.matrices, "losses": not lay.parts.losses}
+    absent["flexibility"] = not lay.left_out
+    return {name: v for name, v in vars(chosen.spread.sizes).items() if not absent.get(name)}

@@ -1,5 +1,5 @@
 """
-Low-rank Gaussian directions of the residual: repeatability, discrepancy, and what a hand's hits do.
+Low-rank Gaussian directions of the residual: repeatability, discrepancy, modes that are left out, and what a hand's hits do.
 
 Each is a column over all data beside the unknowns; `likelihood` says what they stand for, and integrates them out.
 """
@@ -19,6 +19,7 @@ from cutvib_ss.diagnosis.records import session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import NO_PARTS, Parts
 from cutvib_ss.results import ComplexArray, FloatArray
+from cutvib_ss.units import DERIVATIVE_ORDER
 
 if TYPE_CHECKING:
     from cutvib_ss.diagnosis.prediction import Predicted
@@ -41,6 +42,8 @@ class Sizes:
     # Of errors of single parts of a structure's matrices, and of the losses of its modes, in tolerances of the matrix
     parts: float = 0.1
     losses: float = 0.3
+    # Of flexibility by modes that a structure's model leaves out, in its scale
+    flexibility: float = 1e-2
 
 
 def deviations(parts: Parts, count: int, sizes: Sizes) -> FloatArray:
@@ -65,6 +68,7 @@ class Layout:
     cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
     hits: tuple[tuple[int, int], ...] = ()  # What the hits of a record do: its index, and the number of the direction
     parts: Parts = NO_PARTS  # Unknowns that are errors of single parts of a structure
+    left_out: tuple[tuple[str, str], ...] = ()  # Input and channel between which modes that the model lacks give way
 
     @cached_property
     def per_session(self) -> int:
@@ -87,9 +91,14 @@ class Layout:
         return self.first_nominal + 2 * self.shapes * len(self.nominal)
 
     @cached_property
+    def first_left_out(self) -> int:
+        """First column of the modes that the model leaves out."""
+        return self.first_cause + 2 * len(self.pivots)
+
+    @cached_property
     def first_hit(self) -> int:
         """First column of what hits do."""
-        return self.first_cause + 2 * len(self.pivots)
+        return self.first_left_out + len(self.left_out)
 
     @cached_property
     def size(self) -> int:
@@ -103,7 +112,8 @@ class Layout:
         out[self.unknowns : self.first_within] = sizes.drift
         out[self.first_within : self.first_nominal] = sizes.within
         out[self.first_nominal : self.first_cause] = sizes.nominal
-        out[self.first_cause : self.first_hit] = sizes.cause
+        out[self.first_cause : self.first_left_out] = sizes.cause
+        out[self.first_left_out : self.first_hit] = sizes.flexibility
         return out
 
     def placed(self, drift: FloatArray) -> FloatArray:
@@ -150,6 +160,7 @@ class Directions:
             cause_drifts=bool(spread and np.any(self.cause)),
             hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
             parts=problem.parts,
+            left_out=tuple(problem.left_out) if spread else (),
         )
         self.shared = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
         self.plain = [p.data * g.weight for p, g in zip(predictions, self.groups, strict=True)]
@@ -201,14 +212,15 @@ class Directions:
                         real = own_shapes.swapaxes(0, 1) * cause[rows, c]
                         index.append(lay.first_cause + np.arange(2 * len(lay.pivots)))
                         parts.append(np.concatenate([real, 1j * real]))
-                    of_hits = [
-                        (j, key) for j, row in enumerate(rows) if g.hits for key in g.hits[row] if key in lay.hits
-                    ]
-                    if of_hits:
-                        index.append(np.array([lay.first_hit + lay.hits.index(key) for _, key in of_hits]))
-                        parts.append(np.zeros((len(of_hits), len(rows), g.freq.size), dtype=np.complex128))
-                        for n, (j, key) in enumerate(of_hits):
-                            parts[-1][n, j] = g.hits[rows[j]][key][c] * g.weight[rows[j], c]
+                    added: dict[int, ComplexArray] = {}
+                    for j, row in enumerate(rows.tolist()):
+                        for column, shown in self._added(i, row):
+                            if shown[c].any():
+                                empty = np.zeros((len(rows), g.freq.size), dtype=np.complex128)
+                                added.setdefault(column, empty)[j] = shown[c]
+                    if added:
+                        index.append(np.array(list(added)))
+                        parts.append(np.array(list(added.values())))
                     yield i, rows, c, np.concatenate(index), np.concatenate(parts)
 
     def _of_cause(self, group: int, rows: np.ndarray) -> FloatArray:
@@ -250,7 +262,7 @@ class Directions:
             residual=np.concatenate([residuals[i] for i in which]),
             cause=cause,
             plain=plain,
-            hits=[[self._hit(i, row, key) for key in self._hits(i, row)] for i, row in self._rows_of(which)],
+            added=[[shown for _, shown in self._added(i, row)] for i, row in self._rows_of(which)],
             calibration=self.problem.calibration * self.problem.shapes_at(self.groups[first].freq),
             smooth=self.smooth[first],
             of_cause=of_cause,
@@ -260,9 +272,9 @@ class Directions:
     def _columns(self, which: Sequence[int]) -> Columns:
         """Where the products of their columns go."""
         lay, problem, channels = self.layout, self.problem, self.groups[which[0]].channels
-        most, n = max(len(self._hits(i, row)) for i, row in self._rows_of(which)), len(problem.shared)
-        first_hit = n + 1 + bool(lay.pivots)
-        plain = first_hit + most
+        most, n = max(len(self._added(i, row)) for i, row in self._rows_of(which)), len(problem.shared)
+        first_added = n + 1 + bool(lay.pivots)
+        plain = first_added + most
         moved = np.array(lay.drifting, dtype=int)
         gains = [(lay.channels.index(name), c) for c, name in enumerate(channels) if name in lay.channels]
         # Drift of a session, or of a record: columns from its first one, atoms, and weights.
@@ -273,19 +285,18 @@ class Directions:
             at, of, weight = [*at, lay.per_session - 1], [*of, n + 1], [*weight, 1.0]
         of_one = []
         for i, row in self._rows_of(which):
-            hits = self._hits(i, row)
+            added = [column for column, _ in self._added(i, row)]
             firsts = self._drifts_of(i, row)
-            index = [*problem.shared.tolist(), lay.size, *(first + k for first in firsts for k in at)]
-            index += [lay.first_hit + lay.hits.index(key) for key in hits]
-            atoms = [*range(n + 1), *of * len(firsts), *range(first_hit, first_hit + len(hits))]
-            weights = [*[1.0] * (n + 1), *weight * len(firsts), *[1.0] * len(hits)]
+            index = [*problem.shared.tolist(), lay.size, *(first + k for first in firsts for k in at), *added]
+            atoms = [*range(n + 1), *of * len(firsts), *range(first_added, first_added + len(added))]
+            weights = [*[1.0] * (n + 1), *weight * len(firsts), *[1.0] * len(added)]
             of_one.append((np.array(index), np.array(atoms), np.array(weights)))
         shapes = len(problem.shapes_at(self.groups[which[0]].freq))
         own = [
             problem.own(name, shapes) if name in problem.channels else np.full(2 * shapes, lay.size + 1)
             for name in channels
         ]
-        return Columns(of_one, np.concatenate([*own, np.arange(lay.first_nominal, lay.first_hit)]))
+        return Columns(of_one, np.concatenate([*own, np.arange(lay.first_nominal, lay.first_left_out)]))
 
     def _rows_of(self, which: Sequence[int]) -> list[tuple[int, int]]:
         """Rows of some groups."""
@@ -301,15 +312,23 @@ class Directions:
             out.append(lay.first_within + lay.per_session * lay.records.index(entry.record))
         return out
 
-    def _hits(self, group: int, row: int) -> list[tuple[int, int]]:
-        """The hits of a row that have columns."""
-        hits = self.groups[group].hits
-        return [key for key in hits[row] if key in self.layout.hits] if hits else []
+    def _added(self, group: int, row: int) -> list[tuple[int, ComplexArray]]:
+        """What is added to a row by modes that the model leaves out and by its hits: columns, and shapes (channel, frequency)."""
+        if (group, row) not in self._found:
+            lay, g = self.layout, self.groups[group]
+            hits = g.hits[row] if g.hits else {}
+            own = [(lay.first_hit + lay.hits.index(key), shown) for key, shown in hits.items() if key in lay.hits]
+            found = [(c, (g.inputs[row], name)) for c, name in enumerate(g.channels)]
+            for c, pair in [(c, pair) for c, pair in found if pair in lay.left_out]:
+                shown = np.zeros(g.data.shape[1:], dtype=np.complex128)
+                shown[c] = self.problem.left_out[pair] * (2j * np.pi * g.freq) ** DERIVATIVE_ORDER[g.quantities[c]]
+                own.append((lay.first_left_out + lay.left_out.index(pair), shown))
+            self._found[group, row] = [(column, shown * g.weight[row]) for column, shown in own]
+        return self._found[group, row]
 
-    def _hit(self, group: int, row: int, key: tuple[int, int]) -> ComplexArray:
-        """What a hit does to a row, weighted."""
-        g = self.groups[group]
-        return np.asarray(g.hits[row][key] * g.weight[row])
+    @cached_property
+    def _found(self) -> dict[tuple[int, int], list[tuple[int, ComplexArray]]]:
+        return {}
 
     def correlation(self, residuals: Sequence[ComplexArray], coefficients: FloatArray, reduced: float) -> float:
         """

@@ -55,10 +55,13 @@ def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
     for i, (path, own) in enumerate(problem.tuning):
         name = path[-1]
         if path[0] == "parts":
-            # Modes drift one by one beside what moves all of them.
-            part = parts[int(name)]
-            alone = part.power < 2 and part.modes[0] == part.modes[1]
-            drift[i] = SETTINGS.discrepancy_modes_drift / tolerance.get(2, own) if alone else 0.0
+            # Modes drift one by one beside what moves all of them, and springs that do turn modes into each other.
+            part, size = parts[int(name)], SETTINGS.discrepancy_modes_drift / tolerance.get(2, own)
+            if part.power < 2 and part.modes[0] == part.modes[1]:
+                drift[i] = size
+            elif part.power == 0:
+                # Half of its change stands on either side of the diagonal.
+                drift[i] = 2.0 * size
         elif name in stiff:
             drift[i] = nominal[i] = stiff[name] / own
         elif name in beside:

@@ -1,9 +1,9 @@
 """
 Normal matrix of the directions: products are summed over rows and channels line by line first, and over the lines then.
 
-Every column is an atom, which is a row of the Jacobian, the prediction in one channel or what a hit does, times a real function of
-frequency, one or smooth, or i times that. Few atoms make many columns, so none of these is written down: with the atoms' products
-at each line T(f) = Σ conj(a) b and S = Σ_f g h T,
+Every column is an atom, which is a row of the Jacobian, the prediction in one channel or what a mode left out or a hit adds, times
+a real function of frequency, one or smooth, or i times that. Few atoms make many columns, so none of these is written down: with
+the atoms' products at each line T(f) = Σ conj(a) b and S = Σ_f g h T,
 
     <g a, h b> = Re S,   <i g a, h b> = Im S,   <g a, i h b> = Re iS,   <i g a, i h b> = Im iS.
 
@@ -32,7 +32,9 @@ class Alike:
     residual: ComplexArray  # Shape (row, channel, line)
     cause: ComplexArray | None  # Derivative to the cause's size
     plain: ComplexArray  # The prediction
-    hits: Sequence[Sequence[ComplexArray]]  # What the hits of each row do, shape (channel, line) each
+    added: Sequence[
+        Sequence[ComplexArray]
+    ]  # What modes left out, and hits, add to each row, shape (channel, line) each
     calibration: FloatArray  # Shapes of a calibration error in their size, shape (shape, line)
     smooth: FloatArray  # Shapes of a nominal element's discrepancy
     of_cause: FloatArray  # Those of the cause's, shape (row, shape, line), or one row for all
@@ -44,7 +46,7 @@ class Columns:
     """Where the products go."""
 
     # Of each row the columns of function one, the atom of each and its weight. Atoms are the shared unknowns, the residual, the
-    # cause, the hits, the prediction in each channel, and i times that.
+    # cause, what is added, the prediction in each channel, and i times that.
     of_one: Sequence[tuple[np.ndarray, np.ndarray, FloatArray]]
     # Of each channel's calibration, each nominal element and the cause: real shapes, then imaginary ones
     smooth: np.ndarray
@@ -76,19 +78,19 @@ class _Products:
 
     def __init__(self, records: Alike, rows: slice) -> None:
         self.records, self.n_nominal = records, len(records.nominal)
-        plain, hits = records.plain[rows], records.hits[rows]
+        plain, added = records.plain[rows], records.added[rows]
         n, channels = len(records.shared), plain.shape[1]
         self.cause = n + 1
-        first_hit = n + 1 + (records.cause is not None)
-        self.first_plain = first_hit + max(map(len, records.hits))
+        first_added = n + 1 + (records.cause is not None)
+        self.first_plain = first_added + max(map(len, records.added))
         self.atoms = np.zeros((len(plain), self.first_plain + channels, *plain.shape[1:]), dtype=np.complex128)
         self.atoms[:, :n] = records.shared[:, rows].swapaxes(0, 1)
         self.atoms[:, n] = records.residual[rows]
         if records.cause is not None:
             self.atoms[:, self.cause] = records.cause[rows]
-        for k, own in enumerate(hits):
+        for k, own in enumerate(added):
             for j, shown in enumerate(own):
-                self.atoms[k, first_hit + j] = shown
+                self.atoms[k, first_added + j] = shown
         for c in range(channels):
             self.atoms[:, self.first_plain + c, c] = plain[:, c]
         # With the prediction, shape (row, channel, atom, line), and with what has a discrepancy, (row, element, atom, line).

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -73,6 +74,15 @@ class Problem:
         self._tuned: dict[bytes, Model] = {}
         self._gains: dict[tuple[tuple[str, ...], bytes, bytes], ComplexArray] = {}
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
+
+    @cached_property
+    def left_out(self) -> dict[tuple[str, str], float]:
+        """Scale of the flexibility [m/N] by modes that the model leaves out, by input and channel; none where it holds all."""
+        found = {(i, c) for g in self.groups for i in g.inputs for c in g.channels}
+        at = {name: self.nominal.flexibility_left_out(name) for name in {name for pair in found for name in pair}}
+        return {
+            pair: float(np.sqrt(at[pair[0]] * at[pair[1]])) for pair in sorted(found) if at[pair[0]] * at[pair[1]] > 0.0
+        }
 
     def _force_scaled(self) -> tuple[tuple[int, int], ...]:
         """Records, by group and row, whose force is known only roughly: none matters where the response is linear."""

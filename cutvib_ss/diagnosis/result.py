@@ -177,7 +177,8 @@ class Diagnosis(Drawn):
     sizes : mapping of str to float
         Of the accepted answer: ``drift`` between sessions, ``within`` them where their records differ, discrepancy of the
         ``nominal`` elements and of the ``cause`` (relative standard deviations), and the factor on the variance of the
-        ``noise``; of a structure errors of single ``parts`` and of the ``losses`` of single modes (in tolerances of the matrix).
+        ``noise``; of a structure errors of single ``parts`` and of the ``losses`` of single modes (in tolerances of the matrix),
+        and the ``flexibility`` by modes that it leaves out, of what a port's mass gives way at its highest natural frequency.
     """
 
     verdict: Verdict

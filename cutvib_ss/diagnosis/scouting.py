@@ -64,7 +64,7 @@ def scouted(
         tried = workers.map(scan.each, [c.starts for c in found])
         best = [max(max(gains) for gains in rows) for rows in tried]
         chosen |= set(np.argsort(best)[::-1][:count].tolist())
-    chosen |= {i for i, c in enumerate(found) if _tuned_away(nominal, none.fit, c.starts[0])}
+    chosen |= {i for i, c in enumerate(found) if tuned_away(nominal, none.fit, c.starts[0])}
     ordered = [
         [found[i].starts[k] for k in sorted(range(len(tried[i])), key=lambda k: -tried[i][k][0])]
         for i in range(len(found))
@@ -97,7 +97,7 @@ def beside_parts(
     if not nominal.matrix_parts:
         return list(ranked)
     # A widened noise hides no more than some percent, and parts that differ move resonances by more than they are wide.
-    free, best = replace(few, widened=False), rough[: SETTINGS.search_most_close]
+    free, best = replace(few, widened=False), rough
     again = partial(refit, nominal, free, steps=SETTINGS.search_later_steps)
     fits = workers.map(again, [f.hypothesis for _, f in best], [f.x for _, f in best])
     found = sorted(
@@ -111,7 +111,7 @@ def beside_parts(
     return [*new, *(r for r in ranked if r.name not in {r.name for r in new})]
 
 
-def _tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:
+def tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:
     """Whether a cause moves what the tuned model has far out of its tolerance, a value or a gain: no residual shows it."""
     if getattr(effect, "channel", None) in none.calibrated_away:
         return True

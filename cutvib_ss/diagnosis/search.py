@@ -31,7 +31,7 @@ from cutvib_ss.diagnosis.pairs import Second, fit_pairs
 from cutvib_ss.diagnosis.prediction import slow_frequencies
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, refit
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.scouting import beside_parts, beside_tuned, scouted, scouted_laws
+from cutvib_ss.diagnosis.scouting import beside_parts, beside_tuned, scouted, scouted_laws, tuned_away
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import SmallSize
@@ -77,6 +77,10 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
         near=_beside(none.fit),
     )
     ranked = beside_parts(nominal, records, few, rough, ranked, workers)
+    if none.reduced < SETTINGS.search_enough:
+        # What the tuned model takes up far out of its tolerance leads nowhere on few lines.
+        missed = [c for c in linear if tuned_away(nominal, none.fit, c.starts[0])]
+        ranked = _better(ranked, beside_tuned(nominal, records, none.fit, missed, workers))
     ranked = _by_their_names(nominal, records, ranked)
     best = _best(ranked, none)
     ranked = [_other_instants(nominal, records, r) if r is best else r for r in ranked]
@@ -233,6 +237,15 @@ def _favoured(
     again = partial(refit, nominal, records, x=none.x, steps=SETTINGS.search_most_steps, near=none)
     fits = workers.map(again, hypotheses)
     return [Ranked(s.run.name, f, True) for s, f in zip(missed, fits, strict=True) if f is not None]
+
+
+def _better(ranked: Sequence[Ranked], again: Sequence[Ranked]) -> list[Ranked]:
+    """Causes, of which some were fitted again: each by its better fit."""
+    each = {r.name: r for r in ranked}
+    for r in again:
+        old = each.get(r.name)
+        each[r.name] = old if old and old.refined and old.fit.log_evidence > r.fit.log_evidence else r
+    return list(each.values())
 
 
 def _told_apart(effect: Effect) -> tuple[object, ...]:

@@ -187,6 +187,22 @@ class BaseModel(Displayed, ABC):
         """
         raise NotImplementedError
 
+    def flexibility_left_out(self, signal: str) -> float:
+        """
+        Scale of the flexibility by modes above the highest one of the model, its residual flexibility.
+
+        Parameters
+        ----------
+        signal : str
+            Signal, channel or port.
+
+        Returns
+        -------
+        float
+            m/N; 0 where the model holds all modes that matter.
+        """
+        return 0.0
+
     def core_changes(self, path: Path) -> Changes | None:
         """
         How the core of the assembly moves with one of the model's values.

@@ -40,9 +40,13 @@ def modal_parts(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) ->
     out = []
     if len(held) > 1:
         out += [Part(0, (r, s), omega[r] * omega[s] * _both(rows[r], rows[s])) for r in held for s in held if s >= r]
-        losses = np.einsum("ri,ij,rj->r", shapes.T, damping, shapes.T)
-        out += [Part(1, (r, r), losses[r] * _both(rows[r], rows[r])) for r in held if losses[r] > 0.0]
-    out += [Part(2, (r, s), _both(rows[r], rows[s])) for r in rigid for s in (*rigid, *held) if s >= r]
+        losses = np.sqrt(np.maximum(np.einsum("ri,ij,rj->r", shapes.T, damping, shapes.T), 0.0))
+        lossy = [r for r in held if losses[r] > 0.0]
+        out += [
+            Part(1, (r, s), losses[r] * losses[s] * _both(rows[r], rows[s])) for r in lossy for s in lossy if s >= r
+        ]
+    modes = (*rigid, *held)
+    out += [Part(2, (r, s), _both(rows[r], rows[s])) for r in modes for s in modes if s >= r]
     return tuple(out)
 
 

@@ -165,6 +165,10 @@ class Model(Protocol):
         """Parts of its matrices that may err one by one; none where its values are tuned one by one."""
         ...
 
+    def flexibility_left_out(self, signal: str) -> float:
+        """Scale [m/N] of the flexibility at a signal's port by modes above the highest one of the model; 0 where it has all."""
+        ...
+
     def core_changes(self, path: Path) -> Changes | None:
         """How the core moves with one of the model's values; None where it does not."""
         ...

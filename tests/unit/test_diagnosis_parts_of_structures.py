@@ -134,7 +134,7 @@ def test_springs_that_differ_one_by_one_are_no_gap(seed: int) -> None:
 
 @pytest.mark.parametrize("springs", [3, 4, 6])
 def test_modes_drift_by_half_of_what_springs_do(springs: int) -> None:
-    rng, own = np.random.default_rng(springs), []
+    rng, own, turned = np.random.default_rng(springs), [], []
     ends = np.eye(springs) - np.eye(springs, k=-1)
     for _ in range(100):
         stiffness, mass = rng.uniform(0.3, 3.0, springs), np.diag(rng.uniform(0.5, 2.0, springs))
@@ -143,10 +143,14 @@ def test_modes_drift_by_half_of_what_springs_do(springs: int) -> None:
         shares = (stiffness[:, None] * (ends @ shapes) ** 2 / squares).T
         assert shares.sum(axis=1) == pytest.approx(1.0)
         own.append(np.sqrt(np.mean(np.sum((shares - shares.mean(axis=0)) ** 2, axis=1))))
+        # By how much it turns each mode into the others, on either side of the diagonal.
+        between = np.sqrt(shares @ shares.T)[np.triu_indices(springs, 1)]
+        turned.append(np.sqrt(np.mean(between**2)))
     assert np.mean(own) == pytest.approx(SETTINGS.discrepancy_modes_drift, rel=0.2)
+    assert np.mean(turned) == pytest.approx(SETTINGS.discrepancy_modes_drift, rel=0.3)
 
 
-def test_only_a_mode_by_itself_drifts() -> None:
+def test_modes_drift_by_themselves_and_into_each_other() -> None:
     problem = Problem(chain_of(), measured(chain_of(), chain_of(), 2).merged, Hypothesis())
     drift, _ = weights(problem)
     whole = next(i for i, (path, _) in enumerate(problem.tuning) if path == ("scales", 2))
@@ -154,9 +158,9 @@ def test_only_a_mode_by_itself_drifts() -> None:
     for i, (path, _) in enumerate(problem.tuning):
         if path[0] == "parts":
             part = parts[int(path[1])]
-            alone = part.power < 2 and part.modes[0] == part.modes[1]
-            expected = SETTINGS.discrepancy_modes_drift * drift[whole] if alone else 0.0
-            assert drift[i] == pytest.approx(expected)
+            alone = part.modes[0] == part.modes[1]
+            expected = {0: 1.0 if alone else 2.0, 1: float(alone), 2: 0.0}[part.power]
+            assert drift[i] == pytest.approx(expected * SETTINGS.discrepancy_modes_drift * drift[whole])
 
 
 def test_a_mass_stands_out_of_springs_that_differ() -> None:
