@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.fit import Fit
-from cutvib_ss.diagnosis.scouting import _tuned_away
+from cutvib_ss.diagnosis.scouting import tuned_away
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect
@@ -32,16 +32,16 @@ def test_a_cause_is_tried_where_its_value_is_tuned_far_away(name: str, effect: E
     for size, tried in ((-4.4, True), (3.1, True), (2.9, False)):
         x = np.where([n == name for n in NAMES], size, 0.5)
         fitted: Any = SimpleNamespace(x=np.append(x, 9.0), n_tuning=x.size, calibrated_away=frozenset())
-        assert _tuned_away(MACHINE, cast(Fit, fitted), effect) is tried
+        assert tuned_away(MACHINE, cast(Fit, fitted), effect) is tried
         # What moves nothing of it is not.
-        assert not _tuned_away(MACHINE, cast(Fit, fitted), ToolContact("tool", 1e4, 1.0))
+        assert not tuned_away(MACHINE, cast(Fit, fitted), ToolContact("tool", 1e4, 1.0))
 
 
 def test_an_error_of_a_channel_is_tried_where_its_gain_is_tuned_far_away() -> None:
     fitted: Any = SimpleNamespace(x=np.zeros(len(NAMES)), n_tuning=len(NAMES), calibrated_away=frozenset({"tool_x"}))
     for channel, tried in (("tool_x", True), ("tool_z", False)):
-        assert _tuned_away(MACHINE, cast(Fit, fitted), CalibrationError("measurement", channel, 1.1)) is tried
-    assert not _tuned_away(MACHINE, cast(Fit, fitted), ToolContact("tool", 1e4, 1.0))
+        assert tuned_away(MACHINE, cast(Fit, fitted), CalibrationError("measurement", channel, 1.1)) is tried
+    assert not tuned_away(MACHINE, cast(Fit, fitted), ToolContact("tool", 1e4, 1.0))
 
 
 def test_channels_whose_gain_is_far_out_of_its_tolerance() -> None:
