@@ -76,7 +76,9 @@ def test_a_roving_hammer_finds_the_spring_where_it_is():
     fits = {p: fit(model, records, Hypothesis((ToolContact(p, 1e4, 1.0),))) for p in PORTS}
     best = max(fits, key=lambda p: fits[p].log_evidence)
     assert best == "p3"
-    assert fits["p3"].reduced < 1.1 < none.reduced
+    assert fits["p3"].reduced < 1.1
+    # Errors of single parts, and modes that are left out, take the spring up, at a price.
+    assert fits["p3"].log_evidence > none.log_evidence + 10.0
     assert fits["p3"].hypothesis.effects[0].stiffness == pytest.approx(EXTRA, rel=0.01)
     found = locate(model, none, records.entries, 0.0, False)
     assert found.best == "p3"

@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.known_form import of_known_form
 from cutvib_ss.diagnosis.posterior import kind_of, that_drift_by_chance
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked
-from cutvib_ss.diagnosis.search import _enough, _lacks_a_form, _once
+from cutvib_ss.diagnosis.search import _better, _enough, _lacks_a_form, _of_one_place, _once
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownChannelError, UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
@@ -44,6 +44,7 @@ class OnlyEvidence:
     nothing_when_used: tuple[Effect, ...] = ()
     tuned_away: bool = False
     stds: Mapping[str, float] = field(default_factory=dict)
+    reduced: float = 1.0
 
     @property
     def corrected(self) -> OnlyEvidence:
@@ -477,3 +478,31 @@ def test_what_has_passed_all_of_its_probability_on_has_none_to_share() -> None:
     found = judged_on_held_out([NONE, nothing, near], {"none": 0.0, "nothing": 0.9, "near": 0.1}, seen, 1.0)
     assert found["nothing"] == 0.0
     assert sum(found.values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("fitted", "held_out", "effects", "one"),
+    [
+        (1.0, 1.0, (UNKNOWN,), True),
+        (1.0, 1.0, (AddedMass("joint1", 0.1), UNKNOWN), True),
+        (1.0, 1.0, (MASS, UNKNOWN), False),
+        (1.0, 1.0, (MASS,), False),
+        (1.2, 1.0, (UNKNOWN,), False),
+        (1.0, 1.2, (UNKNOWN,), False),
+    ],
+)
+def test_one_faulty_place_explains_all_where_something_unknown_there_leaves_noise(
+    fitted: float, held_out: float, effects: tuple[Effect, ...], one: bool
+) -> None:
+    fit = replace(cast(OnlyEvidence, ranked("found", 90.0, *effects).fit), reduced=fitted)
+    found = Ranked("found", cast(Fit, fit), True)
+    assert _of_one_place([MAIN, found], lambda r: held_out) is one
+    assert not _of_one_place([MAIN, replace(found, refined=False)], lambda r: held_out)
+
+
+def test_of_two_fits_of_a_cause_the_better_one_stays() -> None:
+    rough, worse, best = replace(MAIN, refined=False), ranked("main", 90.0, MASS), ranked("main", 110.0, MASS)
+    assert _better([rough, OTHER], [worse]) == [worse, OTHER]
+    assert _better([MAIN, OTHER], [worse]) == [MAIN, OTHER]
+    assert _better([MAIN, OTHER], [best]) == [best, OTHER]
+    assert _better([OTHER], [best]) == [OTHER, best]
