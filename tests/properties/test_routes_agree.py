@@ -116,7 +116,8 @@ def test_modal_form_and_plant_of_other_structures(structure: Structure) -> None:
     shares = np.array(form.base_shares)[:, None] if structure.influence is not None else 0.0
     orders = np.array(form.orders)[:, None]
     modal = S**orders * (form.receptance(S)[:, 0] + shares / S**2)
-    assert differ(closed, modal[:, None]) < 1e-8  # a free body's double pole is set apart
+    # A free body's double pole is set apart, and known to the square root of a rounding error.
+    assert differ(closed, modal[:, None]) < 5.0 * np.sqrt(np.finfo(float).eps)
 
 
 @given(bare_machines(), POSITIONS)

@@ -67,12 +67,14 @@ def test_a_part_is_an_error_relative_to_its_modes() -> None:
             np.testing.assert_allclose(ratio, [1.0, 1.0, 1.02], rtol=1e-9)
 
 
-def test_the_masses_of_a_body_that_floats_are_parts_too() -> None:
+def test_masses_and_losses_are_parts_as_springs_are() -> None:
     floating = of(springs(0.0, 3e4, 1e4))
     assert {part.power for part in floating.system.parts} == {0, 1, 2}
     moving = [part.modes for part in floating.system.parts if part.power == 2]
-    assert moving == [(0, 0), (0, 1), (0, 2)]
-    assert {part.power for part in of(springs(2e4, 3e4, 1e4)).system.parts} == {0, 1}
+    assert moving == [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+    # Of each matrix of one that is held, every mode and every pair of them.
+    powers = [part.power for part in of(springs(2e4, 3e4, 1e4)).system.parts]
+    assert [powers.count(power) for power in (0, 1, 2)] == [6, 6, 6]
 
 
 def test_what_one_factor_says_already_is_no_part() -> None:
@@ -88,7 +90,7 @@ def test_many_degrees_of_freedom_have_parts_of_the_lowest_modes() -> None:
 
 
 def test_factors_of_other_parts_are_refused() -> None:
-    with pytest.raises(ParameterError, match="2 factors on 9 parts"):
+    with pytest.raises(ParameterError, match="2 factors on 18 parts"):
         replace(of(springs(2e4, 3e4, 1e4)), parts=(1.1, 0.9))
 
 
@@ -96,7 +98,7 @@ def test_a_law_in_place_of_a_spring_is_written_and_read_back_beside_errors_of_pa
     structure = of(springs(2e4, 3e4, 1e4))
     ports = {**structure.system.ports, "between": np.array([-1.0, 1.0, 0.0])}
     structure = replace(structure, system=replace(structure.system, ports=ports))
-    moved = replace(structure, scales=(1.01, 0.9, 1.02), parts=tuple(1.0 + 1e-3 * k for k in range(9)))
+    moved = replace(structure, scales=(1.01, 0.9, 1.02), parts=tuple(1.0 + 1e-3 * k for k in range(18)))
     model = BilinearStiffness("between", 0.3).apply(moved)
     write_machine(model, tmp_path / "machine.toml")
     found = read_machine(tmp_path / "machine.toml")
