@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.hypotheses import candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked, first_steps, refit
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownPole, unknown_candidates, unknown_places
-from cutvib_ss.diagnosis.unknown_search import best_unknown
+from cutvib_ss.diagnosis.unknown_search import _known_there, best_unknown
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.rail_added_mass import RailAddedMass
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.elements import Attachment, Guide, SpringDamperMass, SprungMass
@@ -154,3 +156,18 @@ def test_an_error_of_no_channel_is_refused() -> None:
     error = unknown_candidates(published_machine(), BAND, ("shaker",))[-1].starts[0]
     with pytest.raises(ParameterError, match="no channel 'shaker'"):
         error.apply(published_machine())
+
+
+def test_known_causes_are_fitted_where_something_unknown_leads_all_of_them() -> None:
+    nominal, measured = published_machine(), records(RailAddedMass("rail", 0.37, 1.5, 0.0).apply(published_machine()))
+    [unknown] = [f for site, f in found_at(measured, {"rail"}).items() if site == "rail"]
+    leading = Ranked("unknown", unknown, True)
+    known = [c for c in candidates(nominal, BAND, CHANNELS) if c.starts[0].effect in ("rail_added_mass", "rail_shear")]
+    with Workers(1, None) as workers:
+        found = {r.name: r for r in _known_there(nominal, measured, leading, known, [], workers)}
+        assert set(found) == {c.name for c in known}
+        mass = found["rail_added_mass"]
+        assert mass.refined
+        assert mass.fit.log_evidence > unknown.log_evidence
+        # One that leads is enough.
+        assert not _known_there(nominal, measured, leading, known, [mass], workers)
