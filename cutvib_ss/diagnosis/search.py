@@ -3,8 +3,8 @@ Which: every cause fitted together with the tuning, and the evidence for each.
 
 Starts are first fitted on few lines with a noise widened by some percent of the response: sharp peaks then pull from afar, and
 no start is lost in a side minimum of a precise measurement. The best are fitted again on all lines as measured. Linear causes
-come first, all of them; causes that depend on the level follow where the level shows or no linear cause is enough; pairs follow
-where no single cause is.
+come first, all of them; causes that depend on the level follow where the level shows or no linear cause is enough; elements of
+unknown form follow, and pairs where none of these explains all at one place.
 """
 
 from __future__ import annotations
