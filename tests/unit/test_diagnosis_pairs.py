@@ -65,6 +65,19 @@ def test_a_cause_that_does_nothing_at_its_start_promises_most_all_the_same(recor
     assert gains["cross_axis"] > 1.5 * sorted(gains.values())[-2]
 
 
+def test_a_second_cause_has_to_promise_some_of_what_the_first_leaves(records, first):
+    scan = Scan(OFF, records, first.hypothesis, first.x, {}, apart=False)
+    gains = {c.name: scan.promise(c.starts).gain for c in candidates(OFF, (18.0, 400.0), CHANNELS)}
+    tried = [name for name, gain in gains.items() if gain >= scan.least]
+    assert "cross_axis" in tried
+    assert len(tried) < len(gains) / 2
+    # Of a model that nothing is fitted to first order tells too little to leave any out, and what leaves noise asks for nothing.
+    assert Scan(OFF, records, first.hypothesis, None, {}, apart=False).least == -np.inf
+    exact = clamped_and_crossed(0.0)
+    right = fit(OFF, exact, first.hypothesis)
+    assert Scan(OFF, exact, right.hypothesis, right.x, {}, apart=False).least < 0.02 * exact.entries[0].count
+
+
 def test_a_strained_tuning_counts_its_way_back():
     # So little askew that no unknown is held by an end of its range: freed, those would gain too.
     records = clamped_and_crossed(0.02)
