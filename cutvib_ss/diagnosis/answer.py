@@ -137,5 +137,5 @@ def sizes(chosen: Fit) -> dict[str, float]:
     """Sizes in the likelihood of a fit, of what there is: records that were followed, parts that may err."""
     lay = chosen.spread.layout
     absent = {"within": not lay.records, "parts": not lay.parts.matrices, "losses": not lay.parts.losses}
-    absent["flexibility"] = not lay.left_out
+    absent["flexibility"] = not lay.residual_modes
     return {name: v for name, v in vars(chosen.spread.sizes).items() if not absent.get(name)}

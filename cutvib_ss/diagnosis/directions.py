@@ -16,6 +16,7 @@ import numpy as np
 from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
 from cutvib_ss.diagnosis.normal_matrix import Alike, Columns, add_products
 from cutvib_ss.diagnosis.records import session_of
+from cutvib_ss.diagnosis.residual_modes import ResidualMode
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import NO_PARTS, Parts
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -42,7 +43,7 @@ class Sizes:
     # Of errors of single parts of a structure's matrices, and of the losses of its modes, in tolerances of the matrix
     parts: float = 0.1
     losses: float = 0.3
-    # Of flexibility by modes that a structure's model leaves out, in its scale
+    # Of residual modes, in their scale
     flexibility: float = 1e-2
 
 
@@ -68,7 +69,7 @@ class Layout:
     cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
     hits: tuple[tuple[int, int], ...] = ()  # What the hits of a record do: its index, and the number of the direction
     parts: Parts = NO_PARTS  # Unknowns that are errors of single parts of a structure
-    left_out: tuple[tuple[str, str], ...] = ()  # Input and channel between which modes that the model lacks give way
+    residual_modes: tuple[ResidualMode, ...] = ()  # That the model leaves out
 
     @cached_property
     def per_session(self) -> int:
@@ -91,14 +92,14 @@ class Layout:
         return self.first_nominal + 2 * self.shapes * len(self.nominal)
 
     @cached_property
-    def first_left_out(self) -> int:
-        """First column of the modes that the model leaves out."""
+    def first_residual(self) -> int:
+        """First column of the residual modes."""
         return self.first_cause + 2 * len(self.pivots)
 
     @cached_property
     def first_hit(self) -> int:
         """First column of what hits do."""
-        return self.first_left_out + len(self.left_out)
+        return self.first_residual + len(self.residual_modes)
 
     @cached_property
     def size(self) -> int:
@@ -112,8 +113,8 @@ class Layout:
         out[self.unknowns : self.first_within] = sizes.drift
         out[self.first_within : self.first_nominal] = sizes.within
         out[self.first_nominal : self.first_cause] = sizes.nominal
-        out[self.first_cause : self.first_left_out] = sizes.cause
-        out[self.first_left_out : self.first_hit] = sizes.flexibility
+        out[self.first_cause : self.first_residual] = sizes.cause
+        out[self.first_residual : self.first_hit] = sizes.flexibility
         return out
 
     def placed(self, drift: FloatArray) -> FloatArray:
@@ -160,7 +161,7 @@ class Directions:
             cause_drifts=bool(spread and np.any(self.cause)),
             hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
             parts=problem.parts,
-            left_out=tuple(problem.left_out) if spread else (),
+            residual_modes=problem.residual_modes if spread else (),
         )
         self.shared = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
         self.plain = [p.data * g.weight for p, g in zip(predictions, self.groups, strict=True)]
@@ -296,7 +297,7 @@ class Directions:
             problem.own(name, shapes) if name in problem.channels else np.full(2 * shapes, lay.size + 1)
             for name in channels
         ]
-        return Columns(of_one, np.concatenate([*own, np.arange(lay.first_nominal, lay.first_left_out)]))
+        return Columns(of_one, np.concatenate([*own, np.arange(lay.first_nominal, lay.first_residual)]))
 
     def _rows_of(self, which: Sequence[int]) -> list[tuple[int, int]]:
         """Rows of some groups."""
@@ -313,16 +314,17 @@ class Directions:
         return out
 
     def _added(self, group: int, row: int) -> list[tuple[int, ComplexArray]]:
-        """What is added to a row by modes that the model leaves out and by its hits: columns, and shapes (channel, frequency)."""
+        """What is added to a row by residual modes and by its hits: columns, and shapes (channel, frequency)."""
         if (group, row) not in self._found:
             lay, g = self.layout, self.groups[group]
             hits = g.hits[row] if g.hits else {}
             own = [(lay.first_hit + lay.hits.index(key), shown) for key, shown in hits.items() if key in lay.hits]
-            found = [(c, (g.inputs[row], name)) for c, name in enumerate(g.channels)]
-            for c, pair in [(c, pair) for c, pair in found if pair in lay.left_out]:
-                shown = np.zeros(g.data.shape[1:], dtype=np.complex128)
-                shown[c] = self.problem.left_out[pair] * (2j * np.pi * g.freq) ** DERIVATIVE_ORDER[g.quantities[c]]
-                own.append((lay.first_left_out + lay.left_out.index(pair), shown))
+            for k, mode in enumerate(lay.residual_modes):
+                if mode.input == g.inputs[row] and mode.channel in g.channels:
+                    c = g.channels.index(mode.channel)
+                    shown = np.zeros(g.data.shape[1:], dtype=np.complex128)
+                    shown[c] = mode.receptance(g.freq) * (2j * np.pi * g.freq) ** DERIVATIVE_ORDER[g.quantities[c]]
+                    own.append((lay.first_residual + k, shown))
             self._found[group, row] = [(column, shown * g.weight[row]) for column, shown in own]
         return self._found[group, row]
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from cutvib_ss.diagnosis.hypothesis import Hypothesis, carried_on, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
 from cutvib_ss.diagnosis.records import Group, session_of
+from cutvib_ss.diagnosis.residual_modes import ResidualMode, residual_modes
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import calibration_shapes, from_unknown, parts_among, to_unknown, tuning_paths
 from cutvib_ss.effects.base import Carried, Effect, Model
@@ -76,13 +77,9 @@ class Problem:
         self.count = sum(2 * int(np.count_nonzero(np.isfinite(g.variance))) for g in groups)
 
     @cached_property
-    def left_out(self) -> dict[tuple[str, str], float]:
-        """Scale of the flexibility [m/N] by modes that the model leaves out, by input and channel; none where it holds all."""
-        found = {(i, c) for g in self.groups for i in g.inputs for c in g.channels}
-        at = {name: self.nominal.flexibility_left_out(name) for name in {name for pair in found for name in pair}}
-        return {
-            pair: float(np.sqrt(at[pair[0]] * at[pair[1]])) for pair in sorted(found) if at[pair[0]] * at[pair[1]] > 0.0
-        }
+    def residual_modes(self) -> tuple[ResidualMode, ...]:
+        """Modes that the model leaves out, by input and channel; none where it holds all."""
+        return residual_modes(self.nominal, self.groups, self.band[1])
 
     def _force_scaled(self) -> tuple[tuple[int, int], ...]:
         """Records, by group and row, whose force is known only roughly: none matters where the response is linear."""

@@ -178,7 +178,7 @@ class Diagnosis(Drawn):
         Of the accepted answer: ``drift`` between sessions, ``within`` them where their records differ, discrepancy of the
         ``nominal`` elements and of the ``cause`` (relative standard deviations), and the factor on the variance of the
         ``noise``; of a structure errors of single ``parts`` and of the ``losses`` of single modes (in tolerances of the matrix),
-        and the ``flexibility`` by modes that it leaves out, of what a port's mass gives way at its highest natural frequency.
+        and the ``flexibility`` of modes that it leaves out, of what the ports' masses give way at their frequencies.
     """
 
     verdict: Verdict

@@ -84,9 +84,13 @@ class Settings:
         "measured modal dampings scatter by 20-50 % about any law, single ones by a factor of two")
     likelihood_flexibility_sizes: Weighted = _of(
         ((1e-4, 0.30), (1e-3, 0.10), (1e-2, 0.20), (3e-2, 0.12), (0.1, 0.12), (0.3, 0.10), (1.0, 0.06)),
-        "of what a port's mass gives way at the highest natural frequency, probability",
-        "Prior of the flexibility by modes that a structure's model leaves out", "causes that act above the band are taken for it",
-        "a mode at three times the last frequency has a ninth, those of a bar behind its fourth 0.7; some models hold all")
+        "of what a port's mass gives way at such a mode's frequency, probability",
+        "Prior of the flexibility of residual modes, which a structure's model leaves out",
+        "causes that act above the band are taken for it",
+        "a mode of a bar moves a part of what its mass does, one of a thousand parts a thousandth; some models hold all")
+    likelihood_residual_modes: tuple[float, ...] = _of((1.05, 1.15, 1.4, 2.0, 4.0), "highest natural frequency or line",
+        "Frequencies of residual modes", "nothing close above the band is held",
+        "distances grow in proportion: any modes above the first are held to some percent of what they do")
     likelihood_noise_factors: Weighted = _of(
         ((0.1, 0.005), (0.3, 0.02), (0.7, 0.075), (1.0, 0.65), (1.3, 0.18), (2.0, 0.055), (4.0, 0.01), (10.0, 0.004),
          (100.0, 0.001)),

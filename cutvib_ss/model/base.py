@@ -187,9 +187,21 @@ class BaseModel(Displayed, ABC):
         """
         raise NotImplementedError
 
-    def flexibility_left_out(self, signal: str) -> float:
+    @property
+    def highest_mode(self) -> tuple[float, float] | None:
         """
-        Scale of the flexibility by modes above the highest one of the model, its residual flexibility.
+        The highest mode of a model that leaves out those above it.
+
+        Returns
+        -------
+        tuple of float, or None
+            Its natural frequency [Hz] and damping ratio; None where the model holds all modes that matter.
+        """
+        return None
+
+    def accelerance_above(self, signal: str) -> float:
+        """
+        Driving-point accelerance at a signal's port far above the highest mode.
 
         Parameters
         ----------
@@ -199,9 +211,14 @@ class BaseModel(Displayed, ABC):
         Returns
         -------
         float
-            m/N; 0 where the model holds all modes that matter.
+            1/kg, one over the mass that a force there moves at once; kg where the input is a shaker's acceleration.
+
+        Raises
+        ------
+        NotImplementedError
+            If the model leaves out no modes (`highest_mode`).
         """
-        return 0.0
+        raise NotImplementedError
 
     def core_changes(self, path: Path) -> Changes | None:
         """

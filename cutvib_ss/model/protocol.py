@@ -165,8 +165,13 @@ class Model(Protocol):
         """Parts of its matrices that may err one by one; none where its values are tuned one by one."""
         ...
 
-    def flexibility_left_out(self, signal: str) -> float:
-        """Scale [m/N] of the flexibility at a signal's port by modes above the highest one of the model; 0 where it has all."""
+    @property
+    def highest_mode(self) -> tuple[float, float] | None:
+        """Natural frequency [Hz] and damping ratio of its highest mode, where those above are left out; None where it has all."""
+        ...
+
+    def accelerance_above(self, signal: str) -> float:
+        """Driving-point accelerance at a signal's port far above the highest mode [1/kg]."""
         ...
 
     def core_changes(self, path: Path) -> Changes | None:

@@ -126,6 +126,15 @@ class SecondOrder:
         return mass, mass * float(squares[-1]) if floats else 1.0 / float(np.sum(moved[held] / squares[held]))
 
     @cached_property
+    def highest_mode(self) -> tuple[float, float] | None:
+        """Natural frequency [Hz] and damping ratio of the highest mode; None where nothing is held by a spring."""
+        squares, shapes = linalg.eigh(self.stiffness, self.mass)
+        if not squares[-1] > 0.0:
+            return None
+        speed = float(np.sqrt(squares[-1]))
+        return speed / (2.0 * np.pi), float(shapes[:, -1] @ self.damping @ shapes[:, -1]) / (2.0 * speed)
+
+    @cached_property
     def parts(self) -> tuple[Part, ...]:
         """By what its parts may differ from the matrices."""
         return modal_parts(self.mass, self.damping, self.stiffness)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from cutvib_ss.errors import CouplingError, ParameterError
 from cutvib_ss.model.base import BaseModel, Spring
@@ -177,13 +176,15 @@ class Structure(BaseModel):
             0.0 if r is None or channel is None or not channel.absolute else float(self.system.port(channel.port) @ r)
         )
 
-    def flexibility_left_out(self, signal: str) -> float:
-        # What the port's mass gives way at the highest natural frequency: modes above it give some of that.
-        if self.influence is not None:
-            return 0.0
-        mass, _ = self.system.at_port(self.port_of(signal))
-        square = float(linalg.eigvalsh(self.system.stiffness, self.system.mass)[-1])
-        return 1.0 / (mass * square) if square > 0.0 else 0.0
+    @property
+    def highest_mode(self) -> tuple[float, float] | None:
+        return self.system.highest_mode
+
+    def accelerance_above(self, signal: str) -> float:
+        # A shaker pushes with M r, and Rᵀ M⁻¹ R is then all mass that it carries.
+        carried = self.influence if signal == "force" else None
+        row = self.system.port(self.port_of(signal)) if carried is None else self.system.mass @ carried
+        return float(row @ np.linalg.solve(self.system.mass, row))
 
     def core_changes(self, path: Path) -> Changes | None:
         if path[0] == "parts":

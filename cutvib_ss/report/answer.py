@@ -189,7 +189,9 @@ def size_rows(d: Diagnosis) -> list[Row]:
         if math.isfinite(value := d.sizes.get(key, math.nan)):
             rows.append((name, f"{value:.2g} of the tolerance", words))
     if math.isfinite(value := d.sizes.get("flexibility", math.nan)):
-        words = "flexibility by modes that the model leaves out, of that of its ports at its highest natural frequency"
+        words = (
+            "flexibility of modes that the model leaves out, of what the ports' masses give way at their frequencies"
+        )
         rows.append(("residual flexibility", f"{100 * value:.2g} %" + (" or less" if value <= 1e-4 else ""), words))
     return rows
 

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy import linalg
 
 from cutvib_ss.diagnosis.directions import Directions
@@ -11,10 +13,13 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.residual_modes import residual_modes
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
+from cutvib_ss.results import FloatArray
 from tests.unit.record_example import entry_of
 
 FREQ = np.linspace(5.0, 45.0, 160)
@@ -44,10 +49,10 @@ def truncated(kept: int) -> Structure:
     return Structure(system, CHANNELS, "tip")
 
 
-def measured(whole: SecondOrder) -> Records:
+def measured(whole: SecondOrder, freq: FloatArray = FREQ) -> Records:
     """Two sessions of all its modes, with noise of two thousandths of the largest response."""
     rng, entries = np.random.default_rng(4), []
-    s = 2j * np.pi * FREQ
+    s = 2j * np.pi * freq
     motion = np.array(
         [np.linalg.solve(whole.mass * z**2 + whole.damping * z + whole.stiffness, ROWS["tip"]) for z in s]
     )
@@ -56,23 +61,62 @@ def measured(whole: SecondOrder) -> Records:
     for k in range(2):
         noise = size / np.sqrt(2) * (rng.standard_normal(data.shape) + 1j * rng.standard_normal(data.shape))
         variance = np.full(data.shape, size**2)
-        entries.append(entry_of(k, None, 1.0, data + noise, variance, FREQ, ("m", "t"), ("velocity", "acceleration")))
+        entries.append(entry_of(k, None, 1.0, data + noise, variance, freq, ("m", "t"), ("velocity", "acceleration")))
     return Records(tuple(entries))
 
 
-def test_the_scale_is_what_the_ports_mass_gives_way_at_the_highest_natural_frequency() -> None:
-    model = truncated(3)
+def test_the_scale_is_what_the_ports_masses_give_way_at_the_frequency_of_a_mode() -> None:
+    model, groups = truncated(3), measured(chain()).merged
     square = linalg.eigvalsh(chain().stiffness, chain().mass)[2]
-    modes = model.system.ports["tip"]
-    assert model.flexibility_left_out("t") == pytest.approx(float(modes @ modes) / square)
-    assert model.flexibility_left_out("force") == model.flexibility_left_out("tip")
-    # What a shaker moves has another input; a body that nothing holds, and the machine with its rail, have no scale.
-    assert replace(model, input_quantity="acceleration").flexibility_left_out("t") == 0.0
-    assert published_machine().flexibility_left_out("tool_x") == 0.0
+    last = float(np.sqrt(square)) / (2 * np.pi)
+    assert model.highest_mode == pytest.approx((last, 1e-5 * np.sqrt(square)))
+    rows = [model.system.ports[name] for name in ("tip", "middle")]
+    assert model.accelerance_above("t") == pytest.approx(float(rows[0] @ rows[0]))
+    assert model.accelerance_above("force") == model.accelerance_above("tip")
+    found = residual_modes(model, groups, float(FREQ[-1]))
+    assert {(m.input, m.channel) for m in found} == {("force", "m"), ("force", "t")}
+    for m in found:
+        assert m.frequency > max(last, FREQ[-1])
+        masses = np.sqrt(np.prod([row @ row for row in (rows if m.channel == "m" else [rows[0]] * 2)]))
+        assert m.flexibility == pytest.approx(masses / (2 * np.pi * m.frequency) ** 2)
+        assert m.receptance(np.zeros(1))[0] == pytest.approx(m.flexibility)
 
 
-def test_modes_that_are_left_out_are_no_gap() -> None:
-    nominal, records = truncated(3), measured(chain())
+def test_what_a_shaker_moves_is_all_mass_above_all_modes() -> None:
+    shaken = Structure(chain(), CHANNELS, "tip", "acceleration")
+    carried = shaken.influence
+    assert carried is not None
+    assert shaken.accelerance_above("force") == pytest.approx(float(carried @ chain().mass @ carried))
+
+
+def test_a_free_mass_and_a_machine_with_a_rail_leave_nothing_out() -> None:
+    free = SecondOrder(np.eye(1), np.zeros((1, 1)), np.zeros((1, 1)), ("x",), {"middle": np.ones(1), "tip": np.ones(1)})
+    for model in (Structure(free, CHANNELS, "tip"), published_machine()):
+        assert model.highest_mode is None
+        assert residual_modes(model, measured(chain()).merged, 50.0) == ()
+
+
+@given(
+    distances=st.lists(st.floats(0.06, 9.0), min_size=1, max_size=4),
+    parts=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4),
+)
+def test_a_few_frequencies_hold_any_modes_above_the_band(distances: list[float], parts: list[float]) -> None:
+    model, groups = truncated(3), measured(chain()).merged
+    freq = np.linspace(1.0, 50.0, 300)
+    found = [m for m in residual_modes(model, groups, 50.0) if m.channel == "t"]
+    basis = np.array([m.receptance(freq) / m.flexibility for m in found]).T
+    top = found[0].frequency / SETTINGS.likelihood_residual_modes[0]
+    others = [replace(found[0], frequency=top * (1 + d), flexibility=a) for d, a in zip(distances, parts, strict=False)]
+    whole = np.sum([m.receptance(freq) for m in others], axis=0)
+    size = np.sum([np.abs(m.receptance(freq)) for m in others], axis=0).max()
+    left = whole - basis @ np.linalg.lstsq(basis, whole, rcond=None)[0]
+    assert np.abs(left).max() <= 0.02 * size
+
+
+@pytest.mark.parametrize("highest", [45.0, 54.0])
+def test_modes_that_are_left_out_are_no_gap(highest: float) -> None:
+    """The fourth mode lies at 58 Hz."""
+    nominal, records = truncated(3), measured(chain(), np.linspace(5.0, highest, 160))
     none = fit(nominal, records, Hypothesis())
     assert none.reduced < 1.15
     assert none.spread.sizes.flexibility > 1e-2
@@ -97,7 +141,7 @@ def test_products_of_what_is_added_are_those_of_its_columns() -> None:
     x = problem.start()
     predictions, residuals, _ = problem.residuals(x)
     directions = Directions(problem, x, predictions)
-    assert directions.layout.left_out == (("force", "m"), ("force", "t"))
+    assert directions.layout.residual_modes == problem.residual_modes != ()
     matrix, gradient = directions.normal(residuals)
     flat = directions.flat()
     left = np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])
