@@ -81,6 +81,8 @@ class _HeldOutRules:
         elif held(r).log_density >= held(first).log_density:
             if known and self.is_doubtful(r):
                 self.second_is_not_proven(r, first)
+            elif known and self.may_be_its_form(r, first):
+                give(self.odds, r, first, 1.0 - SETTINGS.verdict_form)
         elif known:
             self.by_both_leads(r, first)
         else:
@@ -90,6 +92,12 @@ class _HeldOutRules:
     def is_doubtful(self, both: Ranked) -> bool:
         """Whether two known causes leave more than noise, or less only because their model errs by more than is believed."""
         return self.held(both).reduced > SETTINGS.verdict_noise or of_another_form(both, self.held)
+
+    def may_be_its_form(self, both: Ranked, first: Ranked) -> bool:
+        """Whether a restoring force leaves no more to a second cause than the largest error of a cause that is believed."""
+        # The discrepancy of a restoring force is one of its describing function: it holds no other dependence on amplitude, and no
+        # harmonics. Pairs with so small a second cause are as rare as causes in another form that some second cause fits.
+        return not first.fit.hypothesis.linear and 1.0 - self.closed(first, both) <= SETTINGS.sizes["cause"][-1][0] ** 2
 
     def closed(self, first: Ranked, both: Ranked) -> float:
         """Part of the excess that the first of two parts closes alone."""

@@ -91,6 +91,24 @@ def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: floa
     assert found["other"] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("first", "closed", "kept"),
+    [("other", 0.92, SETTINGS.verdict_form), ("other", 0.9, 1.0), ("main", 0.92, 1.0)],
+)
+def test_a_second_cause_may_be_the_form_of_a_restoring_force_that_closes_nearly_all(
+    first: str, closed: float, kept: float
+) -> None:
+    """Friction whose bristles bend was friction together with a rail's twist, 1.00: friction alone closes 92 % of the excess."""
+    leads = {"main": MAIN, "other": OTHER}
+    leads[first] = ranked(first, 150.0, *leads[first].fit.hypothesis.effects)
+    seen = held(none=TUNED, **{first: Leaves(squares=1.0 - closed, log_density=-100.0), "both": Leaves()})
+    found = judged_on_held_out(
+        [NONE, *leads.values(), BOTH], {"none": 0.0, "main": 0.0, "other": 0.0, "both": 1.0}, seen, 1.0
+    )
+    assert found["both"] == pytest.approx(kept)
+    assert found[first] == pytest.approx(1.0 - kept)
+
+
 def test_a_second_cause_is_not_named_where_both_stand_only_by_an_error_of_the_model() -> None:
     strained = Ranked("both", cast(Fit, replace(cast(OnlyEvidence, BOTH.fit), beyond_belief=True)), True)
     seen = held(none=TUNED, main=Leaves(squares=0.01), both=Leaves(), beside=Leaves())
