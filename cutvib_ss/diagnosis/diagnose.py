@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,6 +25,7 @@ from cutvib_ss.diagnosis.lasting import with_lasting
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import chance_of_order, confounded, level_stands_out
 from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
+from cutvib_ss.diagnosis.modes_beyond import BEYOND
 from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.odd_records import ODD, odd_records
@@ -41,7 +43,7 @@ from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Diagnosis, NextTest, Where
-from cutvib_ss.diagnosis.search import search, search_linear
+from cutvib_ss.diagnosis.search import Linear, search, search_linear
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import SmallSize, small_sizes
 from cutvib_ss.diagnosis.unknown_element import ByLevel, unknown_places
@@ -133,6 +135,9 @@ def _searched(
 ) -> _Searched:
     """All hypotheses on all records but those that fit with no others."""
     linear = search_linear(nominal, _to_fit(observed), observed, workers)
+    if (below := _below_modes_beyond(campaign, nominal, observed, linear)) is not None:
+        observed = below
+        linear = search_linear(nominal, _to_fit(observed), observed, workers)
     odd = odd_records(nominal, linear.records, linear.none, linear.ranked)
     if odd:
         observed = _without(campaign, observed, odd)
@@ -158,15 +163,33 @@ def _searched(
     return _Searched(observed, linear.records, judged, sizes, ranked)
 
 
+def _observed(campaign: Campaign, nominal: Model, highest: float = math.inf) -> Observations:
+    """The campaign's responses, with what drifts within a record."""
+    observed = observe(campaign, nominal, highest)
+    return replace(observed, entries=with_lasting(nominal, observed.entries))
+
+
+def _below_modes_beyond(
+    campaign: Campaign, nominal: Model, observed: Observations, linear: Linear
+) -> Observations | None:
+    """The responses below a resonance that the model lacks and no linear cause explains; None where there is none."""
+    best = max((r for r in linear.ranked if r.refined), key=lambda r: r.fit.log_evidence, default=linear.none)
+    if observed.beyond is None or nominal.highest_mode is None or best.reduced <= SETTINGS.verdict_misfit:
+        return None
+    end = observed.beyond / SETTINGS.record_below_resonance
+    if observed.band[1] <= end:
+        return None
+    below = _observed(campaign, nominal, end)
+    return replace(below, warnings=(*below.warnings, BEYOND.format(nominal.highest_mode[0], observed.beyond, end)))
+
+
 def _without(campaign: Campaign, observed: Observations, odd: Mapping[int, float]) -> Observations:
     """The observations without records that fit with no others."""
     return observed.without(odd, tuple(ODD.format(campaign.records[i].name, left) for i, left in odd.items()))
 
 
 def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
-    observed = observe(campaign, nominal)
-    observed = replace(observed, entries=with_lasting(nominal, observed.entries))
-    searched = _searched(campaign, nominal, observed, hold_out, seed, workers)
+    searched = _searched(campaign, nominal, _observed(campaign, nominal), hold_out, seed, workers)
     linear = [r for r in searched.ranked[1:] if r.fit.hypothesis.linear]
     # Where some cause, a restoring force too, leaves noise of all records, none is odd.
     explained = any(r.refined and r.reduced < SETTINGS.search_enough for r in searched.ranked)

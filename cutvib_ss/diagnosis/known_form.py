@@ -27,8 +27,8 @@ def of_known_form(
     either: no evidence tells the two apart, and priors have to. A known cause of its place is the answer in another form, and
     keeps what such an answer keeps, where it leaves no more of what the element explains than the largest error of its dynamic
     stiffness that is believed: squared, since the excess is of squares. Else the nearest known cause has the rest of an unknown
-    element, and of a known cause beside one the nearest pair of that cause with another known one, where it leaves no more than
-    noise.
+    element, or no cause where the re-tuned model leaves little; and of a known cause beside one the nearest pair of that cause
+    with another known one, where it leaves no more than noise.
     """
     out = dict(odds)
     likely = [r for r in ranked if odds[r.name] >= SETTINGS.verdict_hardly and r.fit.hypothesis.causes]
@@ -67,7 +67,9 @@ def _another_form(
         # Of what both have together it keeps as much as the answer in another form does.
         both = odds[here.name] + odds[r.name]
         return here, max(SETTINGS.verdict_form * both - odds[here.name], 0.0) / odds[r.name]
-    return best(x for x in named if x.fit.hypothesis.causes), rest
+    # Where no known cause is there at all and the re-tuned model leaves little, it may be nothing.
+    nothing = bare if bare and held(bare).against_stated <= SETTINGS.verdict_misfit else None
+    return best(x for x in named if x.fit.hypothesis.causes) or nothing, rest
 
 
 def _as_much(known: float, unknown: float, bare: float) -> bool:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from cutvib_ss.diagnosis.modes_beyond import resonance_beyond
 from cutvib_ss.diagnosis.records import Entry, SineTest, thinned
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
@@ -53,6 +54,7 @@ class Observations:
     unit: str  # Unit in which errors are reported
     per_unit: float  # SI value of that unit
     warnings: tuple[str, ...] = ()  # What the records lack for some causes, and which were left out
+    beyond: float | None = None  # Lowest resonance well above the model's highest mode [Hz]
 
     def without(self, records: Collection[int], warnings: tuple[str, ...]) -> Observations:
         """The same without some records, by their index in the campaign."""
@@ -60,11 +62,11 @@ class Observations:
         return replace(self, entries=kept, warnings=(*self.warnings, *warnings))
 
 
-def observe(campaign: Campaign, machine: Model) -> Observations:
+def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Observations:
     """
     Frequency responses of a campaign, each record cut to its band.
 
-    A record's band is what it states, else what its noise allows.
+    A record's band is what it states, else what its noise allows up to a highest frequency [Hz].
     """
     settled = [without_run_in(r) if r.kind == "timeseries" else (r, 0) for r in campaign.records]
     responses = with_one_instant([measured_response(r) for r, _ in settled])
@@ -77,10 +79,12 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
     # One hammer: what scatters from blow to blow for the structure's sake hides where its reach ends.
     struck = [_kind(campaign.records[e.record]) == "impact" for e in entries]
     reach = min((high for (_, high), hit in zip(bands, struck, strict=True) if hit), default=np.inf)
+    # A band that is stated is known to hold what the model describes.
+    beyond = resonance_beyond(machine, [e for e in entries if campaign.records[e.record].band_hz is None])
     cut = []
     for e, band, hit in zip(entries, bands, struck, strict=True):
         record = campaign.records[e.record]
-        low, high = record.band_hz or (band[0], min(band[1], reach) if hit else band[1])
+        low, high = record.band_hz or (band[0], min(band[1], reach if hit else np.inf, highest))
         keep = (e.freq >= low) & (e.freq <= high) & (e.freq > 0.0)
         if np.count_nonzero(keep) < SETTINGS.record_fewest_lines:
             raise DiagnosisError(
@@ -95,7 +99,7 @@ def observe(campaign: Campaign, machine: Model) -> Observations:
     unit = "g/N" if per_newton else campaign_unit(cut, machine)
     hull = (min(float(e.freq[0]) for e in cut), max(float(e.freq[-1]) for e in cut))
     lacking = (*_without_force(cut, campaign.records), *_words_on_lost(cut, campaign.records))
-    return Observations(tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0, lacking)
+    return Observations(tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0, lacking, beyond)
 
 
 def _without_force(entries: Sequence[Entry], records: Sequence[Record]) -> tuple[str, ...]:

@@ -33,6 +33,15 @@ class Settings:
         "wider bands with noisier ends", _JUDGEMENT)
     record_below_first_mode: float = _of(0.6, "first natural frequency",
         "Where the band begins: below, accelerance drowns in drift", "narrower bands", _JUDGEMENT)
+    record_beyond_mode: float = _of(1.2, "highest natural frequency of a structure's model",
+        "Above which a resonance of the records is none of the model's", "fewer bands are cut",
+        "stiffness off by 40 %, more than any tolerance, moves a mode so far")
+    record_prominence: float = _of(6.0, "dB", "Prominence of such a resonance", "fewer bands are cut",
+        "an isolated mode of 10 % damping has 14 dB, a response between antiresonances hardly any")
+    record_same_resonance: float = _of(0.03, "relative", "By which it may differ between records", "chance peaks are taken for one",
+        "drift moves frequencies by a percent at the most")
+    record_below_resonance: float = _of(1.1, "its frequency over the band's end", "Where the band ends below such a resonance",
+        "narrower bands", "residual modes hold what it does there")
     record_median_lines: int = _of(7, "lines", "Lines over whose median a response's power is compared with the noise",
         "narrow dips are kept", _STATISTICS)
     record_lost: float = _of(0.05, "1",
