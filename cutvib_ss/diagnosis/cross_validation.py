@@ -20,6 +20,7 @@ from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.prediction import Predicted, Prediction
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Entry, Group, Records, merged, session_of
+from cutvib_ss.diagnosis.residual_modes import residual_modes
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import Simulated, SimulatedProblem, problem_for, simulated
 from cutvib_ss.diagnosis.workers import Workers
@@ -238,7 +239,8 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
         wider = e.showing(e.data, e.variance + (SETTINGS.fit_start_error * np.abs(e.data)) ** 2)
         afar = partial(show, e=wider, here=None)
         hits = 0 if e.hits is None else len(e.hits)
-        chi2, drifts, density = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show, afar, hits)
+        modes = residual_modes(problem.nominal, [e.group], problem.band[1])
+        chi2, drifts, density = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show, afar, hits, modes)
         chi2 = chi2 * e.freq.size / np.maximum(told, 1)
         total = fitted.spread.sizes.noise * total
     # A prediction that is uncertain by itself pays for it.

@@ -12,6 +12,7 @@ import numpy as np
 from cutvib_ss.diagnosis.directions import Directions, Layout, Sizes, real_rows
 from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.likelihood import log_determinant, solved
+from cutvib_ss.diagnosis.residual_modes import ResidualMode
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -65,13 +66,17 @@ class Spread:
                     out[k] = size * self.offsets[at : at + count]
         return out
 
-    def of_record(self, name: tuple[float | str, ...], record: int, hits: int) -> Spread:
-        """The same for one record: in the columns that it shows, all others being left at their best."""
+    def of_record(
+        self, name: tuple[float | str, ...], record: int, hits: int, modes: Sequence[ResidualMode] = ()
+    ) -> Spread:
+        """The same for one record, which shows some residual modes: in its columns, all others being left at their best."""
         lay = self.layout
+        seen = {(m.input, m.channel) for m in lay.residual_modes}
         own = replace(
             lay,
             sessions=(name,) if lay.sessions else (),
             records=(record,) if lay.records else (),
+            residual_modes=(*lay.residual_modes, *(m for m in modes if (m.input, m.channel) not in seen)),
             hits=tuple((record, k) for k in range(hits)),
         )
         inferred = lay.first_hit - lay.first_nominal
@@ -119,15 +124,17 @@ class Spread:
         show: Show,
         afar: Show,
         hits: int = 0,
+        modes: Sequence[ResidualMode] = (),
     ) -> Left:
         """
         One record under the posterior predictive.
 
         The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. Where drift
         of the session or of the record is not known yet, a record may tell more of it, and of the unknowns, than is small: they
-        are taken where the record has them, by Gauss-Newton steps, and pay their prior. `afar` shows it with a widened noise.
+        are taken where the record has them, by Gauss-Newton steps, and pay their prior. `afar` shows it with a widened noise. Its
+        hits, and residual modes of an input that was not struck elsewhere, are known by their sizes only.
         """
-        own = self.of_record(name, record, hits)
+        own = self.of_record(name, record, hits, modes)
         columns = _drifts(own.layout, name, record, own.sizes)
         seen = (name in self.layout.sessions, record in self.layout.records)
         new = any(not seen[k] and size > SETTINGS.predictive_small_drift for k, _, size in columns)

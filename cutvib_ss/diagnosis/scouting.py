@@ -117,6 +117,9 @@ def tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:
         return True
     away = np.abs(none.x[: none.n_tuning]) > SETTINGS.fit_tuned_away
     strained = {path for (path, _), far in zip(tuning_paths(nominal), away, strict=True) if far}
+    if effect.measurement and any(path[0] == "scales" for path in strained):
+        # A gain is a mass and a stiffness that are off together.
+        return True
     moved = effect.moved_by(nominal, effect.apply(nominal)) if strained else {}
     return any(path in strained for carried in moved.values() for path, _ in carried)
 

@@ -147,3 +147,20 @@ def test_products_of_what_is_added_are_those_of_its_columns() -> None:
     left = np.concatenate([np.concatenate([r.real.ravel(), r.imag.ravel()]) for r in residuals])
     np.testing.assert_allclose(matrix, flat @ flat.T, rtol=1e-9, atol=1e-9 * np.abs(matrix).max())
     np.testing.assert_allclose(gradient, flat @ left, rtol=1e-7, atol=1e-9 * np.abs(gradient).max())
+
+
+def test_a_record_struck_elsewhere_knows_its_residual_modes_by_their_size_only() -> None:
+    nominal, records = truncated(3), measured(chain())
+    first, other = records.entries
+    other = replace(other, response=replace(other.response, inputs=("middle",)))
+    none = fit(nominal, Records((first,)), Hypothesis())
+    problem = Problem(nominal, Records((first,)).merged, Hypothesis())
+    modes = residual_modes(nominal, [other.group], problem.band[1])
+    own = none.spread.of_record(("",), 1, 0, modes)
+    assert len(own.layout.residual_modes) == 2 * len(problem.residual_modes)
+    new = own.layout.first_residual + len(problem.residual_modes) + np.arange(len(modes))
+    np.testing.assert_array_equal(own.precision[np.ix_(new, new)], np.eye(len(modes)))
+    assert np.all(own.offsets[new] == 0.0)
+    # Of one that was struck at the same place all is known that there is.
+    again = none.spread.of_record(("",), 1, 0, residual_modes(nominal, [first.group], problem.band[1]))
+    assert again.layout.residual_modes == none.spread.layout.residual_modes

@@ -461,10 +461,13 @@ def test_a_model_that_leaves_far_more_than_noise_is_no_answer_even_without_anoth
 def test_a_cause_that_leaves_a_larger_error_than_none_is_not_sure() -> None:
     none, mass = sized("none", 3e-5, 1e-3), sized("mass", 3e-5, 1e-3, MASS)
     bare = Leaves(records=tuple(SimpleNamespace(squares=s) for s in (1.0, 1.2, 0.9, 1.1)))
-    for sizes, kept in (((1.5, 1.6, 1.4, 1.5), SETTINGS.verdict_form), ((1.1, 1.1, 0.9, 1.1), 1.0), ((0.2,) * 4, 1.0)):
+    for sizes, kept in (((1.1, 1.1, 0.9, 1.1), 1.0), ((0.2,) * 4, 1.0), ((1.5, 1.6, 1.4, 1.5), SETTINGS.verdict_form)):
         left = Leaves(records=tuple(SimpleNamespace(squares=s) for s in sizes))
         odds = of_known_form([none, mass], {"none": 0.0, "mass": 1.0}, held(none=bare, mass=left))
         assert odds["mass"] == pytest.approx(kept)
+    # A model that leaves far more than noise is no better for a smaller error.
+    worse = held(none=replace(bare, reduced=9.0), mass=Leaves(records=left.records))
+    assert of_known_form([none, mass], {"none": 0.0, "mass": 1.0}, worse)["mass"] == 1.0
 
 
 @pytest.mark.parametrize(("predicted", "kept"), [(72.0, 0.6), (1.0, 0.93)])

@@ -15,6 +15,8 @@ from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 
 MACHINE = published_machine()
 NAMES = [path[-1] for path, _ in tuning_paths(MACHINE)]
@@ -42,6 +44,18 @@ def test_an_error_of_a_channel_is_tried_where_its_gain_is_tuned_far_away() -> No
     for channel, tried in (("tool_x", True), ("tool_z", False)):
         assert tuned_away(MACHINE, cast(Fit, fitted), CalibrationError("measurement", channel, 1.1)) is tried
     assert not tuned_away(MACHINE, cast(Fit, fitted), ToolContact("tool", 1e4, 1.0))
+
+
+def test_an_error_of_a_channel_is_tried_where_a_structures_matrix_is_tuned_far_away() -> None:
+    """A free beam whose accelerometer reads 10 % too much was no gap: a mass and a stiffness 6 % off, and 1 % of calibration."""
+    system = SecondOrder(np.eye(1), np.eye(1), 1e4 * np.eye(1), ("x",), {"x": np.ones(1)})
+    beam = Structure(system, {"acc": Channel("x", "acceleration")}, "x")
+    gain, spring = CalibrationError("measurement", "acc", 1.1), ToolContact("x", 10.0, 1.0)
+    for size, tried in ((-3.2, True), (2.9, False)):
+        x = np.array([size, *[0.0] * (len(tuning_paths(beam)) - 1)])
+        fitted: Any = SimpleNamespace(x=x, n_tuning=x.size, calibrated_away=frozenset())
+        assert tuned_away(beam, cast(Fit, fitted), gain) is tried
+        assert not tuned_away(beam, cast(Fit, fitted), spring)
 
 
 def test_channels_whose_gain_is_far_out_of_its_tolerance() -> None:
