@@ -173,10 +173,36 @@ def _between(omega: float, omegas: FloatArray, force: FloatArray) -> float:
 
 
 @numba.njit(cache=True)
+def _louder(
+    out: FloatArray,
+    x: FloatArray,
+    omega: float,
+    force: float,
+    path: float,
+    system: System,
+    elements: Packed,
+    tables: Tables,
+) -> None:
+    """The motion under a force close to that of the path; in proportion where there is none close by, beside a fold."""
+    trial, ratio = np.empty(x.size), force / path
+    for k in range(x.size):
+        out[k] = trial[k] = ratio * x[k]
+    if abs(ratio - 1.0) < 1e-12 or not newton(trial, omega, force, system, elements, tables):
+        return
+    far = 0.0
+    for k in range(x.size):
+        far += (trial[k] - out[k]) ** 2
+    if far <= _ARC_OF_MOTION**2 * _size(x) ** 2:
+        for k in range(x.size):
+            out[k] = trial[k]
+
+
+@numba.njit(cache=True)
 def sweep(
     start: FloatArray,
     omegas: FloatArray,
     force: FloatArray,
+    path: FloatArray,
     system: System,
     elements: Packed,
     tables: Tables,
@@ -184,6 +210,8 @@ def sweep(
 ) -> tuple[int, FloatArray]:
     """
     Steady motion along a sweep of frequency, the force given at its lines, from the motion at the first; lines found, and motions.
+
+    The curve is followed under a smooth force `path`, with which the motion starts, and left for each line's own.
 
     Pseudo-arclength continuation (Keller 1977) in the motion over its size and the frequency over ``reach``. Where the curve folds
     it runs back along the unstable branch to the next fold; a line counts when it is reached for the first time, so that the
@@ -194,7 +222,8 @@ def sweep(
     motions = np.zeros((lines, n))
     x, new, guess, trial = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     for k in range(n):
-        x[k] = motions[0, k] = start[k]
+        x[k] = start[k]
+    _louder(motions[0], start, omegas[0], force[0], path[0], system, elements, tables)
     omega, done, arc = omegas[0], 1, 0.1
     r, j, f, slopes = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((ports, n // ports, n // ports))
     turned, spare = np.zeros(n), np.zeros((n, n))
@@ -206,9 +235,9 @@ def sweep(
             break
         size = _ARC_OF_MOTION * _size(x)
         # The tangent: the kernel of (∂R/∂x, ∂R/∂ω), both scaled, on the side of the last one.
-        balance(x, omega, _between(omega, omegas, force), system, elements, tables, r, j, f, slopes)
+        balance(x, omega, _between(omega, omegas, path), system, elements, tables, r, j, f, slopes)
         ahead = omega * (1.0 + _TURN)
-        balance(x, ahead, _between(ahead, omegas, force), system, elements, tables, turned, spare, f, slopes)
+        balance(x, ahead, _between(ahead, omegas, path), system, elements, tables, turned, spare, f, slopes)
         for k in range(n):
             turned[k] = (turned[k] - r[k]) / (omega * _TURN) * (reach / size)
             right[k] = 0.0
@@ -225,7 +254,7 @@ def sweep(
             steps, found = 0, False
             while steps < _NEWTON and there > 0.0 and not found:
                 steps += 1
-                balance(new, there, _between(there, omegas, force), system, elements, tables, r, j, f, slopes)
+                balance(new, there, _between(there, omegas, path), system, elements, tables, r, j, f, slopes)
                 left = _size(r)
                 if not math.isfinite(left):
                     break
@@ -250,12 +279,12 @@ def sweep(
                 part = (omegas[reached] - omega) / (there - omega)
                 for k in range(n):
                     guess[k] = trial[k] = x[k] + part * (new[k] - x[k])
-                good = newton(trial, omegas[reached], force[reached], system, elements, tables)
+                good = newton(trial, omegas[reached], path[reached], system, elements, tables)
                 far = 0.0
                 for k in range(n):
                     far += (trial[k] - guess[k]) ** 2
-                    motions[reached, k] = trial[k]
                 good = good and far <= max(4.0 * allowed, arc * arc) * size * size
+                _louder(motions[reached], trial, omegas[reached], force[reached], path[reached], system, elements, tables)
                 reached += 1
             if good:
                 break

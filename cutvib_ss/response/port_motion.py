@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
+from scipy import ndimage
 
 from cutvib_ss.model.restoring_forces import RestoringForce, packed
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -23,6 +24,8 @@ Tables: TypeAlias = tuple[np.ndarray, FloatArray, FloatArray, FloatArray, FloatA
 
 _REACH = 5.0
 """Lines that an arc of the continuation may span."""
+_SMOOTHED = 2.0
+"""Lines over which the force is smoothed where a curve is followed."""
 _SHORTEST_RAMP = 1e-4
 """Shortest part of the force by which the first line's motion is ramped up."""
 _RAMP = tuple(np.geomspace(0.02, 1.0, 18).tolist())
@@ -64,15 +67,17 @@ class PortMotion:
 
     def sweep(self, omegas: FloatArray, force: FloatArray) -> FloatArray:
         """Motion along a sweep under a force line by line; fewer lines where the curve is lost, or a softening spring lets go."""
-        start = self._ramped(omegas[0], float(force[0]), by_law=False)
+        # What scatters from line to line has a corner at each, which no curve can be followed along.
+        path = ndimage.gaussian_filter1d(force, _SMOOTHED, mode="nearest")
+        start = self._ramped(omegas[0], float(path[0]), by_law=False)
         if start is None:
             # Growing out of rest it comes to a fold; what lies beyond is sought from the linear model.
-            start = self._ramped(omegas[0], float(force[0]), by_law=True)
+            start = self._ramped(omegas[0], float(path[0]), by_law=True)
         if start is None:
             return np.zeros((0, self.size))
         spacing = float(np.abs(np.diff(omegas)).mean()) if omegas.size > 1 else 1.0
         done, motions = self._compiled.sweep(
-            start, omegas, np.ascontiguousarray(force), self._system, self._laws, self._tables, _REACH * spacing
+            start, omegas, np.ascontiguousarray(force), path, self._system, self._laws, self._tables, _REACH * spacing
         )
         found = np.asarray(motions[:done])
         return found[: self._held(found)]
