@@ -44,6 +44,7 @@ class Fit:
     objective: float  # χ² with the priors' squares and the determinants: comparable between hypotheses
     log_evidence: float  # Logarithm of the Laplace evidence, up to a constant shared by all hypotheses on the same data
     stds: Mapping[str, float]  # Standard deviation of each effect's parameter, in order ``<index>.<name>``
+    stds_beside: Mapping[str, float]  # The same with errors of single parts of a structure as they are
     # Parameters of the effects that lie at an end of their range, ``<index>.<name>``, where other values lie beyond
     at_end: tuple[str, ...]
     correlation: float  # Number of residuals that tell the same thing; 1 where they are white
@@ -65,10 +66,14 @@ class Fit:
 
     @property
     def of_no_size(self) -> tuple[Effect, ...]:
-        """Effects of which the size's interval holds nothing: only an error of theirs, the discrepancy, may be what is seen."""
+        """
+        Effects of which the size's interval holds nothing: only an error of theirs, the discrepancy, may be what is seen.
+
+        What errors of single parts may take up in its place is for the evidence to weigh: they are taken as they are.
+        """
         out = []
         for k, e in enumerate(self.hypothesis.effects):
-            sizes = [(abs(size), self.stds.get(f"{k}.{name}", 0.0)) for name, size in e.by_size().items()]
+            sizes = [(abs(size), self.stds_beside.get(f"{k}.{name}", 0.0)) for name, size in e.by_size().items()]
             if sizes and all(size < SETTINGS.verdict_size * std for size, std in sizes):
                 out.append(e)
         return tuple(out)
@@ -230,6 +235,9 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
     size = np.sqrt(np.diag(own))
     unique = own / np.outer(size, size) + SETTINGS.likelihood_precision_floor * np.eye(size.size)
     covariance = linalg.inv(unique) / np.outer(size, size)
+    parts = [*problem.parts.matrices, *problem.parts.losses]
+    free = np.setdiff1d(np.arange(size.size), parts)
+    beside = np.diag(linalg.inv(unique[np.ix_(free, free)])) / size[free] ** 2 if parts else np.diag(covariance)
     offsets = np.zeros(own.shape[0])
     if own.shape[0] > problem.size:
         inner = slice(problem.size, None)
@@ -244,11 +252,12 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         reduced = search.at.chi2 * search.sizes.noise / search.count
         assert search.at.directions is not None
         correlation = search.at.directions.correlation(search.at.residuals, step * scale, reduced)
-    stds, of_priors = {}, 0.0
+    stds, stds_beside, of_priors = {}, {}, 0.0
     for i, (k, name, r) in enumerate(problem.parameters):
         j = problem.first_effect + i
         value, slope = from_unknown(float(x[j]), r)
         stds[f"{k}.{name}"] = std = abs(slope) * float(np.sqrt(covariance[j, j]))
+        stds_beside[f"{k}.{name}"] = abs(slope) * float(np.sqrt(beside[np.searchsorted(free, j)]))
         if r.scale in ("asinh", "ratio"):
             # Its prior is not even in the coordinate in which it was fitted.
             of_priors += float(np.log(max(abs(slope) * r.density(value, std), 1e-300)))
@@ -271,6 +280,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
         log_evidence=quadratic.summed(search.sizes, search.known) + of_priors,
         stds=stds,
+        stds_beside=stds_beside,
         at_end=at_end,
         correlation=correlation,
         gains=_gains(problem, x),

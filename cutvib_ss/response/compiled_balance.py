@@ -284,7 +284,9 @@ def sweep(
                 for k in range(n):
                     far += (trial[k] - guess[k]) ** 2
                 good = good and far <= max(4.0 * allowed, arc * arc) * size * size
-                _louder(motions[reached], trial, omegas[reached], force[reached], path[reached], system, elements, tables)
+                _louder(
+                    motions[reached], trial, omegas[reached], force[reached], path[reached], system, elements, tables
+                )
                 reached += 1
             if good:
                 break

@@ -175,6 +175,26 @@ def test_a_mass_stands_out_of_springs_that_differ() -> None:
     assert mass.spread.sizes.parts < none.spread.sizes.parts
 
 
+def test_the_size_of_a_cause_is_held_against_what_is_known_beside_errors_of_parts() -> None:
+    """A mass of 8 % on a floor whose tolerance is 2 % was nothing: errors of parts may take its place, which evidence weighs."""
+    nominal = chain_of()
+    found = fit(
+        nominal, measured(chain_of(2.02e4, 2.97e4, 2e4, tip=1.08), nominal, 3), Hypothesis((AddedMass("tip", 0.05),))
+    )
+    assert found.stds_beside["0.mass"] < 0.8 * found.stds["0.mass"]
+    (mass,) = found.hypothesis.effects
+    assert isinstance(mass, AddedMass)
+    between = (found.stds["0.mass"] + found.stds_beside["0.mass"]) / 2
+    hardly = replace(found, hypothesis=Hypothesis((replace(mass, mass=SETTINGS.verdict_size * between),)))
+    assert hardly.of_no_size == ()
+    assert replace(hardly, stds_beside=found.stds).of_no_size == hardly.hypothesis.effects
+    # Without parts the two are the same.
+    exact = replace(nominal, system=replace(nominal.system))
+    exact.system.__dict__["parts"] = ()
+    alone = fit(replace(exact, parts=()), measured(chain_of(), nominal, 3), Hypothesis((AddedMass("tip", 0.05),)))
+    assert alone.stds_beside == alone.stds
+
+
 def test_what_leads_beside_errors_of_parts_is_fitted_on_all_lines() -> None:
     nominal = chain_of()
     records = measured(chain_of(2.02e4, 2.97e4, 2e4, tip=1.15), nominal, 3)
