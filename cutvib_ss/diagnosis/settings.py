@@ -249,8 +249,6 @@ class Settings:
     simulation_force_offset: float = _of(0.1, "rms force",
         "Standard deviation of a constant force beside that of a continuous recording", "friction and clearance fit more",
         "weights, cables and amplifiers' zeros are some percent of what excites")
-    simulation_jump: float = _of(0.2, "1", "Step between lines, of the largest response, from which a sweep may have jumped",
-        "jumps are passed over", _JUDGEMENT)
     simulation_early_jump: float = _of(0.25, "1",
         "Part of the lines between two folds by which a sweep may jump before the one to which it goes",
         "less is learnt from where a sweep jumps", _JUDGEMENT)

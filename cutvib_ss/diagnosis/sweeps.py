@@ -67,9 +67,9 @@ def swept(model: Model, group: Group, row: int) -> SweptRecord:
     if sine.held is not None:
         return SweptRecord((made("up", "response"),), first)
     up = made("up")
-    size = np.abs(up.data[0])
-    if np.all(np.abs(np.diff(size, axis=1)) < SETTINGS.simulation_jump * size.max(axis=1, keepdims=True)):
+    if not up.folds:
         return SweptRecord((up,), first)
+    size = np.abs(up.data[0])
     both = (up, made("down"))
     left = [np.sum(np.abs(group.data[row] - b.data[0]) ** 2 / group.variance[row], axis=0) for b in both]
     apart = np.any(

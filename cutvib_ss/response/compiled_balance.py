@@ -173,28 +173,36 @@ def _between(omega: float, omegas: FloatArray, force: FloatArray) -> float:
 
 
 @numba.njit(cache=True)
-def _louder(
+def _at_line(
     out: FloatArray,
-    x: FloatArray,
+    guess: FloatArray,
     omega: float,
     force: float,
     path: float,
+    near: float,
     system: System,
     elements: Packed,
     tables: Tables,
-) -> None:
-    """The motion under a force close to that of the path; in proportion where there is none close by, beside a fold."""
-    trial, ratio = np.empty(x.size), force / path
-    for k in range(x.size):
-        out[k] = trial[k] = ratio * x[k]
-    if abs(ratio - 1.0) < 1e-12 or not newton(trial, omega, force, system, elements, tables):
-        return
-    far = 0.0
-    for k in range(x.size):
-        far += (trial[k] - out[k]) ** 2
-    if far <= _ARC_OF_MOTION**2 * _size(x) ** 2:
-        for k in range(x.size):
-            out[k] = trial[k]
+) -> bool:
+    """
+    The motion at a line, within a distance of what is expected of it under the path's force; whether there is one.
+
+    The line's own force is close to that. Where there is no motion under it close by, beside a fold, it is in proportion.
+    """
+    trial, ratio, far = guess.copy(), force / path, 0.0
+    if not newton(trial, omega, path, system, elements, tables):
+        return False
+    for k in range(guess.size):
+        far += (trial[k] - guess[k]) ** 2
+        out[k] = trial[k] = ratio * trial[k]
+    if abs(ratio - 1.0) > 1e-12 and newton(trial, omega, force, system, elements, tables):
+        aside = 0.0
+        for k in range(guess.size):
+            aside += (trial[k] - out[k]) ** 2
+        if aside <= (_ARC_OF_MOTION * _size(out)) ** 2:
+            for k in range(guess.size):
+                out[k] = trial[k]
+    return far <= near * near
 
 
 @numba.njit(cache=True)
@@ -207,9 +215,11 @@ def sweep(
     elements: Packed,
     tables: Tables,
     reach: float,
-) -> tuple[int, FloatArray]:
+) -> tuple[int, FloatArray, bool]:
     """
-    Steady motion along a sweep of frequency, the force given at its lines, from the motion at the first; lines found, and motions.
+    Steady motion along a sweep of frequency, the force given at its lines, from the motion at the first.
+
+    Lines found, motions, and whether the curve folds.
 
     The curve is followed under a smooth force `path`, with which the motion starts, and left for each line's own.
 
@@ -220,11 +230,11 @@ def sweep(
     lines, n, ports = omegas.size, start.size, elements.laws.size
     sign = 1.0 if lines < 2 or omegas[-1] > omegas[0] else -1.0
     motions = np.zeros((lines, n))
-    x, new, guess, trial = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    x, new, guess = np.zeros(n), np.zeros(n), np.zeros(n)
     for k in range(n):
         x[k] = start[k]
-    _louder(motions[0], start, omegas[0], force[0], path[0], system, elements, tables)
-    omega, done, arc = omegas[0], 1, 0.1
+    _at_line(motions[0], start, omegas[0], force[0], path[0], _ARC_OF_MOTION * _size(start), system, elements, tables)
+    omega, done, arc, folds = omegas[0], 1, 0.1, False
     r, j, f, slopes = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((ports, n // ports, n // ports))
     turned, spare = np.zeros(n), np.zeros((n, n))
     bordered, right = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
@@ -278,26 +288,31 @@ def sweep(
             while good and reached < lines and sign * (there - omegas[reached]) >= 0.0:
                 part = (omegas[reached] - omega) / (there - omega)
                 for k in range(n):
-                    guess[k] = trial[k] = x[k] + part * (new[k] - x[k])
-                good = newton(trial, omegas[reached], path[reached], system, elements, tables)
-                far = 0.0
-                for k in range(n):
-                    far += (trial[k] - guess[k]) ** 2
-                good = good and far <= max(4.0 * allowed, arc * arc) * size * size
-                _louder(
-                    motions[reached], trial, omegas[reached], force[reached], path[reached], system, elements, tables
+                    guess[k] = x[k] + part * (new[k] - x[k])
+                near = math.sqrt(max(4.0 * allowed, arc * arc)) * size
+                good = _at_line(
+                    motions[reached],
+                    guess,
+                    omegas[reached],
+                    force[reached],
+                    path[reached],
+                    near,
+                    system,
+                    elements,
+                    tables,
                 )
                 reached += 1
             if good:
                 break
             arc *= 0.5
             if arc < _SHORTEST:
-                return done, motions
+                return done, motions, folds
+        folds = folds or sign * (there - omega) < 0.0
         done, omega = reached, there
         for k in range(n):
             x[k] = new[k]
         arc = min(arc * (1.5 if steps <= 4 else 0.8), _LONGEST)
-    return done, motions
+    return done, motions, folds
 
 
 @numba.njit(cache=True)

@@ -169,16 +169,17 @@ class SineSweep:
         ]
 
     @cached_property
-    def _solved(self) -> list[tuple[FloatArray, ComplexArray, FloatArray]]:
-        """Motion of the ports, fundamentals of the laws' forces and the exciting force at each position, lines ascending."""
+    def _solved(self) -> list[tuple[FloatArray, ComplexArray, FloatArray, bool]]:
+        """Motion of the ports, fundamentals of the laws' forces and the exciting force, lines ascending, and folds, by position."""
         omegas, found = 2 * np.pi * self.freq, []
         for balance, h in zip(self._balances, self._receptances, strict=False):
+            folds = False
             if self.controlled == "response":
                 motions, force = balance.held(omegas, h[0, 0], h[0, 1:], self.amplitude)
                 missing = np.flatnonzero(np.isnan(force))
             else:
                 turn, force = 1 if self.direction == "up" else -1, self.amplitude
-                swept = balance.sweep(omegas[::turn], force[::turn])
+                swept, folds = balance.sweep(omegas[::turn], force[::turn])
                 missing = np.arange(omegas.size)[::turn][len(swept) :]
                 motions = np.ascontiguousarray(swept[::turn])
             if missing.size:
@@ -187,13 +188,13 @@ class SineSweep:
                     f"{', '.join(e.law for e in self.elements)} lets it run away, or the sweep is too coarse; "
                     "lower the amplitude or add lines"
                 )
-            found.append((motions, balance.fundamentals(omegas, motions), force))
+            found.append((motions, balance.fundamentals(omegas, motions), force, folds))
         return found
 
     @cached_property
     def _slopes(self) -> list[tuple[FloatArray, Mapping[tuple[int, str], FloatArray]]]:
         omegas = 2 * np.pi * self.freq
-        return [b.slopes(omegas, motions) for b, (motions, _, _) in zip(self._balances, self._solved, strict=True)]
+        return [b.slopes(omegas, motions) for b, (motions, *_) in zip(self._balances, self._solved, strict=True)]
 
     @cached_property
     def _receptances(self) -> ComplexArray:
@@ -216,9 +217,14 @@ class SineSweep:
         """The responses, shape (position, output, frequency)."""
         n, h = len(self.outputs), self._receptances
         out = h[:, :n, 0].copy()
-        for i, (_, forces, force) in enumerate(self._solved):
+        for i, (_, forces, force, _) in enumerate(self._solved):
             out[i] -= np.einsum("cjf,fj->cf", h[i, :n, 1:], forces) / force
         return out
+
+    @property
+    def folds(self) -> bool:
+        """Whether a curve that was followed folds: else there is one motion at each line, whatever the direction."""
+        return any(folds for *_, folds in self._solved)
 
     @property
     def response(self) -> FrequencyResponse:
@@ -240,7 +246,7 @@ class SineSweep:
         by_law = path[0] == "nonlinear"
         d = np.zeros(self._receptances.shape, dtype=np.complex128) if by_law else self._linear.derivative(path)
         out: ComplexArray = d[:, :n, 0].copy()
-        for i, ((_, laws, f), (by_motion, by_parameter)) in enumerate(zip(self._solved, self._slopes, strict=True)):
+        for i, ((_, laws, f, _), (by_motion, by_parameter)) in enumerate(zip(self._solved, self._slopes, strict=True)):
             h = self._receptances[i]
             own = _real(h[n:, 1:])
             pushed = f * d[i, n:, 0] - np.einsum("jif,fi->jf", d[i, n:, 1:], laws)

@@ -65,8 +65,12 @@ class PortMotion:
                 return None
         return x
 
-    def sweep(self, omegas: FloatArray, force: FloatArray) -> FloatArray:
-        """Motion along a sweep under a force line by line; fewer lines where the curve is lost, or a softening spring lets go."""
+    def sweep(self, omegas: FloatArray, force: FloatArray) -> tuple[FloatArray, bool]:
+        """
+        Motion along a sweep under a force line by line, and whether its curve folds.
+
+        Fewer lines where the curve is lost, or a softening spring lets go.
+        """
         # What scatters from line to line has a corner at each, which no curve can be followed along.
         path = ndimage.gaussian_filter1d(force, _SMOOTHED, mode="nearest")
         start = self._ramped(omegas[0], float(path[0]), by_law=False)
@@ -74,13 +78,13 @@ class PortMotion:
             # Growing out of rest it comes to a fold; what lies beyond is sought from the linear model.
             start = self._ramped(omegas[0], float(path[0]), by_law=True)
         if start is None:
-            return np.zeros((0, self.size))
+            return np.zeros((0, self.size)), False
         spacing = float(np.abs(np.diff(omegas)).mean()) if omegas.size > 1 else 1.0
-        done, motions = self._compiled.sweep(
+        done, motions, folds = self._compiled.sweep(
             start, omegas, np.ascontiguousarray(force), path, self._system, self._laws, self._tables, _REACH * spacing
         )
         found = np.asarray(motions[:done])
-        return found[: self._held(found)]
+        return found[: self._held(found)], bool(folds)
 
     def _held(self, motions: FloatArray) -> int:
         """Lines before the first whose motion passes the top of a softening spring's potential, beyond which nothing holds it."""
