@@ -159,6 +159,10 @@ def scouted_laws(
 ) -> list[tuple[Candidate, Fit]]:
     """The same for restoring forces, whose steps are expensive: each is scanned, and those that promise most take some."""
     scan = Scan(nominal, some(outlook), Hypothesis(), warm, motion, apart=True)
+    if scan.underneath is not None and scan.underneath.reduced > SETTINGS.search_small:
+        # On few lines the tuned model is not what it is on all: its tuning alone, without what stands beside it, leads astray.
+        warm = None
+        scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True)
     promising = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))[
         : SETTINGS.search_laws_looked_at
     ]
