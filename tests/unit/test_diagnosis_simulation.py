@@ -1,13 +1,16 @@
 """Causes that depend on the level: simulation through the estimator, its derivatives, forces that are guessed, second causes."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from cutvib_ss.diagnosis import scouting
 from cutvib_ss.diagnosis.cross_validation import judged, predicted
 from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.ranking import Ranked
@@ -17,6 +20,7 @@ from cutvib_ss.diagnosis.search import _by_their_names
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, _window, problem_for, simulated
 from cutvib_ss.diagnosis.unknowns import to_unknown
+from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.dry_friction import DryFriction
@@ -242,6 +246,37 @@ def test_a_faint_law_changes_the_response_in_proportion():
         assert changes[1] == pytest.approx(changes[0] / 4, rel=0.3)
         assert 0.0 < changes[0] <= 0.011 * scan.left.size
     assert scan.faint([Freeplay("joint2", 1e-5)]) == []
+
+
+def test_friction_is_promised_far_below_its_starts():
+    """Of a drive axis, friction of 1e-4 of its force was passed over: each of its starts is worse than none."""
+    seen = measured(records(20.0, 60.0), DryFriction("joint2", 1e-4).apply(MACHINE))
+    scan = Scan(MACHINE, seen, Hypothesis(), None, {"joint2": 1e-4}, apart=True)
+    starts = [DryFriction("joint2", r) for r in (0.03, 0.3)]
+    assert all(scan.as_it_stands(e).gain < 0 for e in starts)
+    best = scan.promise(starts)
+    assert best.gain > 0.5 * (scan.leaves - scan.left.size)
+    assert best.hypothesis.effects[0].torque == pytest.approx(1e-4, rel=0.5)
+
+
+@pytest.mark.parametrize(("left", "beside"), [(0.5, True), (12.7, False)])
+def test_restoring_forces_are_looked_for_beside_a_tuning_that_holds_on_few_lines(monkeypatch, left, beside):
+    given = []
+
+    class Seen(Scan):
+        def __init__(self, nominal, records, hypothesis, x, motion, apart):
+            super().__init__(nominal, records, hypothesis, None, motion, apart)
+            given.append(x)
+            self.underneath = None if x is None else SimpleNamespace(reduced=left)
+
+    monkeypatch.setattr(scouting, "Scan", Seen)
+    seen = measured(records(20.0, 60.0), CubicStiffness("joint2", 4e9).apply(MACHINE))
+    warm = np.zeros(problem_for(MACHINE, seen, Hypothesis()).size)
+    found = [Candidate("cubic_stiffness joint2", (CubicStiffness("joint2", 4e9),))]
+    with Workers(1, None) as workers:
+        ((_, best),) = scouting.scouted_laws(MACHINE, seen, found, {"joint2": 1e-4}, warm, workers)
+    assert [x is not None for x in given] == ([True] if beside else [True, False])
+    assert best.reduced < 1.5
 
 
 @pytest.mark.parametrize("assumed", [True, False])
