@@ -12,7 +12,7 @@ import numpy as np
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.records import Records, site
+from cutvib_ss.diagnosis.records import Entry, Records, measured_at
 from cutvib_ss.diagnosis.scan import Scanned
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
@@ -100,16 +100,16 @@ def cost(fitted: Fit) -> float:
 
 
 def some(outlook: Records) -> Records:
-    """Every other of many records, like the black squares of a board of positions and levels."""
-    if len(outlook.entries) <= SETTINGS.scan_records:
-        return outlook
-    sites = list(dict.fromkeys(site(e) for e in outlook.entries))
-    kept, seen = [], dict.fromkeys(sites, 0)
-    for e in sorted(outlook.entries, key=lambda e: e.level or 0.0):
-        if (sites.index(site(e)) + seen[site(e)]) % 2 == 0:
-            kept.append(e)
-        seen[site(e)] += 1
-    return replace(outlook, entries=tuple(kept))
+    """One record of each position and level, and every other of many, like the black squares of a board of the two."""
+    of_place: dict[tuple[float | None, str], list[Entry]] = {}
+    for e in sorted(outlook.entries, key=lambda e: e.driven or 0.0):
+        same = of_place.setdefault(measured_at(e), [])
+        # Another session at a level tells of drift only.
+        if not same or e.driven is None or e.driven > SETTINGS.level_apart * (same[-1].driven or 0.0):
+            same.append(e)
+    squares = [(i + k, e) for i, same in enumerate(of_place.values()) for k, e in enumerate(same)]
+    alternate = len(squares) > SETTINGS.scan_records
+    return replace(outlook, entries=tuple(e for k, e in squares if not alternate or k % 2 == 0))
 
 
 def ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:

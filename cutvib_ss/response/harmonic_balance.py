@@ -7,12 +7,12 @@ n(q, q̇), whose harmonics N_k are taken over the samples of a period, so that
 
     Q_k = δ_k1 H(ω) f - A(kω) N_k(Q),   X = H_x(ω) f - A_x(ω) N_1
 
-with H and A the receptances from the input and between the ports, and X the channels' fundamental, which an analyser divides by the
-force. The motion is followed along the sweep by pseudo-arclength, over folds to where the branch goes on: the jumps of a slow
-sweep (`cutvib_ss.response.compiled_balance`). It is followed under the force smoothed over a few lines, since a measured one scatters
-from line to line, and left at each line for that line's own. Where a controller holds the response of a channel instead, the force f is one
-more unknown and |X| = A one more equation, line by line: nothing folds there. Elements at ports condense everything else; more
-modes cost little.
+with H and A the receptances from the input and between the ports, and X the channels' fundamental, which an analyser divides by
+the force. The motion is followed along the sweep by pseudo-arclength, over folds to where the branch goes on: the jumps of a
+slow sweep (`cutvib_ss.response.compiled_balance`). It is followed under the force smoothed over a few lines, since a measured
+one scatters from line to line, and left at each line for that line's own. Where a controller holds the response of a channel
+instead, the force f is one more unknown and |X| = A one more equation, line by line: nothing folds there. Elements at ports
+condense everything else; more modes cost little.
 """
 
 from __future__ import annotations

@@ -108,6 +108,16 @@ def test_records_of_all_levels_are_scanned() -> None:
     assert len({e.position for e in kept.entries}) == 4
 
 
+def test_a_level_that_was_measured_again_is_scanned_once() -> None:
+    apart = records({10.0: 0.0, 100.0: 0.05}).entries
+    again = tuple(replace(e, record=4 + e.record, level=1.3 * (e.level or 0.0), session="b") for e in apart)
+    place = {e.position for e in apart}
+    assert len(some(Records(apart + again)).entries) == 2 * len(place)
+    # What tells no level may have been driven by any.
+    untold = tuple(replace(e, level=None) for e in apart[:1]) * 3
+    assert len(some(Records(untold)).entries) == 3
+
+
 def test_a_level_for_each_session_is_confounded() -> None:
     apart = records({10.0: 0.0, 100.0: 0.05})
     assert not confounded(apart)
