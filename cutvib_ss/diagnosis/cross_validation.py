@@ -165,8 +165,7 @@ def predicted(
     """What a model predicts of a record."""
     group = e.group
     # What depends on the level, or leaks, is simulated with the record's own force.
-    leaks = e.replay is not None and e.replay.block > 0
-    simulate = leaks or (bool(model.nonlinear) and (e.replay is not None or e.sine is not None))
+    simulate = e.leaks or (bool(model.nonlinear) and (e.replay is not None or e.sine is not None))
     error: ComplexArray = np.ones(e.data.shape, dtype=np.complex128)
     if problem is not None and x is not None:
         error = problem.calibration_of(e.channels, e.freq, x)

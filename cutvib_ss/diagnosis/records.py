@@ -109,6 +109,11 @@ class Entry:
         return float(np.sqrt(np.mean([np.mean(f**2) for f in self.replay.forces]))) or None
 
     @property
+    def leaks(self) -> bool:
+        """Whether its blocks leak, or its force outlasts the blow: only a replayed simulation shows what it shows."""
+        return self.replay is not None and (self.replay.block > 0 or self.replay.lasting)
+
+    @property
     def precision(self) -> FloatArray:
         """What each datum tells: one over its variance, nothing where it is lost."""
         told: FloatArray = 1.0 / self.variance
@@ -226,10 +231,8 @@ class Records:
 
     @property
     def leaking(self) -> bool:
-        """Whether blocks leak, or a force outlasts its blow: only a replayed simulation shows what such records show."""
-        return not self.rough and any(
-            e.replay is not None and (e.replay.block or e.replay.lasting) for e in self.entries
-        )
+        """Whether there are records that only a replayed simulation shows."""
+        return not self.rough and any(e.leaks for e in self.entries)
 
     @cached_property
     def scatter(self) -> float:
