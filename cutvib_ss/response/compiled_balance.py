@@ -184,11 +184,8 @@ def _at_line(
     elements: Packed,
     tables: Tables,
 ) -> bool:
-    """
-    The motion at a line, within a distance of what is expected of it under the path's force; whether there is one.
-
-    The line's own force is close to that. Where there is no motion under it close by, beside a fold, it is in proportion.
-    """
+    """The motion at a line, within a distance of what is expected of it under the path's force; whether there is one."""
+    # The line's own force is close to that. Where there is no motion under it close by, beside a fold, it is in proportion.
     trial, ratio, far = guess.copy(), force / path, 0.0
     if not newton(trial, omega, path, system, elements, tables):
         return False
