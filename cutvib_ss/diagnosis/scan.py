@@ -114,9 +114,8 @@ class Scan:
             gain, best = max(((g, h) for h, _, g in self._of_starts(starts)), key=lambda row: row[0])
             return Scanned(gain, best)
         tried = [self.as_it_stands(e) for e in starts]
-        # Of several parameters that scale together, with or without a shape of their own, the first shape stands for all.
-        shapes = _shapes(starts)
-        tried += map(self._in_proportion, shapes if len(starts[0].strength) == 1 else shapes[:1])
+        # Where several parameters scale together, as those of friction do, the first start's shape stands for all.
+        tried += map(self._in_proportion, _shapes(starts) if len(starts[0].strength) == 1 else starts[:1])
         return max(tried, key=lambda s: s.gain)
 
     def each(self, starts: Sequence[Effect]) -> list[tuple[float, float]]:

@@ -252,8 +252,9 @@ def test_friction_is_promised_far_below_its_starts():
     """Of a drive axis, friction of 1e-4 of its force was passed over: each of its starts is worse than none."""
     seen = measured(records(20.0, 60.0), DryFriction("joint2", 1e-4).apply(MACHINE))
     scan = Scan(MACHINE, seen, Hypothesis(), None, {"joint2": 1e-4}, apart=True)
-    starts = [DryFriction("joint2", r) for r in (0.03, 0.3)]
-    assert all(scan.as_it_stands(e).gain < 0 for e in starts)
+    # One that hardly sticks does nothing, however strong.
+    starts = [*(DryFriction("joint2", r) for r in (0.03, 0.3)), DryFriction("joint2", 0.01, 30.0)]
+    assert all(scan.as_it_stands(e).gain < 0 for e in starts[:2])
     best = scan.promise(starts)
     assert best.gain > 0.5 * (scan.leaves - scan.left.size)
     assert best.hypothesis.effects[0].torque == pytest.approx(1e-4, rel=0.5)
