@@ -192,7 +192,7 @@ def size_rows(d: Diagnosis) -> list[Row]:
         words = (
             "flexibility of modes that the model leaves out, of what the ports' masses give way at their frequencies"
         )
-        rows.append(("residual flexibility", f"{100 * value:.2g} %" + (" or less" if value <= 1e-4 else ""), words))
+        rows.append(("residual flexibility", f"{100 * value:.3g} %" + (" or less" if value <= 1e-4 else ""), words))
     return rows
 
 

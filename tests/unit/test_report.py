@@ -193,6 +193,10 @@ def test_no_gap_and_unknown_are_said_plainly() -> None:
     none = _read(report_html(example_diagnosis("no_gap", lines=60, records=1))).text[0]
     assert "Model and machine agree" in none
     assert "Nowhere does the re-tuned nominal model's error stand out of noise and repeatability." in none
+    base = example_diagnosis("no_gap", lines=20, records=1)
+    for flexibility, others in ((0.3, "noise, drift and modes that the model leaves out"), (1e-4, "noise and drift")):
+        loud = replace(base, gap=replace(base.gap, tuned=0.05), sizes={**base.sizes, "flexibility": flexibility})
+        assert f"does not stand out of {others} (" in verdict_sentence(loud)
     unknown = verdict_sentence(example_diagnosis("unknown", lines=20, records=1))
     assert "no cause of the catalogue explains" in unknown
     assert "the supports under the rail's ends give" in unknown
