@@ -173,8 +173,7 @@ def _below_modes_beyond(
     campaign: Campaign, nominal: Model, observed: Observations, linear: Linear
 ) -> Observations | None:
     """The responses below a resonance that the model lacks and no linear cause explains; None where there is none."""
-    best = max((r for r in linear.ranked if r.refined), key=lambda r: r.fit.log_evidence, default=linear.none)
-    if observed.beyond is None or nominal.highest_mode is None or best.reduced <= SETTINGS.verdict_misfit:
+    if observed.beyond is None or nominal.highest_mode is None or linear.best.reduced <= SETTINGS.verdict_misfit:
         return None
     end = observed.beyond / SETTINGS.record_below_resonance
     if observed.band[1] <= end:

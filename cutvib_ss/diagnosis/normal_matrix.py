@@ -1,7 +1,7 @@
 """
 Normal matrix of the directions: products are summed over rows and channels line by line first, and over the lines then.
 
-Every column is an atom, which is a row of the Jacobian, the prediction in one channel or what a mode left out or a hit adds, times
+Every column is an atom, which is a row of the Jacobian, the prediction in one channel or what a residual mode or a hit adds, times
 a real function of frequency, one or smooth, or i times that. Few atoms make many columns, so none of these is written down: with
 the atoms' products at each line T(f) = Σ conj(a) b and S = Σ_f g h T,
 
@@ -32,9 +32,7 @@ class Alike:
     residual: ComplexArray  # Shape (row, channel, line)
     cause: ComplexArray | None  # Derivative to the cause's size
     plain: ComplexArray  # The prediction
-    added: Sequence[
-        Sequence[ComplexArray]
-    ]  # What modes left out, and hits, add to each row, shape (channel, line) each
+    added: Sequence[Sequence[ComplexArray]]  # By residual modes and hits to each row, shape (channel, line) each
     calibration: FloatArray  # Shapes of a calibration error in their size, shape (shape, line)
     smooth: FloatArray  # Shapes of a nominal element's discrepancy
     of_cause: FloatArray  # Those of the cause's, shape (row, shape, line), or one row for all

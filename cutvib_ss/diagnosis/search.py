@@ -52,6 +52,11 @@ class Linear(NamedTuple):
     alone: Mapping[str, Effect]  # Values of those that were fitted on few lines
     leads: float  # Part of the tuned model's excess that the best of them takes away there
 
+    @property
+    def best(self) -> Ranked:
+        """The best cause fitted on all lines; without one, the tuned model."""
+        return _best(self.ranked, self.none)
+
 
 def search_linear(nominal: Model, records: Records, observed: Observations, workers: Workers) -> Linear:
     """Tune the nominal model, and fit the linear causes that promise most."""

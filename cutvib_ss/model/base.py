@@ -212,11 +212,6 @@ class BaseModel(Displayed, ABC):
         -------
         float
             1/kg, one over the mass that a force there moves at once; kg where the input is a shaker's acceleration.
-
-        Raises
-        ------
-        NotImplementedError
-            If the model leaves out no modes (`highest_mode`).
         """
         raise NotImplementedError
 

@@ -12,6 +12,7 @@ from cutvib_ss.report.wording import (
     figure,
     inspection_text,
     known_floor,
+    leaves_out_modes,
     next_test_sentence,
     place_name,
     repeatability_in_gap,
@@ -192,7 +193,9 @@ def size_rows(d: Diagnosis) -> list[Row]:
         words = (
             "flexibility of modes that the model leaves out, of what the ports' masses give way at their frequencies"
         )
-        rows.append(("residual flexibility", f"{100 * value:.3g} %" + (" or less" if value <= 1e-4 else ""), words))
+        rows.append(
+            ("residual flexibility", f"{100 * value:.3g} %" + ("" if leaves_out_modes(d) else " or less"), words)
+        )
     return rows
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cutvib_ss.diagnosis.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import identifying_names
 from cutvib_ss.effects.catalogue import EFFECTS, is_alias
 from cutvib_ss.units import STANDARD_GRAVITY
@@ -126,6 +127,11 @@ def _named(effect: str, parameters: Mapping[str, FittedParameter] | None) -> str
     return {"": "one channel" if "channel" in names else "one value", "all": "every channel"}.get(named, named)
 
 
+def leaves_out_modes(diagnosis: Diagnosis) -> bool:
+    """Whether modes that the model leaves out show: their size is more than the least of its prior."""
+    return diagnosis.sizes.get("flexibility", 0.0) > SETTINGS.sizes["flexibility"][0][0]
+
+
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """
     The whole answer in one plain sentence.
@@ -145,9 +151,9 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     name = cause_name(best.effect, best.place, best.parameters)
     if diagnosis.verdict == "no_gap":
         noisy = gap.tuned <= 1.1 * gap.noise_floor
-        # Of 1 % of what the ports' masses give way and less nothing is seen.
-        above = diagnosis.sizes.get("flexibility", 0.0) > 0.01
-        others = "noise, drift and modes that the model leaves out" if above else "noise and drift"
+        others = (
+            "noise, drift and modes that the model leaves out" if leaves_out_modes(diagnosis) else "noise and drift"
+        )
         return (
             "Model and machine agree: once the model's values are tuned within their tolerances, the error on records kept "
             f"out of the fit {'is noise' if noisy else f'does not stand out of {others}'} "

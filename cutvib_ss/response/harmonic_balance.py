@@ -171,7 +171,7 @@ class SineSweep:
 
     @cached_property
     def _solved(self) -> list[tuple[FloatArray, ComplexArray, FloatArray, bool]]:
-        """Motion of the ports, fundamentals of the laws' forces and the exciting force, lines ascending, and folds, by position."""
+        """By position the ports' motion, fundamentals of the restoring forces, the exciting force, and whether the curve folds."""
         omegas, found = 2 * np.pi * self.freq, []
         for balance, h in zip(self._balances, self._receptances, strict=False):
             folds = False
