@@ -241,7 +241,7 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
         modes = residual_modes(problem.nominal, [e.group], problem.band[1])
         chi2, drifts, density = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show, afar, hits, modes)
         chi2 = chi2 * e.freq.size / np.maximum(told, 1)
-        total = fitted.spread.sizes.noise * total
+        total = fitted.spread.noise * total
     # A prediction that is uncertain by itself pays for it.
     density -= float(np.sum(np.log1p(shown.variance / e.variance)))
     return Judged(e, shown.data, chi2, float(total.mean() + drifts), density)

@@ -26,7 +26,7 @@ class HeldOut:
     def against_stated(self) -> float:
         """The same against the noise as stated, where it was seen to scatter."""
         known = all(j.entry.estimator.scatter_seen for j in self.records)
-        return self.reduced * (max(self.ranked.fit.spread.sizes.noise, 1.0) if known else 1.0)
+        return self.reduced * (self.ranked.fit.spread.noise if known else 1.0)
 
     @property
     def log_density(self) -> float:

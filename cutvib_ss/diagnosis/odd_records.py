@@ -82,6 +82,6 @@ def _left(nominal: Model, records: Records, fitted: Fit) -> Callable[[Entry], fl
     def left(e: Entry) -> float:
         shown = cross_validation.predicted(e, fitted.model, blow_at, problem, fitted.x)
         # Of its worst channel: a cable is loose in one.
-        return float(np.max(cross_validation.judged(e, shown, problem, fitted).chi2)) * fitted.spread.sizes.noise
+        return float(np.max(cross_validation.judged(e, shown, problem, fitted).chi2)) * fitted.spread.noise
 
     return left

@@ -45,6 +45,13 @@ class Spread:
     precision: FloatArray  # Posterior precision of all columns
 
     @property
+    def noise(self) -> float:
+        """Factor on the noise of records that were not fitted: no less than one."""
+        # What a restoring force does to a response has been seen as scatter of the records that it explains. At another level there
+        # is more of it or less, and the noise stated of those records is not too large by as much.
+        return max(self.sizes.noise, 1.0)
+
+    @property
     def at_largest(self) -> bool:
         """Whether the discrepancies of the nominal model and of a cause are both the largest of their priors."""
         return bool(self.layout.nominal and self.layout.pivots) and self.largest("nominal") and self.largest("cause")
@@ -189,7 +196,7 @@ class _Seeing:
     def at(self, moved: FloatArray) -> _Seen:
         """The record from there."""
         own, lay = self.own, self.own.layout
-        scale, noise = lay.scale(own.sizes), own.sizes.noise
+        scale, noise = lay.scale(own.sizes), own.noise
         weight, tuned = weights(self.problem)[0], np.array(lay.drifting, dtype=int)
         there, mean = self.x + (scale * moved)[: lay.unknowns], own.offsets.copy()
         for at, size in self.drifts:
@@ -233,7 +240,7 @@ class _Seeing:
     def judged(self, seen: _Seen) -> Left:
         """What is left of each channel by itself, and of all together."""
         own, lay = self.own, self.own.layout
-        mean, noise, scale = own.offsets.copy(), own.sizes.noise, lay.scale(own.sizes)
+        mean, noise, scale = own.offsets.copy(), own.noise, lay.scale(own.sizes)
         for at, _ in self.drifts:
             mean[at] = 0.0
         known, back = float(seen.moved @ own.precision @ seen.moved), own.precision @ seen.moved

@@ -109,9 +109,14 @@ class Entry:
         return float(np.sqrt(np.mean([np.mean(f**2) for f in self.replay.forces]))) or None
 
     @property
+    def continuous(self) -> bool:
+        """Whether it goes on for many blocks: what a restoring force does to them differs, and scatters."""
+        return self.replay is not None and self.replay.block > 0
+
+    @property
     def leaks(self) -> bool:
         """Whether its blocks leak, or its force outlasts the blow: only a replayed simulation shows what it shows."""
-        return self.replay is not None and (self.replay.block > 0 or self.replay.lasting)
+        return self.continuous or (self.replay is not None and self.replay.lasting)
 
     @property
     def precision(self) -> FloatArray:

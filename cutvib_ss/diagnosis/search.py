@@ -128,10 +128,13 @@ def search(
     compared = levels_compared(records, none.fit.model)
     likely = _gap(ranked, none) and (by_level or not compared or not _enough(ranked, none, leaves))
     forces = None if outlook is None else _restoring_forces(nominal, none, outlook, small, compared and not by_level)
-    tried = forces if likely or ordered else None
+    # Or the scatter of many blocks does, where no other level tells: what a restoring force does to them has passed for noise.
+    hidden = not (likely or ordered or compared) and any(e.continuous for e in records.entries)
+    tried = forces if likely or ordered or hidden else None
     if tried is not None:
         # What is still to be followed reaches as much at the least.
-        ranked = _with(nominal, records, tried, ranked, _best([*ranked, *unfollowed], none), workers)
+        reached = _best([*ranked, *unfollowed], none)
+        ranked = _with(nominal, records, tried, ranked, reached, workers, leading=hidden)
     if later:
         ranked += _moving(nominal, records, _best(ranked, none), unfollowed, workers)
     if not _gap(ranked, none):
@@ -199,11 +202,14 @@ def _with(
     ranked: Sequence[Ranked],
     best: Ranked,
     workers: Workers,
+    leading: bool = False,
 ) -> list[Ranked]:
-    """Causes, and restoring forces that come close to the best of them."""
+    """Causes, and restoring forces that come close to the best of them, or lead it already on few records."""
     workers.say(f"fitting {len(forces.candidates)} causes that depend on the level")
     rough = scouted_laws(nominal, forces.outlook, forces.candidates, forces.motion, forces.warm, workers)
     rival = _rival(nominal, forces.outlook, best)
+    if leading:
+        rough = [(c, f) for c, f in rough if cost(f) < rival[0]]
     new = on_all_lines(nominal, records, rough, 2, rival, workers, SETTINGS.search_laws_refined)
     return _by_their_names(nominal, records, [*ranked, *new])
 
@@ -362,7 +368,7 @@ def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], f
     left = best.reduced
     if not best.fit.hypothesis.linear and (held_out := leaves(best)) > SETTINGS.verdict_misfit:
         # What a restoring force takes from the levels that it was fitted to may fail at others.
-        left = held_out * best.fit.spread.sizes.noise
+        left = held_out * best.fit.spread.noise
     return left < SETTINGS.search_left + SETTINGS.search_left_of_gap * max(none.reduced - 1.0, 0.0)
 
 
