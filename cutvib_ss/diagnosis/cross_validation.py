@@ -36,6 +36,11 @@ class Fold:
     fitted: tuple[Entry, ...]  # Records to fit on, and records to judge on
     judged: tuple[Entry, ...]
 
+    @property
+    def held_out(self) -> bool:
+        """Whether what is judged was not fitted: a single record is judged on itself, for want of another."""
+        return self.fitted is not self.judged
+
 
 @dataclass(frozen=True)
 class Judged:

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from cutvib_ss.diagnosis import answer, cross_validation, where
 from cutvib_ss.diagnosis.answer import Shown
+from cutvib_ss.diagnosis.blocks import with_blocks
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.compared_responses import compared_responses
 from cutvib_ss.diagnosis.detail import found
@@ -147,7 +148,9 @@ def _searched(
 
     def judged(r: Ranked) -> HeldOut:
         if r.name not in judgements:
-            judgements[r.name] = HeldOut(r, cross_validation.judge(nominal, folds, r.fit, workers))
+            judgements[r.name] = HeldOut(
+                r, cross_validation.judge(nominal, folds, r.fit, workers), all(f.held_out for f in folds)
+            )
         return judgements[r.name]
 
     beside: list[tuple[Fit, Sequence[Sequence[SmallSize]]]] = []
@@ -165,7 +168,7 @@ def _searched(
 
 def _observed(campaign: Campaign, nominal: Model, highest: float = math.inf) -> Observations:
     """The campaign's responses, with what drifts within a record."""
-    observed = observe(campaign, nominal, highest)
+    observed = with_blocks(nominal, observe(campaign, nominal, highest))
     return replace(observed, entries=with_lasting(nominal, observed.entries))
 
 

@@ -16,6 +16,7 @@ class HeldOut:
 
     ranked: Ranked
     records: tuple[Judged, ...]
+    unseen: bool = True  # Whether the records were held out; else they were fitted too, for want of others
 
     @property
     def reduced(self) -> float:
@@ -24,8 +25,9 @@ class HeldOut:
 
     @property
     def against_stated(self) -> float:
-        """The same against the noise as stated, where it was seen to scatter."""
-        known = all(j.entry.estimator.scatter_seen for j in self.records)
+        """The same against the noise as stated, where its histories were seen to scatter."""
+        # What repeats alike in every blow, as a converter's steps do, no coherence tells.
+        known = all(j.entry.estimator.scatter_seen and j.entry.estimator.kind for j in self.records)
         return self.reduced * (self.ranked.fit.spread.noise if known else 1.0)
 
     @property

@@ -66,17 +66,21 @@ class _HeldOutRules:
             self.without_what_is_only_its_error(r)
         if causes and r.fit.tolerated:
             self.within_tolerance(r)
-        if self.bare and (known or kind_of(r.fit.hypothesis) == UNKNOWN):
-            self.by_both_leads(r, self.bare)
-        if kind_of(r.fit.hypothesis) == UNKNOWN:
-            self.with_what_predicts_more(r)
-        elif kind_of(r.fit.hypothesis) == "known":
-            self.with_another_that_predicts_more(r)
+        # What was fitted to a record predicts nothing of it.
+        if held(r).unseen:
+            if self.bare and (known or kind_of(r.fit.hypothesis) == UNKNOWN):
+                self.by_both_leads(r, self.bare)
+            if kind_of(r.fit.hypothesis) == UNKNOWN:
+                self.with_what_predicts_more(r)
+            elif kind_of(r.fit.hypothesis) == "known":
+                self.with_another_that_predicts_more(r)
         parts = [(c,) for c in causes if c[0] != UNKNOWN]
         first = best(x for x in self.fitted if x.fit.hypothesis.causes in parts) if len(causes) > 1 else None
         if first is None:
             return
-        if not known and _of_one_part(r.fit.hypothesis):
+        if not held(r).unseen:
+            self.of_one_record(r, first)
+        elif not known and _of_one_part(r.fit.hypothesis):
             self.of_one_place(r, first)
         elif held(r).log_density >= held(first).log_density:
             if known and self.is_doubtful(r):
@@ -195,14 +199,26 @@ class _HeldOutRules:
                 give(self.odds, unknown, both)
 
     def of_one_place(self, both: Ranked, first: Ranked) -> None:
-        """Pass on the probability of a known cause beside something unknown at its place: there is one part, of another form."""
+        """Pass on most of the probability of a known cause beside something unknown at its place: there is one, of another form."""
         place = both.fit.hypothesis.causes[-1:]
         unknown = best(x for x in self.fitted if x.fit.hypothesis.causes == place)
         if unknown is None:
             return
-        # The kind is known where the cause alone closes most of the excess. It keeps what such an answer keeps if it leaves far
-        # more than noise (`of_known_form`).
-        give(self.odds, both, first if is_there(first, both) and self.closed(first, both) > 0.5 else unknown)
+        if not is_there(first, both) or self.closed(first, both) <= 0.5:
+            give(self.odds, both, unknown)
+            return
+        # The kind is known where the cause alone closes most of the excess, but not its form: what the element beside it adds shows
+        # that. A cause that leaves far more than noise loses as much later (`of_known_form`).
+        give(self.odds, both, first, 1.0 if of_another_form(first, self.held) else SETTINGS.verdict_form)
+
+    def of_one_record(self, both: Ranked, first: Ranked) -> None:
+        """Pass on the probability of two parts of which no record was held out: nothing shows that they predict."""
+        if self.is_enough(first, both):
+            give(self.odds, both, first)
+            return
+        parts = [(c,) for c in both.fit.hypothesis.causes]
+        alone = best(x for x in self.fitted if x.fit.hypothesis.causes in parts)
+        give(self.odds, both, alone or first, 1.0 - SETTINGS.verdict_form)
 
     def is_enough(self, first: Ranked, both: Ranked) -> bool:
         """Whether the first of two causes alone closes all but a few percent of the excess."""

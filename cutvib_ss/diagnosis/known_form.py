@@ -89,4 +89,7 @@ def _leaves_more(cause: HeldOut, bare: HeldOut) -> bool:
         # Of the larger error the cause knows, by its drift and residual modes; of its own the re-tuned model does not.
         return False
     more = np.array([j.squares - other.squares for j, other in zip(cause.records, bare.records, strict=True)])
+    if not cause.unseen:
+        # Of a record that it was fitted to a cause leaves less.
+        return bool(more.mean() > 0.0)
     return bool(more.mean() > np.std(more, ddof=1) / np.sqrt(more.size)) if more.size > 1 else False

@@ -37,7 +37,7 @@ SPOILT = "left out for the steps of the converter"
 """What the warning on lines that a converter has spoilt says."""
 ADVICE = {
     "impact": "measure longer, with a harder tip, or with more blows",
-    "timeseries": "record longer, or with a stronger excitation",
+    "timeseries": "state a longer `block` (lines are 1/block apart), a wider `band_hz`, or record longer, with more excitation",
     "random": "record longer, or with a stronger excitation",
     "multisine": "excite more lines, or repeat more periods",
     "sine": "sweep more lines around the resonance, with a longer dwell",
@@ -88,8 +88,10 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
         keep = (e.freq >= low) & (e.freq <= high) & (e.freq > 0.0)
         if np.count_nonzero(keep) < SETTINGS.record_fewest_lines:
             raise DiagnosisError(
-                f"record {record.name}: only {np.count_nonzero(keep)} lines lie in its band of {low:.4g} to {high:.4g} Hz; "
-                + ("widen band_hz" if record.band_hz else ADVICE[_kind(record)])
+                f"record {record.name}: only {np.count_nonzero(keep)} lines lie in its band of {low:.4g} to {high:.4g} Hz, "
+                f"{SETTINGS.record_fewest_lines} are needed; "
+                + ("widen `band_hz`, or " if record.band_hz else "")
+                + ADVICE[_kind(record)]
             )
         e = _by_blows(thinned(_without_lost(e, record), keep), record)
         cut.append(replace(e, replay=None if e.replay is None else e.replay.slower()))
@@ -164,7 +166,10 @@ def _entry(index: int, record: Record, response: MeasuredFrequencyResponse, begi
         least = (SETTINGS.record_least_noise * np.abs(response.data)) ** 2
         response = replace(response, variance=np.maximum(response.variance, least))
     sine = _sine(record)
-    return Entry(index, response, _level(record, sine), record.use == "check", replay, sine, record.session)
+    guessed = record.kind == "frf" and record.excitation == "impact" and record.block is None
+    return Entry(
+        index, response, _level(record, sine), record.use == "check", replay, sine, not guessed, session=record.session
+    )
 
 
 def _sine(record: Record) -> SineTest | None:

@@ -50,6 +50,7 @@ class Entry:
     # The estimator itself, through which simulated histories pass; None where no force history can be told
     replay: Replay | None = None
     sine: SineTest | None = None  # Of a stepped or swept sine
+    block_stated: bool = True  # Whether how long the block of an estimated response was is more than a guess
     session: str | None = None  # Name of its session, where stated
     # What a hand's hits do to the mean of its blows, each of unit normal size, shape (direction, channel, frequency)
     hits: ComplexArray | None = None

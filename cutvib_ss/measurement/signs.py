@@ -34,9 +34,11 @@ def turned_signs(
             turned.append((name, at_force))
     driven = [name for name, at_force in turned if at_force]
     if driven and np.all(~(against > -_TURNED)):
+        struck = record.kind == "impact" or record.excitation == "impact"
+        acts = "the hammer acts" if struck else "a channel is late (in closed loop), or the force acts"
         return [
             f"{where}: force and motion have opposite signs at the driving point {driven[0]} (Im of accelerance is "
-            "negative at its peaks), and no channel contradicts: the hammer acts along the negative axis, or its "
+            f"negative at its peaks), and no channel contradicts: {acts} along the negative axis, or its "
             "sensor is turned; turn the sign of `force` (`sign` under [channels]; in UFF: reference direction -1)"
         ]
     return [
