@@ -27,23 +27,27 @@ UNCUT = (
 """What a warning says where blocks are taken to be longer than by default."""
 
 
-def with_blocks(nominal: Model, observed: Observations) -> Observations:
-    """The records, those that state no block with one in which all modes die out where that is what they show."""
+def longer_blocks(nominal: Model, observed: Observations) -> Observations | None:
+    """
+    The records, those that state no block with one in which all modes die out; None where that is not what they show.
+
+    A cause that the nominal model lacks may show as either: only where no cause explains the records does it count.
+    """
     entries = observed.entries
-    longer = [_longer(nominal, e) for e in entries]
+    longer = tuple(_longer(nominal, e) for e in entries)
     guessed = [(e, other) for e, other in zip(entries, longer, strict=True) if other is not e]
     if not guessed or _differ(nominal, [e for e, _ in guessed], [e for _, e in guessed]) <= SETTINGS.record_lasting:
-        return observed
+        return None
 
-    def evidence(each: Sequence[Entry]) -> float:
+    def evidence(each: tuple[Entry, ...]) -> float:
         # What rings on shows at any of its lines.
-        few = Records(tuple(each)).coarse(SETTINGS.search_coarse_lines, 0.0)
+        few = Records(each).coarse(SETTINGS.search_coarse_lines, 0.0)
         return fit(nominal, few, Hypothesis()).log_evidence
 
     if evidence(longer) <= evidence(entries):
-        return observed
-    first = guessed[0][0]
-    return replace(observed, entries=tuple(longer), warnings=(*observed.warnings, UNCUT.format(first.estimator.block)))
+        return None
+    word = UNCUT.format(guessed[0][0].estimator.block)
+    return replace(observed, entries=longer, warnings=(*observed.warnings, word))
 
 
 def _longer(nominal: Model, e: Entry) -> Entry:

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from cutvib_ss.diagnosis import answer, cross_validation, where
 from cutvib_ss.diagnosis.answer import Shown
-from cutvib_ss.diagnosis.blocks import with_blocks
+from cutvib_ss.diagnosis.blocks import longer_blocks
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
 from cutvib_ss.diagnosis.compared_responses import compared_responses
 from cutvib_ss.diagnosis.detail import found
@@ -136,6 +136,10 @@ def _searched(
 ) -> _Searched:
     """All hypotheses on all records but those that fit with no others."""
     linear = search_linear(nominal, _to_fit(observed), observed, workers)
+    if linear.best.reduced > SETTINGS.verdict_misfit and (longer := longer_blocks(nominal, observed)) is not None:
+        other = search_linear(nominal, _to_fit(longer), longer, workers)
+        if other.best.fit.log_evidence > linear.best.fit.log_evidence:
+            observed, linear = longer, other
     if (below := _below_modes_beyond(campaign, nominal, observed, linear)) is not None:
         observed = below
         linear = search_linear(nominal, _to_fit(observed), observed, workers)
@@ -168,7 +172,7 @@ def _searched(
 
 def _observed(campaign: Campaign, nominal: Model, highest: float = math.inf) -> Observations:
     """The campaign's responses, with what drifts within a record."""
-    observed = with_blocks(nominal, observe(campaign, nominal, highest))
+    observed = observe(campaign, nominal, highest)
     return replace(observed, entries=with_lasting(nominal, observed.entries))
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cutvib_ss.diagnosis.blocks import with_blocks
+from cutvib_ss.diagnosis.blocks import longer_blocks
+from cutvib_ss.diagnosis.diagnose import diagnose
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.observations import observe
@@ -54,9 +55,11 @@ def estimated(seconds: float, peak_force: float | None) -> Campaign:
 @pytest.mark.parametrize("peak_force", [None, LEVEL])
 @pytest.mark.parametrize(("seconds", "cut"), [(BLOCK, True), (40.0, False)])
 def test_whether_anything_was_cut_off_the_responses_say(seconds: float, cut: bool, peak_force: float | None) -> None:
-    observed = with_blocks(BAR, observe(estimated(seconds, peak_force), BAR))
+    observed = observe(estimated(seconds, peak_force), BAR)
+    longer = longer_blocks(BAR, observed)
+    assert (longer is None) is cut
+    observed = longer or observed
     (entry,) = observed.entries
-    assert (entry.estimator.block == BLOCK) is cut
     assert any("state `block`" in word for word in observed.warnings) is not cut
     assert (entry.replay is None) is (peak_force is None)
     if entry.replay is not None:
@@ -71,5 +74,11 @@ def test_whether_anything_was_cut_off_the_responses_say(seconds: float, cut: boo
 def test_a_block_that_is_stated_is_believed() -> None:
     campaign = estimated(40.0, None)
     stated = replace(campaign, records=tuple(replace(r, block=BLOCK) for r in campaign.records))
-    observed = observe(stated, BAR)
-    assert with_blocks(BAR, observed) is observed
+    assert longer_blocks(BAR, observe(stated, BAR)) is None
+
+
+def test_longer_blocks_are_taken_where_no_cause_explains_the_records() -> None:
+    for seconds, longer in ((BLOCK, False), (40.0, True)):
+        found = diagnose(estimated(seconds, LEVEL))
+        assert found.verdict == "no_gap"
+        assert any("state `block`" in word for word in found.warnings) is longer
