@@ -168,13 +168,14 @@ def scouted_laws(
     ]
     refined = workers.map(scan.refined, [s for _, s in promising])
     promising = ranked_by_gain([c for c, _ in promising], refined)[: SETTINGS.search_laws_started]
-    first = partial(first_steps, nominal, outlook, warm=warm, steps=SETTINGS.search_law_steps)
-    tries = workers.map(first, [s.hypothesis for _, s in promising])
+    first = partial(first_steps, nominal, outlook, steps=SETTINGS.search_law_steps)
+    begin = [warm if s.warm is None else s.warm for _, s in promising]
+    tries = workers.map(first, [s.hypothesis for _, s in promising], begin)
     out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]
     if warm is not None:
         # Beside a tuned model that leaves little every start may be far too strong.
         faint = [(c, h) for c, _ in promising for h in scan.faint(c.starts)]
-        tries = workers.map(first, [h for _, h in faint])
+        tries = workers.map(first, [h for _, h in faint], [warm] * len(faint))
         out += [(c, f) for (c, _), f in zip(faint, tries, strict=True) if f is not None]
         out = list({c.name: (c, f) for c, f in sorted(out, key=lambda pair: -cost(pair[1]))}.values())
     return sorted(out, key=lambda pair: cost(pair[1]))

@@ -155,6 +155,11 @@ class Effect(ABC):
         """Whether the part it sits on may differ from the model as much by itself, within the tolerance of the matrices."""
         return False
 
+    @property
+    def stiffness_at_rest(self) -> float:
+        """Stiffness that a restoring force adds beside the spring of its place for small motion."""
+        return 0.0
+
     def by_size(self) -> dict[str, float]:
         """Derivative of each fitted parameter that carries the severity to the logarithm of the effect's size."""
         grows, own = self.grows(), {f.name for f in parameter_fields(type(self))}

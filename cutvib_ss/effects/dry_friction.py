@@ -32,6 +32,10 @@ class DryFriction(LawElement):
     # Stiffness beside k while it sticks [N m/rad; N/m]. Infinite by default: Coulomb's law; soft it is no friction
     sticking_stiffness: float = parameter("N m/rad", 1e2, 1e8, default=math.inf, limits=True)
 
+    @property
+    def stiffness_at_rest(self) -> float:
+        return self.sticking_stiffness if math.isfinite(self.sticking_stiffness) else 0.0
+
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
         ideal = [{"torque": float(r) * s.force} for r in np.geomspace(0.003, 1.5, 8)]

@@ -32,6 +32,10 @@ class JointSlip(LawElement):
     # Slip torques lie evenly between (1 - spread) and (1 + spread) times that, 0 to 1
     spread: float = parameter("1", 0.0, 1.0, "linear", default=0.0)
 
+    @property
+    def stiffness_at_rest(self) -> float:
+        return self.stiffness
+
     def alias(self, model: Model, stds: Mapping[str, float]) -> LawElement:
         """The effect by the name it goes by: `dry_friction` where the spread is zero within its standard deviation."""
         if self.spread > stds.get("spread", 0.0):
