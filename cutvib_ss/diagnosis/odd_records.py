@@ -49,7 +49,11 @@ def odd_records(nominal: Model, records: Records, none: Ranked, causes: Sequence
 def _without(nominal: Model, few: Records, start: Fit, most: int) -> dict[int, float]:
     """Records without which a hypothesis leaves no more than noise, the worst first; none where the others are not explained."""
     out: list[Entry] = []
-    kept, current = few, start
+    try:
+        # Of few lines the last may lie lower: discrepancies over another band are not those of the fit on all.
+        kept, current = few, fit(nominal, few, start.hypothesis, start.x, SETTINGS.search_later_steps)
+    except CutvibError:
+        return {}
     while len(out) < most:
         worst = max(kept.entries, key=_left(nominal, kept, current))
         others = tuple(e for e in kept.entries if e is not worst)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.diagnose import diagnose
+from cutvib_ss.diagnosis.discrepancy import smooth_shapes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.observations import observe
@@ -14,12 +15,14 @@ from cutvib_ss.diagnosis.odd_records import odd_records
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.search import search_linear
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import unknown_candidates
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.measurement.records import Campaign
 from tests.unit.test_diagnosis_drift import MACHINE, campaign
 
+COARSE = 16
 PLACES = (0.1, 0.35, 0.6, 0.85)
 
 
@@ -94,3 +97,25 @@ def test_a_record_is_odd_beside_a_fault_of_unknown_form_too(tmp_path: Path) -> N
     ]
     unknown = Ranked("unknown", fit(MACHINE, records, Hypothesis((error,))), True)
     assert list(odd_records(MACHINE, records, none, [unknown])) == [5]
+
+
+def test_few_lines_may_end_in_a_lower_band(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the last of few lines lies below the last of all, a discrepancy over frequency may have a shape less there."""
+    right = campaign(tmp_path, {"Monday": PLACES, "Tuesday": PLACES}, 3)
+    monkeypatch.setattr("cutvib_ss.diagnosis.odd_records.SETTINGS", replace(SETTINGS, search_coarse_lines=COARSE))
+    measured = with_gain(right, (5,), 0.7)
+    freq = observe(measured, MACHINE).entries[0].freq
+    steps = {size: max(1, size // COARSE) for size in range(COARSE, freq.size + 1)}
+    last = {size: float(freq[(size - 1) // step * step]) for size, step in steps.items()}
+    size = next(
+        size
+        for size in reversed(steps)
+        if shapes_to(float(freq[0]), last[size]) < shapes_to(float(freq[0]), float(freq[size - 1]))
+    )
+    band = (float(freq[0]), float(freq[size - 1]))
+    assert list(found_odd(replace(measured, records=tuple(replace(r, band_hz=band) for r in measured.records)))) == [5]
+
+
+def shapes_to(low: float, high: float) -> int:
+    """Number of smooth shapes over a band."""
+    return smooth_shapes(np.array([low, high]), (low, high)).shape[0]
