@@ -84,12 +84,12 @@ def of_another_form(r: Ranked, held: Callable[[Ranked], HeldOut]) -> bool:
 
 
 def _leaves_more(cause: HeldOut, bare: HeldOut) -> bool:
-    """Whether a cause leaves a larger error of held-out records than the re-tuned model, by more than its standard error."""
+    """Whether a cause leaves a larger error than the re-tuned model: of held-out records by more than its standard error."""
     if bare.reduced > SETTINGS.verdict_misfit:
         # Of the larger error the cause knows, by its drift and residual modes; of its own the re-tuned model does not.
         return False
     more = np.array([j.squares - other.squares for j, other in zip(cause.records, bare.records, strict=True)])
     if not cause.unseen:
-        # Of a record that it was fitted to a cause leaves less.
+        # Of a record that it was fitted to any cause should leave less.
         return bool(more.mean() > 0.0)
     return bool(more.mean() > np.std(more, ddof=1) / np.sqrt(more.size)) if more.size > 1 else False
