@@ -182,18 +182,19 @@ def _second_of(pair: Candidate, fitted: Fit) -> _Base:
 
 
 def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked], ranked: Sequence[Ranked]) -> list[Ranked]:
-    """Each cause of the best linear pair by itself, from its values there, and each of the best two restoring forces."""
+    """Each cause of the best pair by itself, from its values there: of linear causes, of restoring forces, and of one of each."""
     own = {
         r.fit.hypothesis.causes: r.fit.objective for r in sorted(ranked, key=lambda r: -r.fit.objective) if r.refined
     }
     # The own fit of such a cause may have been caught in a side minimum, or never begun.
     out = []
-    for linear, steps in ((True, SETTINGS.search_most_steps), (False, SETTINGS.search_most_law_steps)):
-        found = [r for r in pairs if all(e.linear is linear for e in r.fit.hypothesis.effects)]
+    for kinds in ({True}, {False}, {True, False}):
+        found = [r for r in pairs if {e.linear for e in r.fit.hypothesis.effects} == kinds]
         if not found:
             continue
         best = max(found, key=lambda r: r.fit.log_evidence)
         for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
+            steps = SETTINGS.search_most_steps if effect.linear else SETTINGS.search_most_law_steps
             # A restoring force's range goes by the motion that the pair's hypothesis holds.
             hypothesis = replace(best.fit.hypothesis, effects=(effect,))
             # It is of use if it leads to more than its own fit did.

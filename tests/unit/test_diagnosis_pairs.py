@@ -1,19 +1,27 @@
 """Two causes at once: what promises most on top of the first, and how far behind what was not fitted is put."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
-from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis import pairs
+from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.ranking import cost, on_all_lines
+from cutvib_ss.diagnosis.ranking import Ranked, cost, on_all_lines
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
+from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.effects.bilinear_stiffness import BilinearStiffness
+from cutvib_ss.effects.channel_delay import ChannelDelay
+from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.end_fixity import EndFixity
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.paths import with_values
@@ -24,6 +32,8 @@ S = 2j * np.pi * FREQ
 CHANNELS = ("tool_x", "tool_z", "base_x")
 MACHINE = published_machine()
 OFF = with_values(MACHINE, {("head", "k2"): 1.01 * MACHINE.head.k2})
+MASS, DELAY = AddedMass("tool", 0.1), ChannelDelay("measurement", "tool_x", 1e-4)
+CUBIC, FRICTION = CubicStiffness("joint2", 1e9), DryFriction("joint2", 0.1)
 BLOCK = 3.0
 """Of it the slowest modes leave a ten-thousandth: too little to see, enough to be reckoned with."""
 
@@ -100,3 +110,26 @@ def test_causes_that_are_not_fitted_stay_as_far_behind_as_they_were(records, fir
     out = on_all_lines(OFF, records, rough, 2, (cost(first), first.log_evidence), Workers())
     assert not any(r.refined for r in out)
     assert [r.fit.log_evidence - first.log_evidence for r in out] == pytest.approx([-750.0, -750.25])
+
+
+@pytest.mark.parametrize(
+    "effects", [(MASS, CUBIC), (MASS, DELAY), (CUBIC, FRICTION)], ids=["one of each", "linear", "restoring forces"]
+)
+def test_each_part_of_the_best_pair_is_fitted_by_itself(
+    effects: tuple[Effect, Effect], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cubic spring that was found beside a mass only was that pair, 1.00: it had no fit of its own to speak against the mass."""
+    asked = []
+
+    def refit(nominal: object, records: object, hypothesis: Hypothesis, x: object, steps: int, rival: float) -> None:
+        asked.append((*hypothesis.effects, steps, rival))
+
+    monkeypatch.setattr(pairs, "refit", refit)
+    best = SimpleNamespace(
+        hypothesis=Hypothesis(effects), x=np.zeros(3), first_effect=2, objective=10.0, log_evidence=-5.0
+    )
+    alone = SimpleNamespace(hypothesis=Hypothesis(effects[:1]), objective=30.0)
+    ranked = [Ranked("pair", cast(Fit, best), True), Ranked("single", cast(Fit, alone), True)]
+    pairs._alone(cast(Model, None), cast(Records, None), [replace(ranked[0], name="one + other")], ranked[1:])
+    steps = [SETTINGS.search_most_steps if e.linear else SETTINGS.search_most_law_steps for e in effects]
+    assert asked == [(effects[0], steps[0], 30.0), (effects[1], steps[1], np.inf)]
