@@ -14,6 +14,7 @@ import numpy as np
 
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.lasting import over_noise
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.prediction import Prediction, light_poles
 from cutvib_ss.diagnosis.records import Entry, Records, merged
@@ -29,9 +30,9 @@ UNCUT = (
 
 def longer_blocks(nominal: Model, observed: Observations) -> Observations | None:
     """
-    The records, those that state no block with one in which all modes die out; None where that is not what they show.
+    The records, where no block is stated one in which all modes die out; None where the responses look cut off after 1/Δf.
 
-    A cause that the nominal model lacks may show as either: only where no cause explains the records does it count.
+    The tuned model is no judge of records with a cause that it lacks: this is for records that no linear cause explains.
     """
     entries = observed.entries
     longer = tuple(_longer(nominal, e) for e in entries)
@@ -71,6 +72,5 @@ def _differ(nominal: Model, entries: Sequence[Entry], others: Sequence[Entry]) -
     """Squares of what the nominal model shows of some records through either of their blocks, over the noise."""
     total = 0.0
     for one, other in zip(merged(entries, apart=True), merged(others, apart=True), strict=True):
-        squares = np.abs(Prediction(nominal, one).data - Prediction(nominal, other).data) ** 2 / one.variance
-        total += float(np.sum(squares[np.isfinite(squares)]))
+        total += over_noise(Prediction(nominal, one).data - Prediction(nominal, other).data, one.variance)
     return total

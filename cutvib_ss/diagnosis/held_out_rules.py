@@ -212,7 +212,7 @@ class _HeldOutRules:
         give(self.odds, both, first, 1.0 if of_another_form(first, self.held) else SETTINGS.verdict_form)
 
     def of_one_record(self, both: Ranked, first: Ranked) -> None:
-        """Pass on the probability of two parts of which no record was held out: nothing shows that they predict."""
+        """Pass on the probability of two parts where no record was held out: nothing shows that the second predicts."""
         if self.is_enough(first, both):
             give(self.odds, both, first)
             return

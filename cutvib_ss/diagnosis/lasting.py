@@ -20,6 +20,7 @@ from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import simulated
 from cutvib_ss.effects.base import Model
+from cutvib_ss.results import ComplexArray, FloatArray
 
 
 def with_lasting(nominal: Model, entries: Sequence[Entry]) -> tuple[Entry, ...]:
@@ -42,7 +43,11 @@ def _differ(nominal: Model, entries: Sequence[Entry]) -> float:
     """Squares of what closed form and simulation of the nominal model differ by, over the noise."""
     total = 0.0
     for group in merged(entries, apart=True):
-        off = Prediction(nominal, group).data - simulated(nominal, group).data
-        squares = np.abs(off) ** 2 / group.variance
-        total += float(np.sum(squares[np.isfinite(squares)]))
+        total += over_noise(Prediction(nominal, group).data - simulated(nominal, group).data, group.variance)
     return total
+
+
+def over_noise(difference: ComplexArray, variance: FloatArray) -> float:
+    """Squares of the difference of two predictions over the noise, of all lines that have any."""
+    squares = np.abs(difference) ** 2 / variance
+    return float(np.sum(squares[np.isfinite(squares)]))

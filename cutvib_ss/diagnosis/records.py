@@ -111,7 +111,7 @@ class Entry:
 
     @property
     def continuous(self) -> bool:
-        """Whether it goes on for many blocks: what a restoring force does to them differs, and scatters."""
+        """Whether it is a continuous recording, cut into blocks."""
         return self.replay is not None and self.replay.block > 0
 
     @property

@@ -192,7 +192,7 @@ class Scan:
         return Scanned(self._gain_at(problem, x), both)
 
     def softened(self, effect: Effect) -> Scanned:
-        """The same beside a spring that is softer by what the cause adds to what is at rest: that is what was measured there."""
+        """The same, the spring of its place softer by the cause's stiffness at rest: the model was fitted to their sum."""
         both, problem, x = self.with_cause(effect)
         spring = self.nominal.spring_at(effect.place)
         if spring is not None and effect.stiffness_at_rest < spring[0]:
