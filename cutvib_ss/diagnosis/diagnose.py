@@ -25,12 +25,11 @@ from cutvib_ss.diagnosis.known_form import of_known_form
 from cutvib_ss.diagnosis.lasting import with_lasting
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import chance_of_order, confounded, level_stands_out
-from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
 from cutvib_ss.diagnosis.modes_beyond import BEYOND
 from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.odd_records import ODD, odd_records
-from cutvib_ss.diagnosis.place import Located, locate
+from cutvib_ss.diagnosis.place import Located, locate, with_interference
 from cutvib_ss.diagnosis.posterior import (
     Counts,
     kind_of,
@@ -62,7 +61,6 @@ ORDERED = (
     "what drifts within the sessions goes with the level: a restoring force does that, or a machine that warms while each session "
     "is measured from soft to hard; measure one from hard to soft"
 )
-MAINS_INTERFERENCE = "the re-tuned model's residual lies on multiples of {:g} Hz: mains interference in the measurement"
 
 
 def diagnose(
@@ -209,9 +207,17 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     workers.say("judging causes on held-out records")
     counts, variants = _considered(nominal, searched)
     odds = _odds(searched, counts, variants)
+    if (
+        tones_alone := observed.interference is not None
+        and observed.interference.is_gap
+        and odds[none.name] >= SETTINGS.verdict_half
+    ):
+        odds = {**odds, none.name: (1.0 - SETTINGS.interference_probability) * odds[none.name]}
     shown = _shown(nominal, searched, odds)
     odds, hidden = _hidden(searched, odds, counts)
-    by_level, located, interference = _located(nominal, searched, problem, odds, workers)
+    by_level, located = _located(nominal, searched, problem, odds, workers)
+    if tones_alone:
+        located = with_interference(located)
     elsewhere = located.best if located.best != "none" else shown.first.fit.hypothesis.places
     rest = Cause("unknown", elsewhere, max(1.0 - sum(odds.values()) - sum(hidden.values()), 0.0))
     rows = answer.causes(shown, odds, hidden, rest, observed.per_unit)
@@ -242,7 +248,6 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             *observed.warnings,
             *([CONFOUNDED] if confounded(records) else []),
             *([ORDERED] if _ordered(chosen, records) else []),
-            *([] if interference is None else [MAINS_INTERFERENCE.format(interference)]),
             *at_their_ends(chosen),
         ),
         nominal=nominal,
@@ -329,19 +334,17 @@ def _shown(nominal: Model, searched: _Searched, odds: Mapping[str, float]) -> Sh
 
 def _located(
     nominal: Model, searched: _Searched, problem: Problem, odds: Mapping[str, float], workers: Workers
-) -> tuple[bool, Located, float | None]:
-    """Whether the level matters, where the fault lies without a hypothesis, and the mains whose interference it is."""
+) -> tuple[bool, Located]:
+    """Whether the level matters, and where the fault lies without a hypothesis."""
     records, none = searched.records, searched.ranked[0]
     fitted, blow_at = list(records.entries), problem.blow_at(none.fit.x)
     levels = where.level_dependence(fitted, none.fit.model, blow_at)
     by_level = bool(levels > SETTINGS.level_excess) or level_stands_out(records, none.fit.model, blow_at)
     # Where drift may have taken up what depends on the level, odds tell whether there is a fault at all.
     if none.reduced <= SETTINGS.search_enough and (not by_level or odds[none.name] >= SETTINGS.verdict_half):
-        return by_level, Located(), None
+        return by_level, Located()
     workers.say("locating the fault without a hypothesis")
-    located = locate(nominal, none.fit, fitted, blow_at, by_level)
-    interference = mains(nominal, none.fit, records)
-    return by_level, located if interference is None else with_mains_interference(located, interference), interference
+    return by_level, locate(nominal, none.fit, fitted, blow_at, by_level)
 
 
 def _next_test(searched: _Searched, odds: Mapping[str, float]) -> NextTest | None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
+from cutvib_ss.diagnosis.interference import Interference, interference, without
 from cutvib_ss.diagnosis.modes_beyond import resonance_beyond
 from cutvib_ss.diagnosis.records import Entry, SineTest, thinned
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -55,6 +56,7 @@ class Observations:
     per_unit: float  # SI value of that unit
     warnings: tuple[str, ...] = ()  # What the records lack for some causes, and which were left out
     beyond: float | None = None  # Lowest resonance well above the model's highest mode [Hz]
+    interference: Interference | None = None  # On lines that are left out
 
     def without(self, records: Collection[int], warnings: tuple[str, ...]) -> Observations:
         """The same without some records, by their index in the campaign."""
@@ -101,7 +103,9 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
     unit = "g/N" if per_newton else campaign_unit(cut, machine)
     hull = (min(float(e.freq[0]) for e in cut), max(float(e.freq[-1]) for e in cut))
     lacking = (*_without_force(cut, campaign.records), *_words_on_lost(cut, campaign.records))
-    return Observations(tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0, lacking, beyond)
+    if (tones := interference(cut)) is not None:
+        cut, lacking = without(cut, tones), (*lacking, tones.words)
+    return Observations(tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0, lacking, beyond, tones)
 
 
 def _without_force(entries: Sequence[Entry], records: Sequence[Record]) -> tuple[str, ...]:

@@ -52,6 +52,17 @@ class Located:
         return next(iter(self.odds))
 
 
+def with_interference(located: Located) -> Located:
+    """Places, where the measurement carries interference and nothing else is at fault."""
+    own = PlaceScore("measurement", "interference", 1.0, SETTINGS.interference_probability)
+    others = [s for s in located.scores if s.place != "measurement"]
+    share = sum(s.probability for s in others) or 1.0
+    rest = tuple(
+        replace(s, probability=(1.0 - SETTINGS.interference_probability) * s.probability / share) for s in others
+    )
+    return replace(located, scores=(own, *rest))
+
+
 def locate(nominal: Model, none: Fit, entries: Sequence[Entry], blow_at: float, by_level: bool) -> Located:
     """
     Compare all places of a model.

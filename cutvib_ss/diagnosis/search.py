@@ -243,11 +243,14 @@ def _favoured(
     """Causes for which the tuned model's residual speaks, to first order, and that few lines with a widened noise did not show."""
     fitted = {_told_apart(r.fit.hypothesis.effects[0]) for r in ranked if r.refined}
     best = [max(shapes, key=lambda s: s.evidence) for shapes in sizes]
-    missed = [s for s in best if s.evidence > 1.0 and _told_apart(s.run.effect) not in fitted]
-    hypotheses = [Hypothesis((s.weak,)) for s in missed]
+    missed = {
+        s.run.name: effect
+        for s in best
+        if s.evidence > 1.0 and _told_apart(s.run.effect) not in fitted and (effect := s.weak) is not None
+    }
     again = partial(refit, nominal, records, x=none.x, steps=SETTINGS.search_most_steps, near=none)
-    fits = workers.map(again, hypotheses)
-    return [Ranked(s.run.name, f, True) for s, f in zip(missed, fits, strict=True) if f is not None]
+    fits = workers.map(again, [Hypothesis((effect,)) for effect in missed.values()])
+    return [Ranked(name, f, True) for name, f in zip(missed, fits, strict=True) if f is not None]
 
 
 def _better(ranked: Sequence[Ranked], again: Sequence[Ranked]) -> list[Ranked]:

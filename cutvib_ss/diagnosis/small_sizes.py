@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,13 +49,13 @@ class SmallSize:
         return self.run.weak_end == "infinity"
 
     @property
-    def weak(self) -> Effect:
-        """The cause of one standard deviation, of the sign of its estimate where it may have either."""
+    def weak(self) -> Effect | None:
+        """The cause of one standard deviation, of its estimate's sign where it may have either; None where none is so large."""
         severity = self.std_of_all / self.run.size(1.0)
-        try:
-            return self.run.at(math.copysign(severity, self.estimate))
-        except ParameterError:
-            return self.run.at(severity)
+        for signed in (math.copysign(severity, self.estimate), severity):
+            with suppress(ParameterError):
+                return self.run.at(signed)
+        return None
 
     @property
     def sign(self) -> float:
@@ -125,7 +126,7 @@ def weak(nominal: Model, scan: Scan, start: Effect) -> Effect:
     for run in (run for shapes in runs([Candidate("", (start,))]) for run in shapes if not run.whole):
         size = _sized(nominal, scan, run, 1.0)
         if size is not None:
-            return size.weak
+            return size.weak or start
     return start
 
 

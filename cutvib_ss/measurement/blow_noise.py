@@ -20,6 +20,7 @@ from cutvib_ss.measurement.rounding import orders_by_rounding
 from cutvib_ss.results import ComplexArray, FloatArray
 
 _FEWEST_QUIET = 32  # samples of a quiet part from which a power is told
+_ROUNDING = 1e-24  # of the same: what double precision leaves where there is nothing
 _HEARD = 1e-3  # of the largest power of the force over frequency
 _OVER_NOISE = 2.0  # power of a direction of hits over that of the sensors' noise in it
 _SEGMENT = 256  # samples of the segments of long quiet parts
@@ -121,7 +122,13 @@ def blow_scatter(
     keep = input_power > _HEARD * np.max(input_power)
     keep[0] = False
     if band is not None:
-        keep = (input_power > 0) & (noise.freq >= band[0]) & (noise.freq <= band[1]) & (noise.freq > 0)
+        # At zeros of a pulse's spectrum there is rounding.
+        keep = (
+            (input_power > _ROUNDING * np.max(input_power))
+            & (noise.freq >= band[0])
+            & (noise.freq <= band[1])
+            & (noise.freq > 0)
+        )
     if not np.any(keep):
         raise ParameterError(f"record {record.name!r}: band {band} Hz holds no line with force")
     force, input_power, freq = force[:, keep], input_power[keep], noise.freq[keep]

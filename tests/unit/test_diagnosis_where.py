@@ -6,7 +6,6 @@ import pytest
 from cutvib_ss.diagnosis.element_type import element_type_of, with_level
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.mains_interference import mains, with_mains_interference
 from cutvib_ss.diagnosis.place import locate
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.effects.support_compliance import SupportCompliance
@@ -134,26 +133,6 @@ def test_place_of_a_trigger_that_jitters():
             late = np.exp(-S[:, None] * rng.normal(0.0, 2e-4, 3)).mean(axis=1)
             entries.append(entry(len(entries), y, level, late * dense(published_machine(), y, {}), rng))
     assert located(entries, by_level=True).best == "measurement"
-
-
-@pytest.mark.parametrize(("tones", "found"), [(60.0, 60.0), (57.0, None), (None, None)])
-def test_mains_interference_is_told_by_its_multiples(tones, found):
-    rng, entries = np.random.default_rng(9), []
-    for k, y in enumerate(POSITIONS):
-        elements = {} if tones else {"joint2": 400.0 * S**0.5}
-        e = entry(k, y, None, dense(published_machine(), y, elements), rng)
-        interference = np.zeros_like(e.data)
-        if tones:
-            on = np.abs(FREQ - np.round(FREQ / tones) * tones) < 2.5
-            interference[:, on] = 30.0 * np.sqrt(e.variance[:, on]) * np.exp(2j * np.pi * rng.random((3, on.sum())))
-        entries.append(e.showing(e.data + interference))
-    records = Records(tuple(entries))
-    none = fit(OFF, records, Hypothesis())
-    assert none.reduced > 2.0
-    assert mains(OFF, none, records) == found
-    places = with_mains_interference(located(entries), 50.0).odds
-    assert next(iter(places)) == "measurement"
-    assert sum(places.values()) == pytest.approx(1.0)
 
 
 Z = {

@@ -1,0 +1,179 @@
+"""
+Interference: tones of the mains or of a fan, which a structure does not make, and what of the records they leave.
+
+A tone that goes on through a blow has no phase in common with it. Its transform is a peak as wide as the lines are apart, with
+skirts that fall with the square of the distance: of a peak of power P over the noise P/(2π²n²) is left n lines beside it, without
+a window. The variance of a response, smooth as its noise is taken to be, holds neither peak nor skirts, and causes would be fitted
+to them. A tone is told by what scatters from blow to blow: where that peaks and the response, beyond what so much scatter does to
+it, does not. Without scatter it is told at the mains alone, by peaks at several multiples of 50 or 60 Hz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cutvib_ss.diagnosis.records import Entry, thinned
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.results import FloatArray
+
+_APART = np.array([1.0, 0.0, -4.0, 0.0, 6.0, 0.0, -4.0, 0.0, 1.0])
+"""A fourth difference over every second line: a resonance is smooth for it, a tone under a Hann window is not."""
+_OF_TONE = float(np.max(_APART) ** 2 / np.sum(_APART**2))
+_BESIDE = 3, 6
+"""Lines to either side of a tone's peak where it has fallen to a 25th and less."""
+
+
+@dataclass(frozen=True)
+class Interference:
+    """Tones in a campaign's records."""
+
+    widths: dict[float, float]  # Of each tone's frequency [Hz] half the width of the lines that it spoils [Hz]
+    excess: float  # What they add to the mean square of a right model's residual, over the noise
+    mains: float | None = None  # Whose multiples they are [Hz]
+
+    def spoils(self, freq: FloatArray) -> np.ndarray:
+        """Lines that they spoil."""
+        return np.asarray(np.any([np.abs(freq - f) <= width for f, width in self.widths.items()], axis=0))
+
+    @property
+    def is_gap(self) -> bool:
+        """Whether a right model would leave more than noise for their sake."""
+        return 1.0 + self.excess > SETTINGS.search_enough
+
+    @property
+    def words(self) -> str:
+        """What is said of them."""
+        kind = "interference" if self.mains is None else f"mains interference of {self.mains:g} Hz"
+        tones = ", ".join(f"{f:.4g}" for f in sorted(self.widths))
+        return (
+            f"{kind}: tones that have no phase in common with the force at {tones} Hz; lines within "
+            f"{max(self.widths.values()):.2g} Hz of them are left out"
+        )
+
+
+def interference(entries: Sequence[Entry]) -> Interference | None:
+    """Tones in records; None where there are none."""
+    widths: dict[float, float] = {}
+    excess, mains = 0.0, None
+    for step, own in _by_step(entries).items():
+        lines = _Lines(step, own)
+        tones = lines.tones()
+        multiples = {f: lines.at_multiples(f) for f in SETTINGS.interference_mains}
+        likeliest = max(multiples, key=lambda f: len(multiples[f]))
+        if len(multiples[likeliest]) >= SETTINGS.interference_multiples:
+            mains, found = likeliest, multiples[likeliest]
+            tones = {**{f: p for f, p in tones.items() if not _near(f, found, step)}, **found}
+        for f, power in tones.items():
+            skirts = step * float(np.sqrt(power / (2.0 * SETTINGS.interference_skirts))) / np.pi
+            widths[f] = max(widths.get(f, 0.0), _reach(f, step), min(skirts, SETTINGS.interference_widest))
+        excess = max(excess, sum(tones.values()) / lines.freq.size)
+    return Interference(widths, excess, mains) if widths else None
+
+
+def without(entries: Sequence[Entry], found: Interference) -> list[Entry]:
+    """Records on the lines that tones leave; as they are where these are too few."""
+    rest = [thinned(e, ~found.spoils(e.freq)) for e in entries]
+    return [few if few.freq.size >= SETTINGS.record_fewest_lines else e for e, few in zip(entries, rest, strict=True)]
+
+
+class _Lines:
+    """Records on lines that are as far apart: mean powers over their noise, of all channels."""
+
+    def __init__(self, step: float, entries: Sequence[Entry]) -> None:
+        first = min(float(e.freq[0]) for e in entries)
+        index = [np.round((e.freq - first) / step).astype(np.intp) for e in entries]
+        self.step, self.freq = step, first + step * np.arange(max(int(i[-1]) for i in index) + 1)
+        scatter, spike, seen, shown, self.freedom = np.zeros((5, self.freq.size))
+        for e, i in zip(entries, index, strict=True):
+            rough, scattered = _roughness(e), _scatter(e)
+            known = np.isfinite(scattered)
+            scatter[i] += np.where(known, scattered, 0.0).sum(axis=0)
+            seen[i] += known.sum(axis=0)
+            self.freedom[i] += 2.0 * ((e.response.averages or 1) - 1) * known.sum(axis=0)
+            spike[i] += np.where(np.isfinite(rough), rough, 0.0).sum(axis=0)
+            shown[i] += np.isfinite(rough).sum(axis=0)
+        # Of a line that shows nothing neither is known.
+        self.scatter = np.divide(scatter, seen, out=np.full(seen.shape, np.nan), where=seen > 0)
+        self.spike = np.divide(spike, shown, out=np.full(shown.shape, np.nan), where=shown > 0)
+
+    def tones(self) -> dict[float, float]:
+        """Peaks of what scatters that are no wider than a tone's, and no more in the response: their powers by frequency."""
+        out: dict[float, float] = {}
+        least = SETTINGS.interference_chance / self.freq.size
+        for k in np.flatnonzero(self.scatter > SETTINGS.interference_stands_out).tolist():
+            around = self._around(k, *_BESIDE)
+            if not around.size or stats.chi2.sf(self.scatter[k] * self.freedom[k], self.freedom[k]) > least:
+                continue
+            near = slice(max(k - _BESIDE[0], 0), k + _BESIDE[0] + 1)
+            highest = self.scatter[k] >= np.nanmax(self.scatter[near])
+            sharp = np.nanmean(self.scatter[around]) < self.scatter[k] / SETTINGS.interference_stands_out
+            alike = self.spike[k] < SETTINGS.interference_of_scatter * self.scatter[k]
+            if highest and sharp and alike:
+                out[float(self.freq[k])] = float(self.scatter[k])
+        return out
+
+    def at_multiples(self, mains: float) -> dict[float, float]:
+        """Multiples at which the response has a peak between smooth neighbours, and their powers."""
+        out: dict[float, float] = {}
+        if self.step * _APART.size > mains / 2:
+            return out
+        for k in range(max(int(np.ceil(self.freq[0] / mains)), 1), int(self.freq[-1] / mains) + 1):
+            off = np.abs(self.freq - k * mains)
+            near = off <= _reach(k * mains, self.step)
+            beside = self.spike[~near & (off > _APART.size // 2 * self.step) & (off < mains / 2)]
+            if np.count_nonzero(beside > 0.0) < _APART.size or not np.any(self.spike[near] > 0.0):
+                continue
+            peak = float(np.nanmax(self.spike[near]))
+            # The mean of an exponential variable, by its median.
+            if peak > SETTINGS.interference_stands_out * float(np.nanmedian(beside)) / np.log(2):
+                out[k * mains] = peak
+        return out
+
+    def _around(self, k: int, low: int, high: int) -> np.ndarray:
+        """Lines at some distance from one, to either side, of which the scatter is known."""
+        around = np.array([k + side * n for side in (-1, 1) for n in range(low, high + 1)])
+        around = around[(around >= 0) & (around < self.freq.size)]
+        return np.asarray(around[np.isfinite(self.scatter[around])])
+
+
+def _by_step(entries: Sequence[Entry]) -> dict[float, list[Entry]]:
+    """Records on even lines, sines aside, by how far these are apart."""
+    out: dict[float, list[Entry]] = {}
+    for e in entries:
+        apart = np.diff(e.freq)
+        if e.sine is None and e.freq.size >= _APART.size and np.ptp(apart) < 0.01 * np.mean(apart):
+            out.setdefault(float(f"{np.mean(apart):.4g}"), []).append(e)
+    return out
+
+
+def _reach(frequency: float, step: float) -> float:
+    """How far from its frequency a tone may be seen [Hz]."""
+    return max(SETTINGS.interference_lines * step, SETTINGS.interference_wanders * frequency)
+
+
+def _near(frequency: float, others: Iterable[float], step: float) -> bool:
+    return any(abs(frequency - f) <= _reach(f, step) + step for f in others)
+
+
+def _scatter(e: Entry) -> FloatArray:
+    """What scatters at each line by itself over the noise, shape (channel, frequency); NaN where nobody saw it."""
+    averages, coherence = e.response.averages or 1, e.response.coherence[0, :, 0]
+    if averages < 2:
+        return np.full(e.data.shape, np.nan)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        power = np.abs(e.data) ** 2 * (1.0 - coherence) / coherence / (averages - 1)
+    return np.asarray(power / e.variance)
+
+
+def _roughness(e: Entry) -> FloatArray:
+    """Squares of a record's differences over the noise, as powers of a tone; shape (channel, frequency), NaN at its ends."""
+    out = np.full(e.data.shape, np.nan)
+    inner = slice(_APART.size // 2, -(_APART.size // 2))
+    for rough, data, variance in zip(out, e.data, e.variance, strict=True):
+        difference = np.convolve(data, _APART, mode="valid")
+        rough[inner] = np.abs(difference) ** 2 / np.convolve(variance, _APART**2, mode="valid") / _OF_TONE
+    return out

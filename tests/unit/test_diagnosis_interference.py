@@ -1,0 +1,138 @@
+"""Tones that no structure makes are told, left out, and no cause is fitted to them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from cutvib_ss.diagnosis.diagnose import diagnose
+from cutvib_ss.diagnosis.interference import interference, without
+from cutvib_ss.measurement.records import Campaign, History, Record
+from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure, StructureTolerances
+from cutvib_ss.response.frequency import frequency_response
+from tests.unit.record_example import entry_of
+
+FREQ = np.arange(14.0, 310.0, 0.5)
+CHANNELS = ("tool_x", "tool_z")
+BLOWS = 3
+
+
+def tone(rng, f0, shape):
+    """Transforms of tones over the noise: each blow meets another phase; boxcar of one over the lines' distance."""
+    phase = rng.uniform(0, 2 * np.pi, (*shape[:2], 1))
+    off = (FREQ - f0) / 0.5
+    return np.exp(1j * (phase - np.pi * off)) * np.sinc(off)
+
+
+def records(tones=(), power=0.0, scatter=None, averages=BLOWS, seed=3):
+    """Three positions, H1 of blows by a unit force: noise, tones of a power over it, and what scatters besides."""
+    rng, out = np.random.default_rng(seed), []
+    for k, y in enumerate((0.2, 0.5, 0.7)):
+        true = frequency_response(published_machine(), y, freq=FREQ, outputs=CHANNELS, inputs=("force",)).data[0, :, 0]
+        noise = np.full(true.shape, 1e-3 * np.median(np.abs(true)))
+        shape = (BLOWS, *true.shape)
+        each = (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2)
+        for f0 in tones:
+            each = each + np.sqrt(power) * tone(rng, f0, shape)
+        each = true + noise * each
+        if scatter is not None:
+            each = each + scatter(true) * rng.standard_normal((BLOWS, 1, 1))
+        mean = each.mean(axis=0)
+        spread = np.sum(np.abs(each - mean) ** 2, axis=0) / np.sum(np.abs(each) ** 2, axis=0)
+        e = entry_of(k, y, None, mean, noise**2 / BLOWS, FREQ, CHANNELS, ("acceleration",) * 2)
+        seen = {"coherence": 1.0 - spread[None, :, None], "averages": averages} if averages > 1 else {}
+        out.append(replace(e, response=replace(e.response, **seen)))
+    return out
+
+
+@pytest.mark.parametrize("tones", [(47.3,), (33.4, 181.1)])
+def test_a_tone_is_told_by_what_scatters(tones):
+    found = interference(records(tones, 100.0))
+    assert found.mains is None
+    assert len(found.widths) == len(tones)
+    for f0 in tones:
+        assert found.spoils(np.array([f0])).all()
+    # A boxcar's skirts fall with the square of the distance.
+    assert max(found.widths.values()) == pytest.approx(0.5 * np.sqrt(100.0 / 0.5) / np.pi, rel=0.5)
+    for e in without(records(tones, 100.0), found):
+        assert 0.9 * FREQ.size < e.freq.size < FREQ.size
+
+
+@pytest.mark.parametrize(("averages", "f0", "mains"), [(BLOWS, 50.0, 50.0), (1, 60.0, 60.0), (1, 57.0, None)])
+def test_mains_need_nobody_to_have_seen_the_scatter(averages, f0, mains):
+    found = interference(records(f0 * np.arange(1, 6), 100.0, averages=averages))
+    assert (found and found.mains) == mains
+    if mains:
+        assert found.is_gap
+        assert set(found.widths) >= set(f0 * np.arange(1, 6)) - {100.0}
+
+
+def test_noise_is_none():
+    assert all(interference(records(seed=s)) is None for s in range(20))
+    assert interference(records(averages=1)) is None
+
+
+def test_a_tone_within_the_noise_is_no_gap():
+    found = interference(records((47.3,), 30.0))
+    assert found is not None
+    assert not found.is_gap
+
+
+def test_resonances_that_scatter_are_none():
+    # What a restoring force does from blow to blow is largest at the peaks, and in the response as well.
+    assert interference(records(scatter=lambda h: 0.02 * h * np.abs(h) / np.abs(h).max())) is None
+
+
+def test_where_nothing_would_be_left_all_lines_stay():
+    found = interference(records((47.3,), 100.0))
+    few = [entry_of(0, 0.2, None, e.data[:, :4], e.variance[:, :4], 47.0 + FREQ[:4] / 100, CHANNELS, ("acceleration",) * 2)
+           for e in records()]  # fmt: skip
+    assert [e.freq.size for e in without(few, found)] == [4, 4, 4]
+
+
+MASS, DAMPING, SPRING = 2.0, 8.0, 8.0e4
+OSCILLATOR = Structure(
+    SecondOrder(
+        np.array([[MASS]]), np.array([[DAMPING]]), np.array([[SPRING]]), ("x",), {"spring": np.ones(1)}
+    ),
+    {"a": Channel("spring", "acceleration")},
+    "spring",
+    tolerance=StructureTolerances(0.01, 0.1, 0.01, 0.01),
+)  # fmt: skip
+
+
+def struck(hum: float, mass: float = MASS) -> Campaign:
+    """Three records of three blows on an oscillator, with hum over the standard deviation of the noise."""
+    rng, fs, count, records = np.random.default_rng(11), 1024.0, 2048, []
+    plant = signal.cont2discrete(([1.0, 0.0, 0.0], [mass, DAMPING, SPRING]), 1 / fs, "foh")
+    time = np.arange(count) / fs
+    for k, level in enumerate((20.0, 60.0, 180.0)):
+        histories = []
+        for _ in range(3):
+            force = np.zeros(count)
+            force[50:56] = level * rng.uniform(0.9, 1.1) * np.sin(np.pi * (np.arange(6) + 0.5) / 6)
+            tones = sum(np.sin(2 * np.pi * n * (50.02 * time + rng.uniform())) for n in (1, 2, 3, 5))
+            response = signal.lfilter(plant[0].ravel(), plant[1], force) + 0.02 * (
+                rng.standard_normal(count) + hum * tones
+            )
+            histories.append(History(fs, force + 0.01 * rng.standard_normal(count), response[None], ("a",)))
+        records.append(Record(f"r{k}", "impact", None, level, None, ("a",), ("acceleration",), tuple(histories)))
+    return Campaign("", Path(), OSCILLATOR, tuple(records), ())
+
+
+def test_hum_is_no_cause() -> None:
+    assert diagnose(struck(0.0)).verdict == "no_gap"
+    found = diagnose(struck(1.0))
+    assert (found.verdict, found.causes[0].effect, found.causes[0].place) == ("unknown", "unknown", "measurement")
+    assert found.where.place == "measurement"
+    assert any("mains interference of 50 Hz" in w for w in found.warnings)
+
+
+def test_hum_hides_no_cause() -> None:
+    first = diagnose(struck(1.0, 1.1 * MASS)).causes[0]
+    assert first.place != "measurement"
+    assert first.effect in ("added_mass", "parameter_shift")
