@@ -25,11 +25,12 @@ from cutvib_ss.diagnosis.known_form import of_known_form
 from cutvib_ss.diagnosis.lasting import with_lasting
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import chance_of_order, confounded, level_stands_out
+from cutvib_ss.diagnosis.mean_delays import without_mean_delays
 from cutvib_ss.diagnosis.modes_beyond import BEYOND
 from cutvib_ss.diagnosis.next_test import next_test
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.odd_records import ODD, odd_records
-from cutvib_ss.diagnosis.place import Located, locate, with_interference
+from cutvib_ss.diagnosis.place import Located, at_measurement, locate
 from cutvib_ss.diagnosis.posterior import (
     Counts,
     kind_of,
@@ -171,6 +172,10 @@ def _searched(
 def _observed(campaign: Campaign, nominal: Model, highest: float = math.inf) -> Observations:
     """The campaign's responses, with what drifts within a record."""
     observed = observe(campaign, nominal, highest)
+    for _ in range(SETTINGS.record_late_passes if observed.jitter is not None else 0):
+        assert observed.jitter is not None
+        campaign = without_mean_delays(nominal, campaign, observed, observed.jitter)
+        observed = observe(campaign, nominal, highest)
     return replace(observed, entries=with_lasting(nominal, observed.entries))
 
 
@@ -207,17 +212,15 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     workers.say("judging causes on held-out records")
     counts, variants = _considered(nominal, searched)
     odds = _odds(searched, counts, variants)
-    if (
-        tones_alone := observed.interference is not None
-        and observed.interference.is_gap
-        and odds[none.name] >= SETTINGS.verdict_half
-    ):
-        odds = {**odds, none.name: (1.0 - SETTINGS.interference_probability) * odds[none.name]}
+    # A right model would have left more than noise, and does not without what disturbs the records.
+    measured = 1.0 + observed.disturbed > SETTINGS.search_enough and odds[none.name] >= SETTINGS.verdict_half
+    if measured:
+        odds = {**odds, none.name: (1.0 - SETTINGS.place_disturbed) * odds[none.name]}
     shown = _shown(nominal, searched, odds)
     odds, hidden = _hidden(searched, odds, counts)
     by_level, located = _located(nominal, searched, problem, odds, workers)
-    if tones_alone:
-        located = with_interference(located)
+    if measured:
+        located = at_measurement(located)
     elsewhere = located.best if located.best != "none" else shown.first.fit.hypothesis.places
     rest = Cause("unknown", elsewhere, max(1.0 - sum(odds.values()) - sum(hidden.values()), 0.0))
     rows = answer.causes(shown, odds, hidden, rest, observed.per_unit)

@@ -10,7 +10,7 @@ it, does not. Without scatter it is told at the mains alone, by peaks at several
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,11 +40,6 @@ class Interference:
         return np.asarray(np.any([np.abs(freq - f) <= width for f, width in self.widths.items()], axis=0))
 
     @property
-    def is_gap(self) -> bool:
-        """Whether a right model would leave more than noise for their sake."""
-        return 1.0 + self.excess > SETTINGS.search_enough
-
-    @property
     def words(self) -> str:
         """What is said of them."""
         kind = "interference" if self.mains is None else f"mains interference of {self.mains:g} Hz"
@@ -62,7 +57,7 @@ def interference(entries: Sequence[Entry]) -> Interference | None:
     for step, own in _by_step(entries).items():
         lines = _Lines(step, own)
         tones = lines.tones()
-        multiples = {f: lines.at_multiples(f) for f in SETTINGS.interference_mains}
+        multiples = {f: lines.at_multiples(f, tones) for f in SETTINGS.interference_mains}
         likeliest = max(multiples, key=lambda f: len(multiples[f]))
         if len(multiples[likeliest]) >= SETTINGS.interference_multiples:
             mains, found = likeliest, multiples[likeliest]
@@ -116,8 +111,8 @@ class _Lines:
                 out[float(self.freq[k])] = float(self.scatter[k])
         return out
 
-    def at_multiples(self, mains: float) -> dict[float, float]:
-        """Multiples at which the response has a peak between smooth neighbours, and their powers."""
+    def at_multiples(self, mains: float, tones: Mapping[float, float]) -> dict[float, float]:
+        """Multiples at which there is a tone, or the response has a peak between smooth neighbours, and their powers."""
         out: dict[float, float] = {}
         if self.step * _APART.size > mains / 2:
             return out
@@ -127,9 +122,10 @@ class _Lines:
             beside = self.spike[~near & (off > _APART.size // 2 * self.step) & (off < mains / 2)]
             if np.count_nonzero(beside > 0.0) < _APART.size or not np.any(self.spike[near] > 0.0):
                 continue
-            peak = float(np.nanmax(self.spike[near]))
+            told = [power for f, power in tones.items() if _near(f, [k * mains], self.step)]
+            peak = max([float(np.nanmax(self.spike[near])), *told])
             # The mean of an exponential variable, by its median.
-            if peak > SETTINGS.interference_stands_out * float(np.nanmedian(beside)) / np.log(2):
+            if told or peak > SETTINGS.interference_stands_out * float(np.nanmedian(beside)) / np.log(2):
                 out[k * mains] = peak
         return out
 

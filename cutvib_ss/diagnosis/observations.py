@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from cutvib_ss.diagnosis.interference import Interference, interference, without
+from cutvib_ss.diagnosis.interference import interference, without
 from cutvib_ss.diagnosis.modes_beyond import resonance_beyond
 from cutvib_ss.diagnosis.records import Entry, SineTest, thinned
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -24,8 +24,9 @@ from cutvib_ss.measurement.cut_responses import with_one_instant
 from cutvib_ss.measurement.estimation import measured_response, rounded_part
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
+from cutvib_ss.measurement.trigger_jitter import TriggerJitter, aligned, trigger_jitter
 from cutvib_ss.response.modes import modes
-from cutvib_ss.results import MeasuredFrequencyResponse
+from cutvib_ss.results import ComplexArray, MeasuredFrequencyResponse
 from cutvib_ss.units import STANDARD_GRAVITY
 
 LACKING = {
@@ -56,7 +57,9 @@ class Observations:
     per_unit: float  # SI value of that unit
     warnings: tuple[str, ...] = ()  # What the records lack for some causes, and which were left out
     beyond: float | None = None  # Lowest resonance well above the model's highest mode [Hz]
-    interference: Interference | None = None  # On lines that are left out
+    # What tones on lines that are left out, and trigger jitter, add to the mean square of a right model's residual, over the noise
+    disturbed: float = 0.0
+    jitter: TriggerJitter | None = None  # Of triggers, for which blows are aligned
 
     def without(self, records: Collection[int], warnings: tuple[str, ...]) -> Observations:
         """The same without some records, by their index in the campaign."""
@@ -70,6 +73,8 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
 
     A record's band is what it states, else what its noise allows up to a highest frequency [Hz].
     """
+    if (jitter := trigger_jitter(campaign.records)) is not None:
+        campaign = replace(campaign, records=tuple(map(aligned, campaign.records, jitter.delays)))
     settled = [without_run_in(r) if r.kind == "timeseries" else (r, 0) for r in campaign.records]
     responses = with_one_instant([measured_response(r) for r, _ in settled])
     entries = [
@@ -95,7 +100,7 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
                 + ("widen `band_hz`, or " if record.band_hz else "")
                 + ADVICE[_kind(record)]
             )
-        e = _by_blows(thinned(_without_lost(e, record), keep), record)
+        e = _with_jitter(_by_blows(thinned(_without_lost(e, record), keep), record), jitter)
         cut.append(replace(e, replay=None if e.replay is None else e.replay.slower()))
     names = tuple(n for n in machine.channels if any(n in e.channels for e in cut))
     acceleration = all(q == "acceleration" for e in cut for q in e.quantities)
@@ -103,9 +108,13 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
     unit = "g/N" if per_newton else campaign_unit(cut, machine)
     hull = (min(float(e.freq[0]) for e in cut), max(float(e.freq[-1]) for e in cut))
     lacking = (*_without_force(cut, campaign.records), *_words_on_lost(cut, campaign.records))
+    disturbed = 0.0
+    if jitter is not None:
+        disturbed, lacking = _excess(cut, jitter), (*lacking, jitter.words)
     if (tones := interference(cut)) is not None:
-        cut, lacking = without(cut, tones), (*lacking, tones.words)
-    return Observations(tuple(cut), hull, names, unit, STANDARD_GRAVITY if per_newton else 1.0, lacking, beyond, tones)
+        cut, disturbed, lacking = without(cut, tones), disturbed + tones.excess, (*lacking, tones.words)
+    per_unit = STANDARD_GRAVITY if per_newton else 1.0
+    return Observations(tuple(cut), hull, names, unit, per_unit, lacking, beyond, disturbed, jitter)
 
 
 def _without_force(entries: Sequence[Entry], records: Sequence[Record]) -> tuple[str, ...]:
@@ -204,6 +213,24 @@ def _by_blows(e: Entry, record: Record) -> Entry:
     found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])), noise=noise)
     ordering = tuple(float(p) if np.isfinite(p) else None for p in found.significance)
     return replace(e, response=replace(e.response, estimator=replace(e.estimator, ordering=ordering)))
+
+
+def _late(e: Entry, jitter: TriggerJitter) -> ComplexArray:
+    """What a record is off by for the mean delay of its blows, of one standard deviation; shape (channel, frequency)."""
+    return np.asarray(-2j * np.pi * e.freq * jitter.of_mean(e.record) * e.data)
+
+
+def _with_jitter(e: Entry, jitter: TriggerJitter | None) -> Entry:
+    """A record of blows with the direction in which their mean delay moves it."""
+    if jitter is None or not jitter.of_mean(e.record):
+        return e
+    late = _late(e, jitter)[None]
+    return replace(e, hits=late if e.hits is None else np.concatenate([e.hits, late]))
+
+
+def _excess(entries: Sequence[Entry], jitter: TriggerJitter) -> float:
+    """What mean delays add to the mean square of a right model's residual, over the noise."""
+    return float(np.mean(np.concatenate([(np.abs(_late(e, jitter)) ** 2 / e.variance).ravel() for e in entries])))
 
 
 def _level(record: Record, sine: SineTest | None) -> float | None:

@@ -52,14 +52,12 @@ class Located:
         return next(iter(self.odds))
 
 
-def with_interference(located: Located) -> Located:
-    """Places, where the measurement carries interference and nothing else is at fault."""
-    own = PlaceScore("measurement", "interference", 1.0, SETTINGS.interference_probability)
+def at_measurement(located: Located) -> Located:
+    """Places, where the measurement is disturbed and nothing else is at fault."""
+    own = PlaceScore("measurement", "disturbance", 1.0, SETTINGS.place_disturbed)
     others = [s for s in located.scores if s.place != "measurement"]
     share = sum(s.probability for s in others) or 1.0
-    rest = tuple(
-        replace(s, probability=(1.0 - SETTINGS.interference_probability) * s.probability / share) for s in others
-    )
+    rest = tuple(replace(s, probability=(1.0 - SETTINGS.place_disturbed) * s.probability / share) for s in others)
     return replace(located, scores=(own, *rest))
 
 

@@ -52,6 +52,9 @@ class Settings:
     record_heard: float = _of(4.0, "1",
         "Response power over noise power below which a line is left out: noise on the force biases the estimate",
         "fewer lines", _JUDGEMENT)
+    record_late_together: float = _of(3.0, "std", "Of the mean of jittering delays, beyond which a channel is late besides",
+        "more delays are taken for jitter", _STATISTICS)
+    record_late_passes: int = _of(2, "passes", "In which records are moved by their mean delays", "longer", _TIME)
     record_lasting: float = _of(10.0, "squares of the noise",
         "Sum over all lines of what closed form and simulation of blows differ by, from which both are tried",
         "faster", "half of it is in nats what it may shift evidence by")
@@ -392,6 +395,8 @@ class Settings:
     place_lines: int = _of(60, "lines", "Of a group, on which places are compared", "longer", _TIME)
     place_climbed: int = _of(2, "variants", "Of each place, fitted with all steps", "longer", _TIME)
     place_climbs: int = _of(4, "steps", "Of the tuning", "longer", _TIME)
+    place_disturbed: float = _of(0.95, "probability",
+        "Of the measurement, where tones or trigger jitter disturb it and nothing else is at fault", "-", _JUDGEMENT)
     place_far: float = _of(10.0, "mean square",
         "Left by a variant after its first step, over the least of any, from which it takes no more", "longer",
         "further steps took away less than half of it, of restoring forces in simulated machines")
@@ -458,8 +463,6 @@ class Settings:
     interference_skirts: float = _of(0.25, "noise power", "Of a tone's skirts that may stay", "fewer lines are left out",
         _STATISTICS)
     interference_widest: float = _of(12.0, "Hz", "That skirts are followed to", "more lines are left out", _JUDGEMENT)
-    interference_probability: float = _of(0.95, "probability", "That the measurement is at fault where nothing else is", "-",
-        _JUDGEMENT)
 
     # Limits, information and plans
     limits_lines: int = _of(120, "lines", "Of a record on which limits are computed, about", "longer", _TIME)

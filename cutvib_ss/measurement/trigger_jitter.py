@@ -1,0 +1,118 @@
+"""
+Trigger jitter: force and responses recorded by devices that start together only about.
+
+The responses of blow b are late by a τ_b of its own, so that A_b = H F_b e^(-iωτ_b) + noise. To first order what a blow is off H1
+by has the part -iωτ_b H1, which no gain has and no other frequency line escapes. Aligned, the blows of a record scatter as their
+sensors do; how late all of them are together stays unknown, with the standard deviation of one over the root of their number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from cutvib_ss.measurement.blow_noise import pretrigger_noise
+from cutvib_ss.measurement.estimation import h1, spectra_of_blows
+from cutvib_ss.measurement.records import History, Record
+from cutvib_ss.results import FloatArray
+
+_HEARD = 1e-3  # of the largest power of the force over frequency
+_CHANCE = 1e-4  # that blows that are not late differ as much
+_PASSES = 2  # beyond first order: a delay of a radian is followed to a hundredth
+_SHARE = (
+    0.5  # of what scatters over the sensors' noise that delays explain at least: a structure's drift or hand does not
+)
+
+
+@dataclass(frozen=True)
+class TriggerJitter:
+    """How late the responses of the blows of some records are."""
+
+    std: float  # Standard deviation of a blow's delay [s]
+    delays: tuple[FloatArray, ...]  # Of each record's blows, about their mean [s]; empty of other records
+
+    @property
+    def words(self) -> str:
+        """What is said of it."""
+        return (
+            f"trigger jitter: the responses are late by {1e6 * self.std:.3g} us more or less from blow to blow; blows are aligned, "
+            "and the mean delay of a record counts as unknown; record force and responses on one device"
+        )
+
+    def of_mean(self, record: int) -> float:
+        """Standard deviation of the mean delay of a record [s]."""
+        count = self.delays[record].size
+        return self.std / count**0.5 if count else 0.0
+
+
+def trigger_jitter(records: Sequence[Record]) -> TriggerJitter | None:
+    """Jitter that all records of blows show together; None where they show none."""
+    delays = [_Delays(r) if r.kind == "impact" else None for r in records]
+    told = [d for d in delays if d is not None and d.freedom > 0 and np.isfinite(d.variance)]
+    freedom = sum(d.freedom for d in told)
+    if not freedom:
+        return None
+    squares = sum(float(np.sum(d.each**2)) / d.variance for d in told)
+    if stats.chi2.sf(squares, freedom) > _CHANCE:
+        return None
+    if sum(d.explained for d in told) < _SHARE * sum(d.excess for d in told):
+        return None
+    # Blows of equal spread, whose delays are told unequally well.
+    weight = np.array([d.freedom / d.variance**2 for d in told])
+    spread = np.array([float(np.sum(d.each**2)) / d.freedom - d.variance for d in told])
+    std = float(np.sqrt(max(weight @ spread / weight.sum(), 0.0)))
+    followed = [np.zeros(0) if d is None else _followed(r, d.each) for r, d in zip(records, delays, strict=True)]
+    return TriggerJitter(std, tuple(followed)) if std > 0.0 else None
+
+
+def _followed(record: Record, delays: FloatArray) -> FloatArray:
+    """Delays beyond first order: again where the blows have been aligned."""
+    for _ in range(_PASSES):
+        delays = delays + _Delays(aligned(record, delays)).each
+    return delays
+
+
+def aligned(record: Record, delays: FloatArray) -> Record:
+    """A record of blows with their responses early by as much as they were late."""
+    if not delays.size:
+        return record
+    shifted = [_early(h, float(late)) for h, late in zip(record.histories, delays, strict=True)]
+    return replace(record, histories=tuple(shifted))
+
+
+class _Delays:
+    """Delays of a record's blows about their mean, by least squares over the sensors' noise."""
+
+    def __init__(self, record: Record) -> None:
+        single = pretrigger_noise(record).variance * len(record.histories)
+        freq, force, response, _, _ = spectra_of_blows(record)
+        power = np.sum(np.abs(force) ** 2, axis=0)
+        heard = (power > _HEARD * np.max(power)) & np.all(np.isfinite(single) & (single > 0.0), axis=0)
+        self.freedom = len(force) - 1 if heard.any() else 0
+        self.each, self.variance, self.explained, self.excess = np.zeros(len(force)), np.inf, 0.0, 0.0
+        if not self.freedom:
+            return
+        force, response, weight = force[:, None, heard], response[..., heard], 1.0 / single[:, heard]
+        h = np.stack([h1(force[:, 0], response[:, k]) for k in range(response.shape[1])])
+        # Of like noise in every blow, whatever its force.
+        off = (response - h * force) * (force.conj() / np.abs(force)) / np.sqrt(power[heard] / len(force))
+        late = -2j * np.pi * freq[heard] * h
+        told = float(np.sum(weight * np.abs(late) ** 2))
+        self.each = np.sum(weight * (late.conj() * off).real, axis=(1, 2)) / told
+        self.each -= self.each.mean()
+        self.variance = 0.5 / told
+        self.explained = float(np.sum(self.each**2)) * told
+        self.excess = float(np.sum(weight * np.abs(off) ** 2)) - self.freedom * off[0].size
+
+
+def _early(history: History, delay: float) -> History:
+    """A blow whose responses come earlier by a delay [s]."""
+    count, more = history.force.size, history.force.size // 2
+    # Carried on at either end as a trend that turns about it: the transform wraps around.
+    wide = np.pad(history.responses, ((0, 0), (more, more)), mode="reflect", reflect_type="odd")
+    freq = np.fft.rfftfreq(wide.shape[1], 1 / history.fs)
+    shifted = np.fft.irfft(np.fft.rfft(wide) * np.exp(2j * np.pi * freq * delay), wide.shape[1])
+    return replace(history, responses=shifted[:, more : more + count])
