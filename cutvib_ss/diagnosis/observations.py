@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from cutvib_ss.diagnosis.interference import interference, without
 from cutvib_ss.diagnosis.modes_beyond import resonance_beyond
 from cutvib_ss.diagnosis.records import Entry, SineTest, thinned
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -22,6 +21,7 @@ from cutvib_ss.measurement.blocks import without_run_in
 from cutvib_ss.measurement.blow_noise import blow_scatter, hit_directions, pretrigger_noise
 from cutvib_ss.measurement.cut_responses import with_one_instant
 from cutvib_ss.measurement.estimation import measured_response, rounded_part
+from cutvib_ss.measurement.interference import Interference, interference
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.measurement.trigger_jitter import TriggerJitter, aligned, trigger_jitter
@@ -111,10 +111,16 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
     disturbed = 0.0
     if jitter is not None:
         disturbed, lacking = _excess(cut, jitter), (*lacking, jitter.words)
-    if (tones := interference(cut)) is not None:
-        cut, disturbed, lacking = without(cut, tones), disturbed + tones.excess, (*lacking, tones.words)
+    if (tones := interference([e.response for e in cut if e.sine is None])) is not None:
+        cut, disturbed, lacking = _without_tones(cut, tones), disturbed + tones.excess, (*lacking, tones.words)
     per_unit = STANDARD_GRAVITY if per_newton else 1.0
     return Observations(tuple(cut), hull, names, unit, per_unit, lacking, beyond, disturbed, jitter)
+
+
+def _without_tones(entries: Sequence[Entry], tones: Interference) -> list[Entry]:
+    """Records on the lines that tones leave; as they are where these are too few."""
+    rest = [thinned(e, ~tones.spoils(e.freq)) for e in entries]
+    return [few if few.freq.size >= SETTINGS.record_fewest_lines else e for e, few in zip(entries, rest, strict=True)]
 
 
 def _without_force(entries: Sequence[Entry], records: Sequence[Record]) -> tuple[str, ...]:

@@ -438,7 +438,7 @@ class Settings:
     faults_twist: float = _of(50.0, "first bending frequency",
         "First frequency of the twist against which the rail's is freed", "-", "any far above the band would do")
 
-    # Error bands and interference
+    # Error bands
     band_stands_out: float = _of(4.0, "std", "By which a band's mean square exceeds that of noise", "fewer bands",
         _STATISTICS)
     band_width: float = _of(5.0, "Hz", "Over which the error is averaged to find them", "weaker and wider bands", _JUDGEMENT)
@@ -449,20 +449,6 @@ class Settings:
     band_narrow: int = _of(3, "lines", "That a band has to hold to be shown", "fewer bands", _STATISTICS)
     band_moves: float = _of(1e-3, "probability", "Of centres that spread as much without moving",
         "more bands are said to move", _STATISTICS)
-    interference_mains: tuple[float, ...] = _of((50.0, 60.0), "Hz", "Of the world's mains", "-", "power grids")
-    interference_lines: float = _of(1.5, "lines", "That a tone's peak may lie off its frequency", "wider peaks", _NUMERICAL)
-    interference_wanders: float = _of(2e-3, "1", "Part of its frequency by which the mains wander", "wider peaks",
-        "interconnected grids: 50 ± 0.1 Hz nearly always")
-    interference_stands_out: float = _of(5.0, "noise power", "By which a tone does", "less is called interference", _STATISTICS)
-    interference_chance: float = _of(1e-3, "probability", "That noise stands out as much anywhere",
-        "more is called interference", _STATISTICS)
-    interference_of_scatter: float = _of(8.0, "power", "Of a peak of the response, over what scatters there, at most",
-        "resonances that scatter may pass for tones", _STATISTICS)
-    interference_multiples: int = _of(3, "multiples", "Of the mains that have to stand out where nobody saw what scatters",
-        "less is called interference", "a resonance may lie on one by chance")
-    interference_skirts: float = _of(0.25, "noise power", "Of a tone's skirts that may stay", "fewer lines are left out",
-        _STATISTICS)
-    interference_widest: float = _of(12.0, "Hz", "That skirts are followed to", "more lines are left out", _JUDGEMENT)
 
     # Limits, information and plans
     limits_lines: int = _of(120, "lines", "Of a record on which limits are computed, about", "longer", _TIME)

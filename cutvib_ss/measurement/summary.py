@@ -11,8 +11,10 @@ import numpy as np
 
 from cutvib_ss.measurement.blow_noise import blow_scatter
 from cutvib_ss.measurement.estimation import measured_response
+from cutvib_ss.measurement.interference import interference
 from cutvib_ss.measurement.plausibility import levels_over_nominal
 from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.measurement.trigger_jitter import trigger_jitter
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 
 _SAME_LEVEL = 0.15
@@ -204,7 +206,12 @@ def summarise(campaign: Campaign) -> Summary:
         if pair is not None:
             (repeated if _same_level(a.level, b.level) else levels).append(pair)
     unit = campaign.records[0].input_unit if campaign.records else "N"
-    return Summary(campaign.title, unit, records, tuple(repeated), tuple(levels), campaign.warnings, frfs)
+    disturbances = (
+        interference([h for r, h in zip(campaign.records, frfs, strict=True) if r.excitation != "sine"]),
+        trigger_jitter(campaign.records),
+    )
+    warnings = (*campaign.warnings, *(found.words for found in disturbances if found is not None))
+    return Summary(campaign.title, unit, records, tuple(repeated), tuple(levels), warnings, frfs)
 
 
 def compare(

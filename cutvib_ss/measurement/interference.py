@@ -16,15 +16,25 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from cutvib_ss.diagnosis.records import Entry, thinned
-from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.results import FloatArray
+from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 
 _APART = np.array([1.0, 0.0, -4.0, 0.0, 6.0, 0.0, -4.0, 0.0, 1.0])
 """A fourth difference over every second line: a resonance is smooth for it, a tone under a Hann window is not."""
 _OF_TONE = float(np.max(_APART) ** 2 / np.sum(_APART**2))
-_BESIDE = 3, 6
-"""Lines to either side of a tone's peak where it has fallen to a 25th and less."""
+_MAINS = 50.0, 60.0  # Hz
+_LINES = 1.5  # that a tone's peak may lie off its frequency
+_WANDERS = 2e-3  # of their frequency, by which the mains do: interconnected grids hold 50 ± 0.1 Hz nearly always
+_STANDS_OUT = 5.0  # times the noise power: a tone does, and has fallen from it so far where it has ended
+_BESIDE = 3, 6  # lines to either side of a tone's peak where it has fallen to a 25th and less
+_CHANCE = 1e-3  # that noise stands out as much anywhere
+_OF_SCATTER = (
+    8.0  # of a peak's power in the response over what scatters there: a tone has one, resonances tens and more
+)
+_MULTIPLES = (
+    3  # of the mains that have to stand out where nobody saw what scatters: a resonance may lie on one by chance
+)
+_SKIRTS = 0.25  # of the noise power, to which a tone's skirts are left out
+_WIDEST = 12.0  # Hz that skirts are followed to
 
 
 @dataclass(frozen=True)
@@ -50,45 +60,39 @@ class Interference:
         )
 
 
-def interference(entries: Sequence[Entry]) -> Interference | None:
-    """Tones in records; None where there are none."""
+def interference(responses: Sequence[MeasuredFrequencyResponse]) -> Interference | None:
+    """Tones in responses of one position and input each, not to a sine; None where there are none."""
     widths: dict[float, float] = {}
     excess, mains = 0.0, None
-    for step, own in _by_step(entries).items():
+    for step, own in _by_step(responses).items():
         lines = _Lines(step, own)
         tones = lines.tones()
-        multiples = {f: lines.at_multiples(f, tones) for f in SETTINGS.interference_mains}
+        multiples = {f: lines.at_multiples(f, tones) for f in _MAINS}
         likeliest = max(multiples, key=lambda f: len(multiples[f]))
-        if len(multiples[likeliest]) >= SETTINGS.interference_multiples:
+        if len(multiples[likeliest]) >= _MULTIPLES:
             mains, found = likeliest, multiples[likeliest]
             tones = {**{f: p for f, p in tones.items() if not _near(f, found, step)}, **found}
         for f, power in tones.items():
-            skirts = step * float(np.sqrt(power / (2.0 * SETTINGS.interference_skirts))) / np.pi
-            widths[f] = max(widths.get(f, 0.0), _reach(f, step), min(skirts, SETTINGS.interference_widest))
+            skirts = step * float(np.sqrt(power / (2.0 * _SKIRTS))) / np.pi
+            widths[f] = max(widths.get(f, 0.0), _reach(f, step), min(skirts, _WIDEST))
         excess = max(excess, sum(tones.values()) / lines.freq.size)
     return Interference(widths, excess, mains) if widths else None
 
 
-def without(entries: Sequence[Entry], found: Interference) -> list[Entry]:
-    """Records on the lines that tones leave; as they are where these are too few."""
-    rest = [thinned(e, ~found.spoils(e.freq)) for e in entries]
-    return [few if few.freq.size >= SETTINGS.record_fewest_lines else e for e, few in zip(entries, rest, strict=True)]
-
-
 class _Lines:
-    """Records on lines that are as far apart: mean powers over their noise, of all channels."""
+    """Responses on lines that are as far apart: mean powers over their noise, of all channels."""
 
-    def __init__(self, step: float, entries: Sequence[Entry]) -> None:
-        first = min(float(e.freq[0]) for e in entries)
-        index = [np.round((e.freq - first) / step).astype(np.intp) for e in entries]
+    def __init__(self, step: float, responses: Sequence[MeasuredFrequencyResponse]) -> None:
+        first = min(float(r.freq[0]) for r in responses)
+        index = [np.round((r.freq - first) / step).astype(np.intp) for r in responses]
         self.step, self.freq = step, first + step * np.arange(max(int(i[-1]) for i in index) + 1)
         scatter, spike, seen, shown, self.freedom = np.zeros((5, self.freq.size))
-        for e, i in zip(entries, index, strict=True):
-            rough, scattered = _roughness(e), _scatter(e)
+        for r, i in zip(responses, index, strict=True):
+            rough, scattered = _roughness(r), _scatter(r)
             known = np.isfinite(scattered)
             scatter[i] += np.where(known, scattered, 0.0).sum(axis=0)
             seen[i] += known.sum(axis=0)
-            self.freedom[i] += 2.0 * ((e.response.averages or 1) - 1) * known.sum(axis=0)
+            self.freedom[i] += 2.0 * (r.averages - 1) * known.sum(axis=0)
             spike[i] += np.where(np.isfinite(rough), rough, 0.0).sum(axis=0)
             shown[i] += np.isfinite(rough).sum(axis=0)
         # Of a line that shows nothing neither is known.
@@ -98,15 +102,15 @@ class _Lines:
     def tones(self) -> dict[float, float]:
         """Peaks of what scatters that are no wider than a tone's, and no more in the response: their powers by frequency."""
         out: dict[float, float] = {}
-        least = SETTINGS.interference_chance / self.freq.size
-        for k in np.flatnonzero(self.scatter > SETTINGS.interference_stands_out).tolist():
+        least = _CHANCE / self.freq.size
+        for k in np.flatnonzero(self.scatter > _STANDS_OUT).tolist():
             around = self._around(k, *_BESIDE)
             if not around.size or stats.chi2.sf(self.scatter[k] * self.freedom[k], self.freedom[k]) > least:
                 continue
             near = slice(max(k - _BESIDE[0], 0), k + _BESIDE[0] + 1)
             highest = self.scatter[k] >= np.nanmax(self.scatter[near])
-            sharp = np.nanmean(self.scatter[around]) < self.scatter[k] / SETTINGS.interference_stands_out
-            alike = self.spike[k] < SETTINGS.interference_of_scatter * self.scatter[k]
+            sharp = np.nanmean(self.scatter[around]) < self.scatter[k] / _STANDS_OUT
+            alike = self.spike[k] < _OF_SCATTER * self.scatter[k]
             if highest and sharp and alike:
                 out[float(self.freq[k])] = float(self.scatter[k])
         return out
@@ -125,7 +129,7 @@ class _Lines:
             told = [power for f, power in tones.items() if _near(f, [k * mains], self.step)]
             peak = max([float(np.nanmax(self.spike[near])), *told])
             # The mean of an exponential variable, by its median.
-            if told or peak > SETTINGS.interference_stands_out * float(np.nanmedian(beside)) / np.log(2):
+            if told or peak > _STANDS_OUT * float(np.nanmedian(beside)) / np.log(2):
                 out[k * mains] = peak
         return out
 
@@ -136,40 +140,40 @@ class _Lines:
         return np.asarray(around[np.isfinite(self.scatter[around])])
 
 
-def _by_step(entries: Sequence[Entry]) -> dict[float, list[Entry]]:
-    """Records on even lines, sines aside, by how far these are apart."""
-    out: dict[float, list[Entry]] = {}
-    for e in entries:
-        apart = np.diff(e.freq)
-        if e.sine is None and e.freq.size >= _APART.size and np.ptp(apart) < 0.01 * np.mean(apart):
-            out.setdefault(float(f"{np.mean(apart):.4g}"), []).append(e)
+def _by_step(responses: Sequence[MeasuredFrequencyResponse]) -> dict[float, list[MeasuredFrequencyResponse]]:
+    """Responses on even lines, by how far these are apart."""
+    out: dict[float, list[MeasuredFrequencyResponse]] = {}
+    for r in responses:
+        apart = np.diff(r.freq)
+        if r.freq.size >= _APART.size and np.ptp(apart) < 0.01 * np.mean(apart):
+            out.setdefault(float(f"{np.mean(apart):.4g}"), []).append(r)
     return out
 
 
 def _reach(frequency: float, step: float) -> float:
     """How far from its frequency a tone may be seen [Hz]."""
-    return max(SETTINGS.interference_lines * step, SETTINGS.interference_wanders * frequency)
+    return max(_LINES * step, _WANDERS * frequency)
 
 
 def _near(frequency: float, others: Iterable[float], step: float) -> bool:
     return any(abs(frequency - f) <= _reach(f, step) + step for f in others)
 
 
-def _scatter(e: Entry) -> FloatArray:
+def _scatter(response: MeasuredFrequencyResponse) -> FloatArray:
     """What scatters at each line by itself over the noise, shape (channel, frequency); NaN where nobody saw it."""
-    averages, coherence = e.response.averages or 1, e.response.coherence[0, :, 0]
-    if averages < 2:
-        return np.full(e.data.shape, np.nan)
+    data, coherence, variance = (a[0, :, 0] for a in (response.data, response.coherence, response.variance))
+    if response.averages < 2:
+        return np.full(data.shape, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
-        power = np.abs(e.data) ** 2 * (1.0 - coherence) / coherence / (averages - 1)
-    return np.asarray(power / e.variance)
+        power = np.abs(data) ** 2 * (1.0 - coherence) / coherence / (response.averages - 1)
+        return np.asarray(power / variance)
 
 
-def _roughness(e: Entry) -> FloatArray:
-    """Squares of a record's differences over the noise, as powers of a tone; shape (channel, frequency), NaN at its ends."""
-    out = np.full(e.data.shape, np.nan)
+def _roughness(response: MeasuredFrequencyResponse) -> FloatArray:
+    """Squares of a response's differences over the noise, as powers of a tone; shape (channel, frequency), NaN at its ends."""
+    out = np.full((len(response.outputs), response.freq.size), np.nan)
     inner = slice(_APART.size // 2, -(_APART.size // 2))
-    for rough, data, variance in zip(out, e.data, e.variance, strict=True):
+    for rough, data, variance in zip(out, response.data[0, :, 0], response.variance[0, :, 0], strict=True):
         difference = np.convolve(data, _APART, mode="valid")
         rough[inner] = np.abs(difference) ** 2 / np.convolve(variance, _APART**2, mode="valid") / _OF_TONE
     return out

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.diagnose import diagnose
-from cutvib_ss.diagnosis.interference import interference, without
+from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.measurement.interference import interference
+from cutvib_ss.measurement.summary import summarise
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
-from tests.unit.record_example import entry_of
+from cutvib_ss.results import MeasuredFrequencyResponse
+from cutvib_ss.results.arrays import optional_array
 from tests.unit.struck_oscillator import MASS, struck
 
 FREQ = np.arange(14.0, 310.0, 0.5)
@@ -27,7 +30,7 @@ def tone(rng, f0, shape):
 def records(tones=(), power=0.0, scatter=None, averages=BLOWS, seed=3):
     """Three positions, H1 of blows by a unit force: noise, tones of a power over it, and what scatters besides."""
     rng, out = np.random.default_rng(seed), []
-    for k, y in enumerate((0.2, 0.5, 0.7)):
+    for y in (0.2, 0.5, 0.7):
         true = frequency_response(published_machine(), y, freq=FREQ, outputs=CHANNELS, inputs=("force",)).data[0, :, 0]
         noise = np.full(true.shape, 1e-3 * np.median(np.abs(true)))
         shape = (BLOWS, *true.shape)
@@ -39,9 +42,13 @@ def records(tones=(), power=0.0, scatter=None, averages=BLOWS, seed=3):
             each = each + scatter(true) * rng.standard_normal((BLOWS, 1, 1))
         mean = each.mean(axis=0)
         spread = np.sum(np.abs(each - mean) ** 2, axis=0) / np.sum(np.abs(each) ** 2, axis=0)
-        e = entry_of(k, y, None, mean, noise**2 / BLOWS, FREQ, CHANNELS, ("acceleration",) * 2)
         seen = {"coherence": 1.0 - spread[None, :, None], "averages": averages} if averages > 1 else {}
-        out.append(replace(e, response=replace(e.response, **seen)))
+        out.append(
+            MeasuredFrequencyResponse(
+                mean[None, :, None], FREQ, optional_array([y]), CHANNELS, ("force",), ("acceleration",) * 2,
+                variance=noise[None, :, None] ** 2 / BLOWS, **seen,
+            )
+        )  # fmt: skip
     return out
 
 
@@ -54,8 +61,7 @@ def test_a_tone_is_told_by_what_scatters(tones):
         assert found.spoils(np.array([f0])).all()
     # A boxcar's skirts fall with the square of the distance.
     assert max(found.widths.values()) == pytest.approx(0.5 * np.sqrt(100.0 / 0.5) / np.pi, rel=0.5)
-    for e in without(records(tones, 100.0), found):
-        assert 0.9 * FREQ.size < e.freq.size < FREQ.size
+    assert 0.9 < np.mean(~found.spoils(FREQ)) < 1.0
 
 
 @pytest.mark.parametrize(("averages", "f0", "mains"), [(BLOWS, 50.0, 50.0), (1, 60.0, 60.0), (1, 57.0, None)])
@@ -83,10 +89,16 @@ def test_resonances_that_scatter_are_none():
 
 
 def test_where_nothing_would_be_left_all_lines_stay():
-    found = interference(records((47.3,), 100.0))
-    few = [entry_of(0, 0.2, None, e.data[:, :4], e.variance[:, :4], 47.0 + FREQ[:4] / 100, CHANNELS, ("acceleration",) * 2)
-           for e in records()]  # fmt: skip
-    assert [e.freq.size for e in without(few, found)] == [4, 4, 4]
+    campaign = struck(hum=1.0)
+    narrow = replace(campaign, records=tuple(replace(r, band_hz=(48.0, 52.0)) for r in campaign.records))
+    assert [e.freq.size for e in observe(narrow, narrow.machine).entries] == [9, 9, 9]
+    assert all(e.freq.size < 452 for e in observe(campaign, campaign.machine).entries)
+
+
+def test_what_a_campaign_holds_says_so():
+    assert any("mains interference" in w for w in summarise(struck(hum=1.0)).warnings)
+    assert any("trigger jitter" in w for w in summarise(struck(jitter=2e-4)).warnings)
+    assert summarise(struck()).warnings == ()
 
 
 def test_hum_is_no_cause() -> None:
