@@ -27,12 +27,8 @@ _WANDERS = 2e-3  # of their frequency, by which the mains do: interconnected gri
 _STANDS_OUT = 5.0  # times the noise power: a tone does, and has fallen from it so far where it has ended
 _BESIDE = 3, 6  # lines to either side of a tone's peak where it has fallen to a 25th and less
 _CHANCE = 1e-3  # that noise stands out as much anywhere
-_OF_SCATTER = (
-    8.0  # of a peak's power in the response over what scatters there: a tone has one, resonances tens and more
-)
-_MULTIPLES = (
-    3  # of the mains that have to stand out where nobody saw what scatters: a resonance may lie on one by chance
-)
+_OF_SCATTER = 8.0  # of a peak's power over what scatters there: a tone's is one, a resonance's tens and more
+_MULTIPLES = 3  # of the mains that have to stand out: a resonance may lie on one by chance
 _SKIRTS = 0.25  # of the noise power, to which a tone's skirts are left out
 _WIDEST = 12.0  # Hz that skirts are followed to
 
@@ -95,7 +91,6 @@ class _Lines:
             self.freedom[i] += 2.0 * (r.averages - 1) * known.sum(axis=0)
             spike[i] += np.where(np.isfinite(rough), rough, 0.0).sum(axis=0)
             shown[i] += np.isfinite(rough).sum(axis=0)
-        # Of a line that shows nothing neither is known.
         self.scatter = np.divide(scatter, seen, out=np.full(seen.shape, np.nan), where=seen > 0)
         self.spike = np.divide(spike, shown, out=np.full(shown.shape, np.nan), where=shown > 0)
 
