@@ -172,8 +172,9 @@ def _searched(
 def _observed(campaign: Campaign, nominal: Model, highest: float = math.inf) -> Observations:
     """The campaign's responses, with what drifts within a record."""
     observed = observe(campaign, nominal, highest)
-    for _ in range(SETTINGS.record_late_passes if observed.jitter is not None else 0):
-        assert observed.jitter is not None
+    for _ in range(SETTINGS.record_late_passes):
+        if observed.jitter is None:
+            break
         campaign = without_mean_delays(nominal, campaign, observed, observed.jitter)
         observed = observe(campaign, nominal, highest)
     return replace(observed, entries=with_lasting(nominal, observed.entries))

@@ -58,7 +58,9 @@ def trigger_jitter(records: Sequence[Record]) -> TriggerJitter | None:
     squares = sum(float(np.sum(d.each**2)) / d.variance for d in told)
     if stats.chi2.sf(squares, freedom) > _CHANCE:
         return None
-    if sum(d.explained for d in told) < _SHARE * sum(d.excess for d in told):
+    # A window may leave less than the sensors' noise before the blow: then nothing scatters over it.
+    excess = sum(d.excess for d in told)
+    if excess <= 0.0 or sum(d.explained for d in told) < _SHARE * excess:
         return None
     # Blows of equal spread, whose delays are told unequally well.
     weight = np.array([d.freedom / d.variance**2 for d in told])

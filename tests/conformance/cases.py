@@ -45,7 +45,7 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "channel_delay": (("measurement",), ("channel", "delay")),
     "calibration_error": (("measurement",), ("channel", "gain", "phase")),
     "cross_axis": (("measurement",), ("fraction",)),
-    "window_damping": (("measurement",), ("decay_rate",)),
+    "window_damping": (("measurement",), ("decay_rate", "ahead")),
 }
 """Places on the cutting machine and parameters of every effect that the catalogue may hold: names that files rely on."""
 

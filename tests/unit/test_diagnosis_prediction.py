@@ -130,7 +130,9 @@ def test_circles_that_are_kept_serve_another_instant_of_the_blow():
 
 
 @pytest.mark.parametrize(
-    "effect", [LocalResonator("head", 1.0, 200.0, 0.02, 0.4), WindowDamping("measurement", 3.0)], ids=lambda e: e.effect
+    "effect",
+    [LocalResonator("head", 1.0, 200.0, 0.02, 0.4), WindowDamping("measurement", 3.0, 0.02)],
+    ids=lambda e: e.effect,
 )
 def test_effects_are_seen_through_the_estimator(effect):
     machine, g = published_machine(), group()
@@ -139,7 +141,7 @@ def test_effects_are_seen_through_the_estimator(effect):
     base = Prediction(applied, g)
     for name, carried in moves.items():
         value = getattr(effect, name)
-        step = 1e-6 * value
+        step = 1e-6 * (value or 1.0)
         fields = dict(vars(effect))
         up, down = (
             Prediction(type(effect)(**{**fields, name: value + h}).apply(machine), g).data for h in (step, -step)
