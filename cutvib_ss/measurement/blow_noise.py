@@ -162,8 +162,9 @@ def blow_scatter(
         freedom = _freedom(freq.size, max(float(ratio[k]) / (1 + 2 * scatter), 1.0))
         # both over one smooth power that takes no side
         weight = 1 / smooth_noise((np.abs(g) ** 2 * input_power + left) / (count - 1), np.abs(h), noise_bins)
-        statistic = float(np.mean(np.abs(g) ** 2 * input_power * weight) / np.mean(left / (count - 2) * weight))
-        significance[k] = float(stats.f.sf(statistic, freedom, freedom * (count - 2)))
+        by_force, beside = np.mean(np.abs(g) ** 2 * input_power * weight), np.mean(left / (count - 2) * weight)
+        # A channel that shows nothing tells nothing.
+        significance[k] = stats.f.sf(by_force / beside, freedom, freedom * (count - 2)) if beside > 0.0 else np.nan
     rounded = orders_by_rounding(record, [h.start for h in record.histories])
     significance = np.where(rounded, np.nan, significance)
     return BlowScatter(freq, ordered, rest, single, ratio, significance, spread)

@@ -160,6 +160,9 @@ def high_pass_variance(data: ComplexArray, noise_bins: int = NOISE_BINS) -> Floa
     The fourth difference of white noise has 70 times its variance; the median of an exponential variable is ln 2 times
     its mean.
     """
+    if data.size < _SECOND_DIFFERENCE.size:
+        # Of a line or two nothing tells what is noise.
+        return np.asarray(np.abs(data) ** 2)
     kernel = _FOURTH_DIFFERENCE if data.size >= 6 else _SECOND_DIFFERENCE
     residual = np.abs(np.convolve(data, kernel, mode="valid")) ** 2 / np.sum(kernel**2)
     margin = kernel.size // 2

@@ -203,3 +203,8 @@ def test_power_tells_how_far_bins_go_together() -> None:
     assert np.sum(found[1:]) == pytest.approx(np.sum(known[1:40]), rel=0.4)
     free = np.sum(np.abs(np.fft.rfft(rng.standard_normal((averages, samples)))) ** 2, axis=0)
     assert not power_correlation(free, np.full(free.size, free.mean()))[1:].any()
+
+
+@pytest.mark.parametrize("lines", [1, 2, 3, 6])
+def test_of_few_lines_each_has_a_variance(lines):
+    assert high_pass_variance(TRUTH[:lines]).shape == (lines,)
