@@ -52,7 +52,7 @@ class Interference:
         tones = ", ".join(f"{f:.4g}" for f in sorted(self.widths))
         return (
             f"{kind}: tones that have no phase in common with the force at {tones} Hz; lines within "
-            f"{max(self.widths.values()):.2g} Hz of them are left out"
+            f"{max(self.widths.values()):.2g} Hz of them at most are left out of comparisons"
         )
 
 

@@ -197,20 +197,20 @@ def summarise(campaign: Campaign) -> Summary:
     """Figures of every record of a campaign, and of the pairs that can be compared."""
     frfs = tuple(measured_response(r) for r in campaign.records)
     records = tuple(_record(r, h, campaign.machine) for r, h in zip(campaign.records, frfs, strict=True))
+    tones = interference([h for r, h in zip(campaign.records, frfs, strict=True) if r.excitation != "sine"])
+    jitter = trigger_jitter(campaign.records)
+    # What tones do to a line is no difference of two records.
+    kept = frfs if tones is None else tuple(h.at_lines(~tones.spoils(h.freq)) for h in frfs)
     repeated: list[PairSummary] = []
     levels: list[PairSummary] = []
-    for (a, ha), (b, hb) in combinations(zip(records, frfs, strict=True), 2):
+    for (a, ha), (b, hb) in combinations(zip(records, kept, strict=True), 2):
         if (a.position, a.input, a.kind) != (b.position, b.input, b.kind):
             continue
         pair = compare(a, ha, b, hb)
         if pair is not None:
             (repeated if _same_level(a.level, b.level) else levels).append(pair)
     unit = campaign.records[0].input_unit if campaign.records else "N"
-    disturbances = (
-        interference([h for r, h in zip(campaign.records, frfs, strict=True) if r.excitation != "sine"]),
-        trigger_jitter(campaign.records),
-    )
-    warnings = (*campaign.warnings, *(found.words for found in disturbances if found is not None))
+    warnings = (*campaign.warnings, *(found.words for found in (tones, jitter) if found is not None))
     return Summary(campaign.title, unit, records, tuple(repeated), tuple(levels), warnings, frfs)
 
 

@@ -99,6 +99,8 @@ def test_what_a_campaign_holds_says_so():
     assert any("mains interference" in w for w in summarise(struck(hum=1.0)).warnings)
     assert any("trigger jitter" in w for w in summarise(struck(jitter=2e-4)).warnings)
     assert summarise(struck()).warnings == ()
+    quiet, loud = (summarise(struck(hum=h)) for h in (0.0, 10.0))
+    assert max(p.difference for p in loud.levels) < max(p.difference for p in quiet.levels) + 0.02
 
 
 def test_hum_is_no_cause() -> None:
