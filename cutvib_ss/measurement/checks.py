@@ -12,6 +12,7 @@ from scipy import signal
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.blow_noise import gains_of_blows
 from cutvib_ss.measurement.estimation import measured_response
+from cutvib_ss.measurement.interference import interference
 from cutvib_ss.measurement.plausibility import unit_hints, without_drift
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
 from cutvib_ss.measurement.signs import turned_signs
@@ -61,6 +62,9 @@ def check_record(record: Record, machine: MachineLike, where: str) -> tuple[Reco
                 )
     record, drifts = without_drift(record, where)
     frf = measured_response(record)
+    tones = None if record.excitation == "sine" else interference([frf])
+    if tones is not None:
+        frf = frf.at_lines(~tones.spoils(frf.freq))
     warnings += [*drifts, *turned_signs(record, machine, where, frf), *unit_hints(record, machine, where, frf)]
     return record, tuple(warnings)
 

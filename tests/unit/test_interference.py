@@ -7,13 +7,14 @@ import pytest
 
 from cutvib_ss.diagnosis.diagnose import diagnose
 from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.measurement.checks import check_record
 from cutvib_ss.measurement.interference import interference
 from cutvib_ss.measurement.summary import summarise
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import MeasuredFrequencyResponse
 from cutvib_ss.results.arrays import optional_array
-from tests.unit.struck_oscillator import MASS, struck
+from tests.unit.struck_oscillator import MASS, OSCILLATOR, struck
 
 FREQ = np.arange(14.0, 310.0, 0.5)
 CHANNELS = ("tool_x", "tool_z")
@@ -115,3 +116,11 @@ def test_hum_hides_no_cause() -> None:
     first = diagnose(struck(hum=1.0, mass=1.1 * MASS)).causes[0]
     assert first.place != "measurement"
     assert first.effect in ("added_mass", "parameter_shift")
+
+
+@pytest.mark.parametrize(("hum", "sign"), [(30.0, 1.0), (30.0, -1.0), (1000.0, 1.0)])
+def test_hum_turns_no_sensor(hum, sign):
+    record = struck(hum=hum).records[0]
+    turned = replace(record, histories=tuple(replace(h, responses=sign * h.responses) for h in record.histories))
+    said = check_record(turned, OSCILLATOR, "r0")[1]
+    assert any("opposite" in w for w in said) == (sign < 0.0), said
