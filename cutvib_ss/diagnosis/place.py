@@ -33,6 +33,9 @@ from cutvib_ss.effects.base import Model
 from cutvib_ss.results import FloatArray
 from cutvib_ss.results.arrays import optional_array
 
+DISTURBANCE = "disturbance"
+"""The way in which the measurement is at fault where tones or trigger jitter disturb the records, and nothing else is."""
+
 
 @dataclass(frozen=True)
 class Located:
@@ -54,7 +57,7 @@ class Located:
 
 def at_measurement(located: Located) -> Located:
     """Places, where the measurement is disturbed and nothing else is at fault."""
-    own = PlaceScore("measurement", "disturbance", 1.0, SETTINGS.place_disturbed)
+    own = PlaceScore("measurement", DISTURBANCE, 1.0, SETTINGS.place_disturbed)
     others = [s for s in located.scores if s.place != "measurement"]
     share = sum(s.probability for s in others) or 1.0
     rest = tuple(replace(s, probability=(1.0 - SETTINGS.place_disturbed) * s.probability / share) for s in others)

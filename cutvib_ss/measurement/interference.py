@@ -18,6 +18,9 @@ from scipy import stats
 
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 
+TONES = "interference"
+"""What is said of it begins so."""
+
 _APART = np.array([1.0, 0.0, -4.0, 0.0, 6.0, 0.0, -4.0, 0.0, 1.0])
 """A fourth difference over every second line: a resonance is smooth for it, a tone under a Hann window is not."""
 _OF_TONE = float(np.max(_APART) ** 2 / np.sum(_APART**2))
@@ -48,11 +51,12 @@ class Interference:
     @property
     def words(self) -> str:
         """What is said of them."""
-        kind = "interference" if self.mains is None else f"mains interference of {self.mains:g} Hz"
+        kind = TONES if self.mains is None else f"{TONES} of the mains of {self.mains:g} Hz"
         tones = ", ".join(f"{f:.4g}" for f in sorted(self.widths))
         return (
             f"{kind}: tones that have no phase in common with the force at {tones} Hz; lines within "
-            f"{max(self.widths.values()):.2g} Hz of them at most are left out of comparisons"
+            f"{max(self.widths.values()):.2g} Hz of them at most are left out of comparisons; "
+            "look for what makes them: the mains, a motor, a fan"
         )
 
 

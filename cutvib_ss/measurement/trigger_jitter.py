@@ -19,6 +19,9 @@ from cutvib_ss.measurement.estimation import h1, spectra_of_blows
 from cutvib_ss.measurement.records import History, Record
 from cutvib_ss.results import FloatArray
 
+JITTER = "trigger jitter"
+"""What is said of it begins so."""
+
 _HEARD = 1e-3  # of the largest power of the force over frequency
 _CHANCE = 1e-4  # that blows that are not late differ as much
 _PASSES = 2  # beyond first order: a delay of a radian is followed to a hundredth
@@ -38,7 +41,7 @@ class TriggerJitter:
     def words(self) -> str:
         """What is said of it."""
         return (
-            f"trigger jitter: the responses are late by {1e6 * self.std:.3g} us more or less from blow to blow; blows are aligned, "
+            f"{JITTER}: the responses are late by {1e6 * self.std:.3g} us more or less from blow to blow; blows are aligned, "
             "and the mean delay of a record counts as unknown; record force and responses on one device"
         )
 

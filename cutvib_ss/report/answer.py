@@ -9,6 +9,7 @@ from cutvib_ss.diagnosis.result import Diagnosis, Limit
 from cutvib_ss.plot.diagnosis import probability_text
 from cutvib_ss.report.wording import (
     cause_name,
+    disturbances,
     figure,
     inspection_text,
     known_floor,
@@ -126,7 +127,9 @@ def to_do(d: Diagnosis) -> list[str]:
             steps.append(f"Inspect: {words}.")
     if d.verdict in ("unknown", "partly_explained"):
         place = d.where.place if d.verdict == "unknown" else d.causes[0].place.rpartition("+")[2]
-        if place == "measurement":
+        if said := disturbances(d):
+            steps += [f"Measure again without {w}." for w in said]
+        elif place == "measurement":
             steps.append("Look at the measuring chain: sensors and how they are mounted, cables, ranges, filters.")
         else:
             steps.append(

@@ -7,10 +7,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from cutvib_ss.diagnosis.place import DISTURBANCE
 from cutvib_ss.diagnosis.result import Cause, Diagnosis, FittedParameter, GapFigures, NextTest
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import identifying_names
 from cutvib_ss.effects.catalogue import EFFECTS, is_alias
+from cutvib_ss.measurement.interference import TONES
+from cutvib_ss.measurement.trigger_jitter import JITTER
 from cutvib_ss.units import STANDARD_GRAVITY
 
 PLACES = {
@@ -132,6 +135,14 @@ def leaves_out_modes(diagnosis: Diagnosis) -> bool:
     return diagnosis.sizes.get("flexibility", 0.0) > SETTINGS.sizes["flexibility"][0][0]
 
 
+def disturbances(diagnosis: Diagnosis) -> list[str]:
+    """Warnings on what disturbs the records, where nothing else is at fault."""
+    scores = diagnosis.findings.place_scores
+    if not scores or scores[0].variant != DISTURBANCE:
+        return []
+    return [w for w in diagnosis.warnings if w.startswith((JITTER, TONES))]
+
+
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """
     The whole answer in one plain sentence.
@@ -192,6 +203,13 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         if shifted is None or all(c.effect != "unknown" for c in few):
             return told
         return f"{told} Measure {shifted} by itself, since other causes at its place show as such a value."
+    if kinds := disturbances(diagnosis):
+        which = ", ".join(w.partition(":")[0] for w in kinds)
+        return (
+            f"The measurement is disturbed ({which}), and nothing else is at fault: without that, and once the model's "
+            "values are tuned within their tolerances, the error on records kept out of the fit is "
+            f"{figure(gap.tuned)} {gap.unit}; noise alone leaves {figure(gap.noise_floor)}."
+        )
     nearest = next((c for c in diagnosis.causes if c.effect not in ("none", "unknown")), best)
     return (
         f"There is a gap, most probably at {place_name(diagnosis.where.place)}, that no cause of the catalogue "

@@ -11,6 +11,8 @@ from cutvib_ss.measurement.checks import check_record
 from cutvib_ss.measurement.interference import interference
 from cutvib_ss.measurement.summary import summarise
 from cutvib_ss.model.machine import published_machine
+from cutvib_ss.report.answer import to_do
+from cutvib_ss.report.wording import verdict_sentence
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import MeasuredFrequencyResponse
 from cutvib_ss.results.arrays import optional_array
@@ -97,7 +99,7 @@ def test_where_nothing_would_be_left_all_lines_stay():
 
 
 def test_what_a_campaign_holds_says_so():
-    assert any("mains interference" in w for w in summarise(struck(hum=1.0)).warnings)
+    assert any("interference of the mains" in w for w in summarise(struck(hum=1.0)).warnings)
     assert any("trigger jitter" in w for w in summarise(struck(jitter=2e-4)).warnings)
     assert summarise(struck()).warnings == ()
     quiet, loud = (summarise(struck(hum=h)) for h in (0.0, 10.0))
@@ -109,7 +111,9 @@ def test_hum_is_no_cause() -> None:
     found = diagnose(struck(hum=1.0))
     assert (found.verdict, found.causes[0].effect, found.causes[0].place) == ("unknown", "unknown", "measurement")
     assert found.where.place == "measurement"
-    assert any("mains interference of 50 Hz" in w for w in found.warnings)
+    assert any("interference of the mains of 50 Hz" in w for w in found.warnings)
+    assert verdict_sentence(found).startswith("The measurement is disturbed (interference of the mains of 50 Hz)")
+    assert any(step.startswith("Measure again without interference of the mains") for step in to_do(found))
 
 
 def test_hum_hides_no_cause() -> None:
