@@ -29,7 +29,7 @@ _LINES = 1.5  # that a tone's peak may lie off its frequency
 _WANDERS = 2e-3  # of their frequency, by which the mains do: interconnected grids hold 50 ± 0.1 Hz nearly always
 _STANDS_OUT = 5.0  # times the noise power: a tone does, and has fallen from it so far where it has ended
 _BESIDE = 3, 6  # lines to either side of a tone's peak where it has fallen to a 25th and less
-_CHANCE = 1e-3  # that noise stands out as much anywhere
+_CHANCE = 1e-3  # that noise stands out as much: anywhere, or at one multiple
 _OF_SCATTER = 8.0  # of a peak's power over what scatters there: a tone's is one, a resonance's tens and more
 _MULTIPLES = 3  # of the mains that have to stand out: a resonance may lie on one by chance
 _SKIRTS = 0.25  # of the noise power, to which a tone's skirts are left out
@@ -69,12 +69,14 @@ def interference(responses: Sequence[MeasuredFrequencyResponse]) -> Interference
         tones = lines.tones()
         multiples = {f: lines.at_multiples(f, tones) for f in _MAINS}
         likeliest = max(multiples, key=lambda f: len(multiples[f]))
+        found: dict[float, float] = {}
         if len(multiples[likeliest]) >= _MULTIPLES:
             mains, found = likeliest, multiples[likeliest]
             tones = {**{f: p for f, p in tones.items() if not _near(f, found, step)}, **found}
         for f, power in tones.items():
             skirts = step * float(np.sqrt(power / (2.0 * _SKIRTS))) / np.pi
-            widths[f] = max(widths.get(f, 0.0), _reach(f, step), min(skirts, _WIDEST))
+            seen = _reach(f, step) if f in found else _LINES * step
+            widths[f] = max(widths.get(f, 0.0), seen, min(skirts, _WIDEST))
         excess = max(excess, sum(tones.values()) / lines.freq.size)
     return Interference(widths, excess, mains) if widths else None
 
@@ -86,7 +88,7 @@ class _Lines:
         first = min(float(r.freq[0]) for r in responses)
         index = [np.round((r.freq - first) / step).astype(np.intp) for r in responses]
         self.step, self.freq = step, first + step * np.arange(max(int(i[-1]) for i in index) + 1)
-        scatter, spike, seen, shown, self.freedom = np.zeros((5, self.freq.size))
+        scatter, spike, seen, self.shown, self.freedom = np.zeros((5, self.freq.size))
         for r, i in zip(responses, index, strict=True):
             rough, scattered = _roughness(r), _scatter(r)
             known = np.isfinite(scattered)
@@ -94,9 +96,9 @@ class _Lines:
             seen[i] += known.sum(axis=0)
             self.freedom[i] += 2.0 * (r.averages - 1) * known.sum(axis=0)
             spike[i] += np.where(np.isfinite(rough), rough, 0.0).sum(axis=0)
-            shown[i] += np.isfinite(rough).sum(axis=0)
+            self.shown[i] += np.isfinite(rough).sum(axis=0)
         self.scatter = np.divide(scatter, seen, out=np.full(seen.shape, np.nan), where=seen > 0)
-        self.spike = np.divide(spike, shown, out=np.full(shown.shape, np.nan), where=shown > 0)
+        self.spike = np.divide(spike, self.shown, out=np.full(spike.shape, np.nan), where=self.shown > 0)
 
     def tones(self) -> dict[float, float]:
         """Peaks of what scatters that are no wider than a tone's, and no more in the response: their powers by frequency."""
@@ -120,15 +122,21 @@ class _Lines:
         if self.step * _APART.size > mains / 2:
             return out
         for k in range(max(int(np.ceil(self.freq[0] / mains)), 1), int(self.freq[-1] / mains) + 1):
-            off = np.abs(self.freq - k * mains)
-            near = off <= _reach(k * mains, self.step)
-            beside = self.spike[~near & (off > _APART.size // 2 * self.step) & (off < mains / 2)]
-            if np.count_nonzero(beside > 0.0) < _APART.size or not np.any(self.spike[near] > 0.0):
+            first, last = np.searchsorted(self.freq, ((k - 0.5) * mains, (k + 0.5) * mains))
+            off, spike = np.abs(self.freq[first:last] - k * mains), self.spike[first:last]
+            reach = _reach(k * mains, self.step)
+            if reach > mains / 8:
+                break
+            near = off <= reach
+            beside = spike[~near & (off > _APART.size // 2 * self.step)]
+            if np.count_nonzero(beside > 0.0) < _APART.size or not np.any(spike[near] > 0.0):
                 continue
             told = [power for f, power in tones.items() if _near(f, [k * mains], self.step)]
-            peak = max([float(np.nanmax(self.spike[near])), *told])
-            # The mean of an exponential variable, by its median.
-            if told or peak > _STANDS_OUT * float(np.nanmedian(beside)) / np.log(2):
+            peak = max([float(np.nanmax(spike[near])), *told])
+            # Of noise the mean of so many exponential variables, and the largest of so many lines.
+            data = max(float(self.shown[first:last][near].max()), 1.0)
+            by_chance = float(stats.gamma.isf(_CHANCE / np.count_nonzero(near), data)) / data
+            if told or peak > max(_STANDS_OUT, by_chance) * float(np.nanmedian(beside)) / np.log(2):
                 out[k * mains] = peak
         return out
 

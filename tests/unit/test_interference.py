@@ -79,6 +79,7 @@ def test_mains_need_nobody_to_have_seen_the_scatter(averages, f0, mains):
 def test_noise_is_none():
     assert all(interference(records(seed=s)) is None for s in range(20))
     assert interference(records(averages=1)) is None
+    assert all(interference(records(averages=1, seed=s)[:1]) is None for s in range(20))
 
 
 def test_excess_is_the_power_over_the_lines():
