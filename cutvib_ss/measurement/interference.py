@@ -31,6 +31,7 @@ _STANDS_OUT = 5.0  # times the noise power: a tone does, and has fallen from it 
 _BESIDE = 3, 6  # lines to either side of a tone's peak where it has fallen to a 25th and less
 _CHANCE = 1e-3  # that noise stands out as much: anywhere, or at one multiple
 _OF_SCATTER = 8.0  # of a peak's power over what scatters there: a tone's is one, a resonance's tens and more
+_SOFT = 0.25  # of the records, that show a tone least
 _MULTIPLES = 3  # of the mains that have to stand out: a resonance may lie on one by chance
 _SKIRTS = 0.25  # of the noise power, to which a tone's skirts are left out
 _WIDEST = 12.0  # Hz that skirts are followed to
@@ -89,9 +90,12 @@ class _Lines:
         index = [np.round((r.freq - first) / step).astype(np.intp) for r in responses]
         self.step, self.freq = step, first + step * np.arange(max(int(i[-1]) for i in index) + 1)
         scatter, spike, seen, self.shown, self.freedom = np.zeros((5, self.freq.size))
-        for r, i in zip(responses, index, strict=True):
+        # By record, of the channel that shows it most
+        self.each = np.full((len(responses), self.freq.size), -np.inf)
+        for own, r, i in zip(self.each, responses, index, strict=True):
             rough, scattered = _roughness(r), _scatter(r)
             known = np.isfinite(scattered)
+            own[i] = np.where(known, scattered, -np.inf).max(axis=0)
             scatter[i] += np.where(known, scattered, 0.0).sum(axis=0)
             seen[i] += known.sum(axis=0)
             self.freedom[i] += 2.0 * (r.averages - 1) * known.sum(axis=0)
@@ -112,7 +116,9 @@ class _Lines:
             highest = self.scatter[k] >= np.nanmax(self.scatter[near])
             sharp = np.nanmean(self.scatter[around]) < self.scatter[k] / _STANDS_OUT
             alike = self.spike[k] < _OF_SCATTER * self.scatter[k]
-            if highest and sharp and alike:
+            # What a restoring force scatters stands out where blows are hard, a tone in soft ones, too.
+            throughout = float(np.quantile(self.each[np.isfinite(self.each[:, k]), k], _SOFT)) > 0.5 * _STANDS_OUT
+            if highest and sharp and alike and throughout:
                 out[float(self.freq[k])] = float(self.scatter[k])
         return out
 

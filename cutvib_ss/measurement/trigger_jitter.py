@@ -55,11 +55,9 @@ def trigger_jitter(records: Sequence[Record]) -> TriggerJitter | None:
     """Jitter that all records of blows show together; None where they show none."""
     delays = [_Delays(r) if r.kind == "impact" else None for r in records]
     told = [d for d in delays if d is not None and d.freedom > 0 and np.isfinite(d.variance)]
-    freedom = sum(d.freedom for d in told)
-    if not freedom:
-        return None
-    squares = sum(float(np.sum(d.each**2)) / d.variance for d in told)
-    if stats.chi2.sf(squares, freedom) > _CHANCE:
+    # What goes with the peak force is a structure's that is not linear; of two blows everything does.
+    freedom = sum(d.freedom - 1 for d in told)
+    if not freedom or stats.chi2.sf(sum(d.explained for d in told), freedom) > _CHANCE:
         return None
     # A window may leave less than the sensors' noise before the blow: then nothing scatters over it.
     excess = sum(d.excess for d in told)
@@ -93,7 +91,7 @@ class _Delays:
 
     def __init__(self, record: Record) -> None:
         single = pretrigger_noise(record).variance * len(record.histories)
-        freq, force, response, _, _ = spectra_of_blows(record)
+        freq, force, response, _, peaks = spectra_of_blows(record)
         power = np.sum(np.abs(force) ** 2, axis=0)
         heard = (power > _HEARD * np.max(power)) & np.all(np.isfinite(single) & (single > 0.0), axis=0)
         self.freedom = len(force) - 1 if heard.any() else 0
@@ -109,8 +107,12 @@ class _Delays:
         self.each = np.sum(weight * (late.conj() * off).real, axis=(1, 2)) / told
         self.each -= self.each.mean()
         self.variance = 0.5 / told
-        self.explained = float(np.sum(self.each**2)) * told
-        self.excess = float(np.sum(weight * np.abs(off) ** 2)) - self.freedom * off[0].size
+        order = peaks - peaks.mean()
+        order /= max(float(np.linalg.norm(order)), 1e-300)
+        beside = self.each - order * float(order @ self.each)
+        off = off - np.multiply.outer(order, np.tensordot(order, off, 1))
+        self.explained = float(np.sum(beside**2)) * 2.0 * told
+        self.excess = 2.0 * (float(np.sum(weight * np.abs(off) ** 2)) - (self.freedom - 1) * off[0].size)
 
 
 def _early(history: History, delay: float) -> History:
