@@ -8,6 +8,7 @@ blow, too; part follows the force, and is nonlinearity of the structure; the res
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import signal, stats
@@ -170,6 +171,32 @@ def blow_scatter(
     return BlowScatter(freq, ordered, rest, single, ratio, significance, spread)
 
 
+class Deviations(NamedTuple):
+    """What single blows are off the H1 of their record by."""
+
+    freq: FloatArray  # Lines [Hz]
+    h: ComplexArray  # H1, shape (channel, frequency)
+    off: ComplexArray  # Of like noise in every blow, whatever its force; shape (blow, channel, frequency)
+    single: FloatArray  # Variance that the sensors leave on one blow, shape (channel, frequency)
+    heard: np.ndarray  # Lines on which the force is heard and that variance is known
+    peaks: FloatArray  # Largest force of each blow [N]
+
+
+def deviations(record: Record, decay_rate: float = 0.0, noise: SensorNoise | None = None) -> Deviations:
+    """What the blows of a record are off its H1 by, beside what its sensors leave."""
+    single = (noise or pretrigger_noise(record)).variance * len(record.histories)
+    freq, force, response, _, peaks = spectra_of_blows(record, decay_rate)
+    count = len(force)
+    force = force[:, None]
+    power = np.sum(np.abs(force) ** 2, axis=0)
+    heard = (power[0] > _HEARD * np.max(power)) & np.all(np.isfinite(single) & (single > 0.0), axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        h = np.sum(response * force.conj(), axis=0) / power
+        off = (response - h * force) * (force.conj() / np.abs(force)) / np.sqrt(power / count)
+    off = np.where((power > 0.0) & np.isfinite(off), off, 0.0)
+    return Deviations(freq, h, off, single, heard, peaks)
+
+
 def hit_directions(
     record: Record, decay_rate: float = 0.0, most: int = 2, noise: SensorNoise | None = None
 ) -> tuple[FloatArray, ComplexArray]:
@@ -182,22 +209,12 @@ def hit_directions(
     of the noise are directions, and H1 is off along each by the standard deviation of their scores over the root of the number
     of blows. Shape (direction, channel, frequency); none with fewer than three blows, or where the noise is not known.
     """
-    single = (noise or pretrigger_noise(record)).variance * len(record.histories)
-    freq, force, response, _, peaks = spectra_of_blows(record, decay_rate)
-    count = len(force)
-    none = np.zeros((0, *response.shape[1:]), dtype=np.complex128)
-    if count < 3:
+    found = deviations(record, decay_rate, noise)
+    freq, off, single, heard, peaks = found.freq, found.off, found.single, found.heard, found.peaks
+    count = len(off)
+    none = np.zeros((0, *off.shape[1:]), dtype=np.complex128)
+    if count < 3 or not np.any(heard):
         return freq, none
-    force = force[:, None]
-    power = np.sum(np.abs(force) ** 2, axis=0)
-    heard = (power[0] > _HEARD * np.max(power)) & np.all(np.isfinite(single) & (single > 0.0), axis=0)
-    if not np.any(heard):
-        return freq, none
-    with np.errstate(divide="ignore", invalid="ignore"):
-        h = np.sum(response * force.conj(), axis=0) / power
-        # Of like noise in every blow, whatever its force.
-        off = (response - h * force) * (force.conj() / np.abs(force)) / np.sqrt(power / count)
-    off = np.where((power > 0.0) & np.isfinite(off), off, 0.0)
     for same in (np.ones(count), peaks - peaks.mean()):
         off -= np.multiply.outer(same, np.tensordot(same, off, 1)) / max(float(same @ same), 1e-300)
     weighted = (off / np.sqrt(single / 2))[..., heard].reshape(count, -1)

@@ -1,9 +1,9 @@
 """
 Trigger jitter: force and responses recorded by devices that start together only about.
 
-The responses of blow b are late by a τ_b of its own, so that A_b = H F_b e^(-iωτ_b) + noise. To first order what a blow is off H1
-by has the part -iωτ_b H1, which no gain has and no other frequency line escapes. Aligned, the blows of a record scatter as their
-sensors do; how late all of them are together stays unknown, with the standard deviation of one over the root of their number.
+The responses of blow b are late by a τ_b of its own, so that A_b = H F_b e^(-iωτ_b) + noise. To first order a blow is off H1 by
+-iωτ_b H1: unlike a gain, it turns the phase, at all lines in proportion to frequency. Aligned, the blows of a record scatter as
+their sensors do; how late all of them are together stays unknown, with the standard deviation of one over the root of their number.
 """
 
 from __future__ import annotations
@@ -14,20 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from cutvib_ss.measurement.blow_noise import pretrigger_noise
-from cutvib_ss.measurement.estimation import h1, spectra_of_blows
+from cutvib_ss.measurement.blow_noise import deviations
 from cutvib_ss.measurement.records import History, Record
 from cutvib_ss.results import FloatArray
 
 JITTER = "trigger jitter"
 """What is said of it begins so."""
 
-_HEARD = 1e-3  # of the largest power of the force over frequency
 _CHANCE = 1e-4  # that blows that are not late differ as much
 _PASSES = 2  # beyond first order: a delay of a radian is followed to a hundredth
-_SHARE = (
-    0.5  # of what scatters over the sensors' noise that delays explain at least: a structure's drift or hand does not
-)
+_SHARE = 0.5  # of the scatter over the sensors' noise that delays explain at least: a hand, or drift, does not
 
 
 @dataclass(frozen=True)
@@ -90,19 +86,13 @@ class _Delays:
     """Delays of a record's blows about their mean, by least squares over the sensors' noise."""
 
     def __init__(self, record: Record) -> None:
-        single = pretrigger_noise(record).variance * len(record.histories)
-        freq, force, response, _, peaks = spectra_of_blows(record)
-        power = np.sum(np.abs(force) ** 2, axis=0)
-        heard = (power > _HEARD * np.max(power)) & np.all(np.isfinite(single) & (single > 0.0), axis=0)
-        self.freedom = len(force) - 1 if heard.any() else 0
-        self.each, self.variance, self.explained, self.excess = np.zeros(len(force)), np.inf, 0.0, 0.0
+        freq, h, off, single, heard, peaks = deviations(record)
+        self.freedom = len(off) - 1 if heard.any() else 0
+        self.each, self.variance, self.explained, self.excess = np.zeros(len(off)), np.inf, 0.0, 0.0
         if not self.freedom:
             return
-        force, response, weight = force[:, None, heard], response[..., heard], 1.0 / single[:, heard]
-        h = np.stack([h1(force[:, 0], response[:, k]) for k in range(response.shape[1])])
-        # Of like noise in every blow, whatever its force.
-        off = (response - h * force) * (force.conj() / np.abs(force)) / np.sqrt(power[heard] / len(force))
-        late = -2j * np.pi * freq[heard] * h
+        off, weight = off[..., heard], 1.0 / single[:, heard]
+        late = -2j * np.pi * freq[heard] * h[:, heard]
         told = float(np.sum(weight * np.abs(late) ** 2))
         self.each = np.sum(weight * (late.conj() * off).real, axis=(1, 2)) / told
         self.each -= self.each.mean()
