@@ -75,8 +75,8 @@ def _left_over(d: Diagnosis) -> str:
 
 
 def tuning_suffices(d: Diagnosis) -> bool:
-    """Whether the tuned model without any cause leaves less than a tenth above noise and repeatability."""
-    return d.verdict != "no_gap" and d.gap.tuned < 1.1 * known_floor(d)
+    """Whether the tuned model without any cause leaves less than a tenth above noise and repeatability, though it is not right."""
+    return d.verdict != "no_gap" and not disturbances(d) and d.gap.tuned < 1.1 * known_floor(d)
 
 
 def place_set_sentence(d: Diagnosis) -> str:

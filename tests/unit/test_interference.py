@@ -11,7 +11,7 @@ from cutvib_ss.measurement.checks import check_record
 from cutvib_ss.measurement.interference import interference
 from cutvib_ss.measurement.summary import summarise
 from cutvib_ss.model.machine import published_machine
-from cutvib_ss.report.answer import to_do
+from cutvib_ss.report.answer import to_do, why_sentences
 from cutvib_ss.report.wording import verdict_sentence
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import MeasuredFrequencyResponse
@@ -115,6 +115,7 @@ def test_hum_is_no_cause() -> None:
     assert any("interference of the mains of 50 Hz" in w for w in found.warnings)
     assert verdict_sentence(found).startswith("The measurement is disturbed (interference of the mains of 50 Hz)")
     assert any(step.startswith("Measure again without interference of the mains") for step in to_do(found))
+    assert not any("tolerances make credible" in s for s in why_sentences(found))
 
 
 def test_hum_hides_no_cause() -> None:
