@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from cutvib_ss.validation.rig.blows import FS, Blow, antialiased
 from cutvib_ss.validation.rig.fittings import combination
@@ -45,6 +46,9 @@ _PERIOD = 8.0
 _DECAY = 1.5
 """σ [1/s]: a response is e^-12 of itself when the period is over."""
 
+_SOFT = 1e-3
+"""Natural frequency that motion as a rigid body is given [rad/s]: within two seconds a part in a million of it."""
+
 
 class NotConvergedError(RuntimeError):
     """A blow could not be integrated as closely as it must."""
@@ -70,6 +74,43 @@ class Modes:
 
 def modes(machine: Linearised) -> Modes:
     """Modes of the first-order form."""
+    free = _rigid_shapes(machine)
+    return _modes(machine) if free is None else _with_rigid_modes(machine, *free)
+
+
+def _rigid_shapes(machine: Linearised) -> tuple[Array, Array] | None:
+    """
+    Undamped shapes of a body that is free, rigid and elastic, per unit of modal mass; None where nothing is free.
+
+    A pole of zero that is double has one eigenvector in the first-order form: rounding decides what residues it gets.
+    """
+    symmetric = all(
+        np.allclose(m, m.T, rtol=1e-9, atol=1e-9 * np.abs(m).max()) for m in (machine.stiffness, machine.damping)
+    )
+    if not symmetric:
+        return None
+    squares, shapes = eigh(machine.stiffness, machine.mass)
+    rigid = np.abs(squares) < 1e-9 * squares.max()
+    damped = np.abs(machine.damping @ shapes[:, rigid]).max(initial=0.0) > 1e-6 * np.abs(machine.damping @ shapes).max()
+    return None if damped or not rigid.any() else (shapes[:, rigid], shapes[:, ~rigid])
+
+
+def _with_rigid_modes(machine: Linearised, rigid: Array, elastic: Array) -> Modes:
+    """Modes of a free body: of its elastic motion by themselves, and each rigid one on a very soft spring."""
+    mass, damping, stiffness = (elastic.T @ m @ elastic for m in (machine.mass, machine.damping, machine.stiffness))
+    ports = {name: row @ elastic for name, row in machine.ports.items()}
+    rest = _modes(Linearised(mass, damping, stiffness, ports))
+    moved = np.array([machine.ports[name] @ rigid for name in rest.names])
+    return Modes(
+        np.concatenate([rest.poles, np.full(rigid.shape[1], 1j * _SOFT)]),
+        np.hstack([rest.shapes, moved]),
+        np.hstack([rest.weights, moved / (1j * _SOFT)]),
+        rest.names,
+    )
+
+
+def _modes(machine: Linearised) -> Modes:
+    """Modes of a machine without poles that are double."""
     n = machine.mass.shape[0]
     stiffness, damping = (np.linalg.solve(machine.mass, matrix) for matrix in (machine.stiffness, machine.damping))
     scale = np.sqrt(np.abs(np.diag(stiffness)).max())  # velocities over it: a balanced matrix
