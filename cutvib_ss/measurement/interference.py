@@ -71,7 +71,7 @@ def interference(responses: Sequence[MeasuredFrequencyResponse]) -> Interference
         multiples = {f: lines.at_multiples(f, tones) for f in _MAINS}
         likeliest = max(multiples, key=lambda f: len(multiples[f]))
         found: dict[float, float] = {}
-        if len(multiples[likeliest]) >= _MULTIPLES:
+        if multiples[likeliest]:
             mains, found = likeliest, multiples[likeliest]
             tones = {**{f: p for f, p in tones.items() if not _near(f, found, step)}, **found}
         for f, power in tones.items():
@@ -123,8 +123,13 @@ class _Lines:
         return out
 
     def at_multiples(self, mains: float, tones: Mapping[float, float]) -> dict[float, float]:
-        """Multiples at which there is a tone, or the response has a peak between smooth neighbours, and their powers."""
+        """
+        Multiples of the mains and their powers, where several are tones or peaks between smooth neighbours; none elsewhere.
+
+        A resonance is no tone: its flank goes on beside the multiple, and what has a phase in common with the force does not scatter.
+        """
         out: dict[float, float] = {}
+        certain = 0
         if self.step * _APART.size > mains / 2:
             return out
         for k in range(max(int(np.ceil(self.freq[0] / mains)), 1), int(self.freq[-1] / mains) + 1):
@@ -139,12 +144,19 @@ class _Lines:
                 continue
             told = [power for f, power in tones.items() if _near(f, [k * mains], self.step)]
             peak = max([float(np.nanmax(spike[near])), *told])
+            flank = (off > reach + _APART.size // 2 * self.step) & (off <= reach + _APART.size * self.step)
+            goes_on = float(np.nanmax(spike[flank], initial=0.0)) > peak / _STANDS_OUT
+            scatters = not self.freedom[first:last][near].any() or (
+                float(np.nanmax(self.scatter[first:last][near])) > peak / _OF_SCATTER
+            )
+            sure = bool(told) or (scatters and not goes_on)
             # Of noise the mean of so many exponential variables, and the largest of so many lines.
             data = max(float(self.shown[first:last][near].max()), 1.0)
             by_chance = float(stats.gamma.isf(_CHANCE / np.count_nonzero(near), data)) / data
             if told or peak > max(_STANDS_OUT, by_chance) * float(np.nanmedian(beside)) / np.log(2):
-                out[k * mains] = peak
-        return out
+                out[k * mains], certain = peak, certain + sure
+        # Where the mains are, they may lie on a flank, too.
+        return out if certain >= _MULTIPLES else {}
 
     def _around(self, k: int, low: int, high: int) -> np.ndarray:
         """Lines at some distance from one, to either side, of which the scatter is known."""

@@ -130,3 +130,21 @@ def test_hum_turns_no_sensor(hum, sign):
     turned = replace(record, histories=tuple(replace(h, responses=sign * h.responses) for h in record.histories))
     said = check_record(turned, OSCILLATOR, "r0")[1]
     assert any("opposite" in w for w in said) == (sign < 0.0), said
+
+
+@pytest.mark.parametrize("averages", [BLOWS, 1])
+def test_resonances_beside_multiples_of_the_mains_are_none(averages):
+    freq = np.arange(7.0, 664.0, 0.5)
+    natural = np.array([57.97, 101.24, 152.47, 247.98, 358.92, 400.21])
+    modes = 1.0 / (natural[:, None] ** 2 - freq**2 + 2j * 0.012 * natural[:, None] * freq)
+    true = np.array([modes.sum(axis=0), (modes * np.array([1, -1, 1, -1, 1, -1])[:, None]).sum(axis=0)])
+    rng, noise = np.random.default_rng(5), np.full(true.shape, 1e-3 * np.median(np.abs(true)))
+    each = true + noise * (rng.standard_normal((BLOWS, 2, freq.size, 2)) @ [1, 1j]) / np.sqrt(2)
+    mean = each.mean(axis=0)
+    spread = np.sum(np.abs(each - mean) ** 2, axis=0) / np.sum(np.abs(each) ** 2, axis=0)
+    seen = {"coherence": 1.0 - spread[None, :, None], "averages": averages} if averages > 1 else {}
+    shown = MeasuredFrequencyResponse(
+        mean[None, :, None], freq, optional_array([None]), CHANNELS, ("force",), ("displacement",) * 2,
+        variance=noise[None, :, None] ** 2 / BLOWS, **seen,
+    )  # fmt: skip
+    assert interference([shown]) is None
