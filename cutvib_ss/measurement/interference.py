@@ -126,7 +126,7 @@ class _Lines:
         """
         Multiples of the mains and their powers, where several are tones or peaks between smooth neighbours; none elsewhere.
 
-        A resonance is no tone: its flank goes on beside the multiple, and what has a phase in common with the force does not scatter.
+        A resonance is none: its flank goes on beside the multiple, and what has a phase in common with the force does not scatter.
         """
         out: dict[float, float] = {}
         certain = 0

@@ -1,0 +1,81 @@
+"""
+Force window of a blow: what its sensor reads while no force acts is noise, and is taken out.
+
+Noise on the force biases H1 and scatters it. A model that is run through the recorded force would be shaken by it to the end of the
+record, where the structure was not: a contact that sticks in the model holds against it, and would pass for one of the structure's.
+Kept are the samples at which the force stands out, of the blow, of a second hit and of a sensor that swings out, and what follows
+them for some lengths of the blow. Elsewhere the force is smoothed: what an AC-coupled one swings back, over a second and more, and
+an offset that drifts stay (the transient window of McConnell and Varoto, Vibration Testing, Wiley).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from cutvib_ss.results import FloatArray
+
+_OF_PEAK = 0.05  # of the largest force: a blow, or a second one
+_LONGER = 8  # times the length of the blow that a digitiser's filter rings after it
+_FEWEST = 64  # samples that are kept after it at least
+_OVER = (1, 4, 16, 64)  # samples whose mean may stand out of the noise
+_STANDS_OUT = 5.0  # standard deviations of it: one sample in a million does by chance
+_SLOW = 0.05  # s, standard deviation of the smoothing: of what lies above 8 Hz less than 5 % is left
+_SMOOTH = 0.2  # of the power of white noise's differences: what changes less from sample to sample is no noise
+_PASSES = 6  # until nothing more stands out
+
+
+def windowed(force: FloatArray, fs: float, start: int) -> tuple[FloatArray, np.ndarray]:
+    """The force of a blow that begins at a sample, its sensor's noise taken out, and at which samples it acts."""
+    size = np.abs(force - np.median(force))
+    loud = size > _OF_PEAK * np.max(size, initial=0.0)
+    if not loud.any():
+        return force, np.ones(force.size, dtype=bool)
+    after = max(_LONGER * (_length(loud, int(np.argmax(size))) + 8), _FEWEST)
+    acts = _widened(loud, 8, after)
+    acts[start : int(np.argmax(loud))] = True
+    for _ in range(_PASSES):
+        slow = _smoothed(force, ~acts, _SLOW * fs)
+        rest = np.where(acts, 0.0, force - slow)
+        more = _standing_out(rest, ~acts)
+        if not more.any():
+            break
+        acts |= _widened(more, 8, _FEWEST)
+    quiet = rest[~acts]
+    if quiet.size < _FEWEST or np.var(np.diff(quiet)) < _SMOOTH * 2.0 * np.var(quiet):
+        return force, np.ones(force.size, dtype=bool)
+    return np.where(acts, force, slow), acts
+
+
+def _length(loud: np.ndarray, peak: int) -> int:
+    """Samples of the run that holds the peak."""
+    runs, _ = ndimage.label(loud)
+    return int(np.count_nonzero(runs == runs[peak]))
+
+
+def _widened(mask: np.ndarray, before: int, after: int) -> np.ndarray:
+    """Samples so near to those of a mask."""
+    steps = np.zeros(mask.size + 1, dtype=np.intp)
+    at = np.flatnonzero(mask)
+    np.add.at(steps, np.maximum(at - before, 0), 1)
+    np.add.at(steps, np.minimum(at + after + 1, mask.size), -1)
+    return np.asarray(np.cumsum(steps)[:-1] > 0)
+
+
+def _smoothed(values: FloatArray, known: np.ndarray, width: float) -> FloatArray:
+    """Weighted means about each sample, of those that are known."""
+    weights = ndimage.gaussian_filter1d(known.astype(np.float64), width, mode="constant")
+    total = ndimage.gaussian_filter1d(np.where(known, values, 0.0), width, mode="constant")
+    return np.asarray(total / np.maximum(weights, 1e-12))
+
+
+def _standing_out(rest: FloatArray, quiet: np.ndarray) -> np.ndarray:
+    """Samples over which the mean of a force that does not act stands out of its noise."""
+    out = np.zeros(rest.size, dtype=bool)
+    for count in _OVER:
+        mean = ndimage.uniform_filter1d(rest, count, mode="constant")
+        # Clipped from pass to pass; the median deviation says nothing of noise within a step of the converter.
+        noise = float(np.std(mean[quiet])) if quiet.any() else 0.0
+        stands = quiet & (np.abs(mean) > _STANDS_OUT * noise)
+        out |= _widened(stands, count // 2, count // 2) & quiet
+    return out
