@@ -15,7 +15,7 @@ import numpy as np
 
 from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
 from cutvib_ss.diagnosis.normal_matrix import Alike, Columns, add_products
-from cutvib_ss.diagnosis.records import session_of
+from cutvib_ss.diagnosis.records import rounded_share, session_of
 from cutvib_ss.diagnosis.residual_modes import ResidualMode
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import NO_PARTS, Parts
@@ -339,7 +339,8 @@ class Directions:
         Along frequency that is the integrated correlation 1 + 2 Σ ρ, summed up to the first lag at which ρ does not stand out
         (Sokal 1997, on autocorrelation times). Beyond the noise as stated what is correlated along frequency is an error of the
         model, and all responses show the same one: 1 + 2 N Σ ρ, with N the number of responses, as if they were one cluster (Liang
-        and Zeger 1986). Noise is each response's own. `reduced` is χ² a datum against the noise as stated.
+        and Zeger 1986). So does what the steps of a converter make of the noise. Else noise is each response's own. `reduced` is χ² a
+        datum against the noise as stated.
         """
         sums: dict[int, float] = {}
         for i, rows, c, index, part in self.chunks():
@@ -349,7 +350,8 @@ class Directions:
                 sums[lag] = sums.get(lag, 0.0) + power * r.shape[-1] / (r.shape[-1] - lag)
         count = sum(g.data.size for g in self.groups)
         responses = sum(g.data.shape[0] * g.data.shape[1] for g in self.groups)
-        alike = 1.0 + (responses - 1.0) * max(1.0 - 1.0 / max(reduced, 1e-300), 0.0)
+        by_steps = rounded_share([e for g in self.groups for same in g.entries for e in same])
+        alike = 1.0 + (responses - 1.0) * max(1.0 - 1.0 / max(reduced, 1e-300), by_steps)
         total = 1.0
         for lag in range(1, len(sums)):
             rho = sums[lag] / max(sums[0], 1e-300)

@@ -20,7 +20,7 @@ from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.blocks import without_run_in
 from cutvib_ss.measurement.blow_noise import blow_scatter, hit_directions, pretrigger_noise
 from cutvib_ss.measurement.cut_responses import with_one_instant
-from cutvib_ss.measurement.estimation import measured_response, rounded_part
+from cutvib_ss.measurement.estimation import measured_response, rounded_part, rounding_variance
 from cutvib_ss.measurement.interference import Interference, interference
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
@@ -140,11 +140,11 @@ def _without_force(entries: Sequence[Entry], records: Sequence[Record]) -> tuple
 
 def _without_lost(e: Entry, record: Record) -> Entry:
     """A record of blows without the lines of each channel that the steps of a converter have spoilt."""
-    if record.kind != "impact":
+    if record.kind != "impact" or not (by_steps := rounding_variance(record)).any():
         return e
-    lost = rounded_part(record, SETTINGS.record_lost_over) > SETTINGS.record_lost**2
+    lost = rounded_part(e.response, by_steps, SETTINGS.record_lost_over) > SETTINGS.record_lost**2
     # Where nothing would be left, the variance that the steps have is all there is to go by.
-    return replace(e, lost=lost) if lost.any() and not lost.all() else e
+    return replace(e, rounded=by_steps / e.variance, lost=lost if lost.any() and not lost.all() else None)
 
 
 def _words_on_lost(entries: Sequence[Entry], records: Sequence[Record]) -> tuple[str, ...]:

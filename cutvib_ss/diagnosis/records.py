@@ -56,6 +56,8 @@ class Entry:
     hits: ComplexArray | None = None
     # Lines of each channel that a converter's steps have spoilt, shape (channel, frequency); None where there are none
     lost: NDArray[np.bool_] | None = None
+    # Share of the variance that a converter's steps make, alike in all blows, shape (channel, frequency); None where they make none
+    rounded: FloatArray | None = None
 
     @cached_property
     def position(self) -> float | None:
@@ -296,6 +298,12 @@ def merged(entries: Sequence[Entry], apart: bool = False, by_session: bool = Fal
     return tuple(_group(members, apart) for members in kinds.values())
 
 
+def rounded_share(entries: Sequence[Entry]) -> float:
+    """Share of their variance that the steps of converters make: of all data that tell something."""
+    told = [e.rounded[e.precision > 0.0] if e.rounded is not None else np.zeros(e.count // 2) for e in entries]
+    return float(np.mean(np.concatenate(told))) if any(share.size for share in told) else 0.0
+
+
 def measured_at(e: Entry) -> tuple[float | None, str]:
     """Position and input: records that share them show the same responses."""
     return e.position, e.input
@@ -376,4 +384,7 @@ def thinned(e: Entry, keep: np.ndarray | slice) -> Entry:
     sine = None if e.sine is None else e.sine.at(keep)
     hits = None if e.hits is None else e.hits[..., keep]
     lost = None if e.lost is None else e.lost[..., keep]
-    return replace(e, response=e.response.at_lines(keep), replay=replay, sine=sine, hits=hits, lost=lost)
+    rounded = None if e.rounded is None else e.rounded[..., keep]
+    return replace(
+        e, response=e.response.at_lines(keep), replay=replay, sine=sine, hits=hits, lost=lost, rounded=rounded
+    )

@@ -256,18 +256,19 @@ def _any_coarse(steps: Mapping[str, list[Steps]]) -> bool:
     return any(s.coarse for own in steps.values() for s in own)
 
 
-def rounded_part(record: Record, width: float) -> FloatArray:
-    """
-    Mean square of what coarse steps do to H1 of blows over that of H1, in bands of a width [Hz], shape (channel, line).
-
-    The lines are those of `estimate`. Zero where no steps are coarse.
-    """
+def rounding_variance(record: Record) -> FloatArray:
+    """Variance of H1 of blows that coarse steps make alike in all, on the lines of `estimate`, shape (channel, line)."""
     if not _any_coarse(steps_in(record, [h.start for h in record.histories])):
         return np.zeros((len(record.channels), min(h.force.size for h in record.histories) // 2 + 1))
-    freq, data, variance, _, _ = _from_blows(record, "H1", 0.0, NOISE_BINS)
-    by_steps = _rounding_variance(record, "H1", 0.0, NOISE_BINS, data, variance) + np.zeros(data.shape)
-    lines = max(1, round(width / float(freq[1])))
-    power, lost = (ndimage.uniform_filter1d(x, lines, axis=-1, mode="nearest") for x in (np.abs(data) ** 2, by_steps))
+    _, data, variance, _, _ = _from_blows(record, "H1", 0.0, NOISE_BINS)
+    return _rounding_variance(record, "H1", 0.0, NOISE_BINS, data, variance) + np.zeros(data.shape)
+
+
+def rounded_part(response: MeasuredFrequencyResponse, by_steps: FloatArray, width: float) -> FloatArray:
+    """Mean square of what coarse steps do to H1 over that of H1, in bands of a width [Hz], shape (channel, line)."""
+    lines = max(1, round(width / float(response.freq[1])))
+    squares = np.abs(response.data[0, :, 0]) ** 2
+    power, lost = (ndimage.uniform_filter1d(x, lines, axis=-1, mode="nearest") for x in (squares, by_steps))
     # Beyond the reach of the hammer both are anything.
     return np.asarray(lost / np.maximum(power, 1e-6 * lost + 1e-300), dtype=np.float64)
 

@@ -8,7 +8,7 @@ import pytest
 from cutvib_ss.measurement import Campaign, History, Record, estimate, read_campaign, write_campaign
 from cutvib_ss.measurement import estimation as estimation_module
 from cutvib_ss.measurement.blow_noise import blow_scatter
-from cutvib_ss.measurement.estimation import rounded_part
+from cutvib_ss.measurement.estimation import rounded_part, rounding_variance
 from cutvib_ss.measurement.rounding import COARSER, DITHERED, NONE, coarser, hidden_power, steps_in, steps_of
 from tests.unit.measurement_rig import FREQ, FS, blow, impact, small_campaign
 
@@ -213,10 +213,10 @@ def test_part_of_a_response_that_coarse_steps_spoil():
     rng = np.random.default_rng(8)
     fine = _struck(rng, 3, 0.0)
     coarse = _digitised(fine, 0.6, 0.05)
-    part = rounded_part(coarse, 10.0)
     true, seen = estimate(fine), estimate(coarse)
+    part = rounded_part(seen, rounding_variance(coarse), 10.0)
     assert part.shape == seen.data[0, :, 0].shape
-    assert not rounded_part(_digitised(fine, 1e-4, 1e-4), 10.0).any()
+    assert not rounding_variance(_digitised(fine, 1e-4, 1e-4)).any()
     power = np.abs(true.data[0, 0, 0]) ** 2
     error = np.abs(seen.data - true.data)[0, 0, 0] ** 2
     told = (seen.freq > 5.0) & (seen.freq < 200.0)
@@ -233,7 +233,8 @@ def test_part_of_a_response_that_coarse_steps_spoil():
 def test_nothing_is_left_of_a_response_that_moves_by_a_step_or_two(steps):
     fine = _struck(np.random.default_rng(8), 3, 0.0)
     largest = max(float(np.max(np.abs(h.responses))) for h in fine.histories)
-    part = rounded_part(_digitised(fine, largest / steps, 0.05), 10.0)
+    coarse = _digitised(fine, largest / steps, 0.05)
+    part = rounded_part(estimate(coarse), rounding_variance(coarse), 10.0)
     freq = estimate(fine).freq
     told = (freq > 20.0) & (freq < 200.0)
     assert np.mean(part[0, told] > 0.05**2) > 0.8
