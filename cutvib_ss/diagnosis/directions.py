@@ -339,8 +339,8 @@ class Directions:
         Along frequency that is the integrated correlation 1 + 2 Σ ρ, summed up to the first lag at which ρ does not stand out
         (Sokal 1997, on autocorrelation times). Beyond the noise as stated what is correlated along frequency is an error of the
         model, and all responses show the same one: 1 + 2 N Σ ρ, with N the number of responses, as if they were one cluster (Liang
-        and Zeger 1986). So does what the steps of a converter make of the noise. Else noise is each response's own. `reduced` is χ² a
-        datum against the noise as stated.
+        and Zeger 1986). So does what the steps of a converter make of the noise. Else noise is each response's own. `reduced` is χ²
+        a datum against the noise as stated.
         """
         sums: dict[int, float] = {}
         for i, rows, c, index, part in self.chunks():

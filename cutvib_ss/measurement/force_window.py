@@ -21,6 +21,7 @@ _FEWEST = 64  # samples that are kept after it at least
 _OVER = (1, 4, 16, 64)  # samples whose mean may stand out of the noise
 _STANDS_OUT = 5.0  # standard deviations of it: one sample in a million does by chance
 _SLOW = 0.05  # s, standard deviation of the smoothing: of what lies above 8 Hz less than 5 % is left
+_BOXES = 3  # running means, one after the other
 _SMOOTH = 0.2  # of the power of white noise's differences: what changes less from sample to sample is no noise
 _PASSES = 6  # until nothing more stands out
 
@@ -63,10 +64,12 @@ def _widened(mask: np.ndarray, before: int, after: int) -> np.ndarray:
 
 
 def _smoothed(values: FloatArray, known: np.ndarray, width: float) -> FloatArray:
-    """Weighted means about each sample, of those that are known."""
-    weights = ndimage.gaussian_filter1d(known.astype(np.float64), width, mode="constant")
-    total = ndimage.gaussian_filter1d(np.where(known, values, 0.0), width, mode="constant")
-    return np.asarray(total / np.maximum(weights, 1e-12))
+    """Weighted means about each sample, of those that are known; weights of a standard deviation [samples], nearly a Gaussian's."""
+    both = np.stack([np.where(known, values, 0.0), known.astype(np.float64)])
+    for _ in range(_BOXES):
+        # Of a box of w samples the variance is w²/12.
+        both = ndimage.uniform_filter1d(both, max(round(width * np.sqrt(12.0 / _BOXES)), 1), axis=-1, mode="constant")
+    return np.asarray(both[0] / np.maximum(both[1], 1e-12))
 
 
 def _standing_out(rest: FloatArray, quiet: np.ndarray) -> np.ndarray:

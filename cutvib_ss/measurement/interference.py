@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy import stats
@@ -150,9 +151,7 @@ class _Lines:
                 float(np.nanmax(self.scatter[first:last][near])) > peak / _OF_SCATTER
             )
             sure = bool(told) or (scatters and not goes_on)
-            # Of noise the mean of so many exponential variables, and the largest of so many lines.
-            data = max(float(self.shown[first:last][near].max()), 1.0)
-            by_chance = float(stats.gamma.isf(_CHANCE / np.count_nonzero(near), data)) / data
+            by_chance = _by_chance(max(int(self.shown[first:last][near].max()), 1), int(np.count_nonzero(near)))
             if told or peak > max(_STANDS_OUT, by_chance) * float(np.nanmedian(beside)) / np.log(2):
                 out[k * mains], certain = peak, certain + sure
         # Where the mains are, they may lie on a flank, too.
@@ -163,6 +162,12 @@ class _Lines:
         around = np.array([k + side * n for side in (-1, 1) for n in range(low, high + 1)])
         around = around[(around >= 0) & (around < self.freq.size)]
         return np.asarray(around[np.isfinite(self.scatter[around])])
+
+
+@cache
+def _by_chance(data: int, lines: int) -> float:
+    """What the mean of so many exponential variables exceeds by chance, the largest of some lines: noise over its mean."""
+    return float(stats.gamma.isf(_CHANCE / lines, data)) / data
 
 
 def _by_step(responses: Sequence[MeasuredFrequencyResponse]) -> dict[float, list[MeasuredFrequencyResponse]]:
