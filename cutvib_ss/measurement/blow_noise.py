@@ -65,10 +65,9 @@ def pretrigger_noise(record: Record) -> SensorNoise:
 
     With N_a on the response and N_f on the force, H1 = Σ A F* / Σ |F|² is off by Σ (N_a - H N_f) F* / Σ |F|², so that
     E|ΔH|² = (E|N_a|² + |H|² E|N_f|²) / Σ |F|². The powers come from the quiet parts of all blows (Welch 1967, Hann segments, each
-    part's own mean taken off), on their coarse lines, and are interpolated. A force is quiet but for its blow; its noise counts
-    while it acts, since the rest is taken out. A response is quiet before the blow; its last eighth counts where its power neither
-    falls any more nor exceeds that before the blow. A part in which the analyser wrote zeros is no noise of a sensor and is passed
-    over.
+    part's own mean taken off), on their coarse lines, and are interpolated. A force is quiet but for its blow. A response is quiet
+    before the blow; its last eighth counts where its power neither falls any more nor exceeds that before the blow. A part in which
+    the analyser wrote zeros is no noise of a sensor and is passed over.
     """
     if record.kind != "impact":
         raise ParameterError(
@@ -87,8 +86,7 @@ def pretrigger_noise(record: Record) -> SensorNoise:
     # of a transform rfft(x)/fs over T = samples/fs, noise of one-sided density S has the power S T / 2
     duration = window.size / fs
     h = np.stack([h1(force, response[:, k]) for k in range(len(record.channels))])
-    acts = np.mean([np.mean(h.windowed[1]) for h in record.histories])
-    power = 0.5 * duration * (np.stack(densities) + np.abs(h) ** 2 * (acts * on_force))
+    power = 0.5 * duration * (np.stack(densities) + np.abs(h) ** 2 * on_force)
     with np.errstate(divide="ignore", invalid="ignore"):
         variance = power / input_power
     return SensorNoise(freq, on_force, np.stack(densities), variance, np.array(samples_of))
@@ -217,8 +215,7 @@ def hit_directions(
     none = np.zeros((0, *off.shape[1:]), dtype=np.complex128)
     if count < 3 or not np.any(heard):
         return freq, none
-    # Deviations grow with their blow: what is alike in all goes with the peaks, what goes with the force with their squares.
-    for same in (peaks, peaks**2 - peaks * float(peaks @ peaks**2) / float(peaks @ peaks)):
+    for same in (np.ones(count), peaks - peaks.mean()):
         off -= np.multiply.outer(same, np.tensordot(same, off, 1)) / max(float(same @ same), 1e-300)
     weighted = (off / np.sqrt(single / 2))[..., heard].reshape(count, -1)
     scores, sizes, _ = np.linalg.svd(np.concatenate([weighted.real, weighted.imag], axis=1), full_matrices=False)

@@ -84,8 +84,7 @@ def estimate(
 
     Notes
     -----
-    Blows: boxcar over the whole record, the offset before the blow removed, no other detrending; of the force also the noise
-    of its sensor while none acts (`force_window`).
+    Blows: boxcar over the whole record, the offset before the blow removed, no other detrending.
     H1 = Σ A F* / Σ |F|² over blows. The noise power is Σ |A - H F|²/(n-1), smoothed over frequency, and the variance
     of the estimate is that over Σ |F|². With a single blow the noise is taken from the samples before it, on force
     and response; without those, from what scatters along frequency.
@@ -274,9 +273,9 @@ def rounded_part(response: MeasuredFrequencyResponse, by_steps: FloatArray, widt
 
 
 def without_offset(history: History, samples: int) -> tuple[FloatArray, FloatArray]:
-    """Force and responses of a blow, less what they read before it and what the force reads while none acts."""
+    """Force and responses of a blow, less what they read before it."""
     rest = min(history.start, samples)
-    force, responses = history.windowed[0][:samples], history.responses[:, :samples]
+    force, responses = history.force[:samples], history.responses[:, :samples]
     if rest == 0:
         return force, responses
     return force - np.mean(force[:rest]), responses - np.mean(responses[:, :rest], axis=-1, keepdims=True)
@@ -298,7 +297,7 @@ def _single_blow_variance(
     if rest < _FEWEST_REST:
         return high_pass_variance(data, noise_bins)
     energy = float(np.sum(window**2)) / history.fs**2
-    on_force = _rest_power(history.force[:rest], data.size) * energy * np.mean(history.windowed[1])
+    on_force = _rest_power(history.force[:rest], data.size) * energy
     on_response = _rest_power(history.responses[channel, :rest], data.size) * energy
     return _quotient(on_response + np.abs(data) ** 2 * on_force, input_power).real
 

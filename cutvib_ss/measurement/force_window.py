@@ -1,8 +1,10 @@
 """
-Force window of a blow: what its sensor reads while no force acts is noise, and is taken out.
+Force window of a blow: what its sensor reads while no force acts is noise, and is taken out before a model is run through it.
 
-Noise on the force biases H1 and scatters it. A model that is run through the recorded force would be shaken by it to the end of the
-record, where the structure was not: a contact that sticks in the model holds against it, and would pass for one of the structure's.
+A model would be shaken by it to the end of the record, where the structure was not. A contact that sticks in the model holds
+against it: its H1 scatters by -H N/F, as the noise N of the force makes the measured one, and the contact would pass for one
+of the structure's. H1 itself keeps that noise, which is white as its variance says; what a window leaves of it would be smooth.
+
 Kept are the samples at which the force stands out, of the blow, of a second hit and of a sensor that swings out, and what follows
 them for some lengths of the blow. Elsewhere the force is smoothed: what an AC-coupled one swings back, over a second and more, and
 an offset that drifts stay (the transient window of McConnell and Varoto, Vibration Testing, Wiley).
@@ -26,12 +28,13 @@ _SMOOTH = 0.2  # of the power of white noise's differences: what changes less fr
 _PASSES = 6  # until nothing more stands out
 
 
-def windowed(force: FloatArray, fs: float, start: int) -> tuple[FloatArray, np.ndarray]:
-    """The force of a blow that begins at a sample, its sensor's noise taken out, and at which samples it acts."""
+def windowed(force: FloatArray, fs: float, start: int) -> FloatArray:
+    """The force of a blow that begins at a sample, its sensor's noise taken out; as it is where that is no noise."""
     size = np.abs(force - np.median(force))
-    loud = size > _OF_PEAK * np.max(size, initial=0.0)
+    peak, noise = float(np.max(size, initial=0.0)), 1.4826 * float(np.median(size))
+    loud = size > min(max(_OF_PEAK * peak, _STANDS_OUT * noise), 0.5 * peak)
     if not loud.any():
-        return force, np.ones(force.size, dtype=bool)
+        return force
     after = max(_LONGER * (_length(loud, int(np.argmax(size))) + 8), _FEWEST)
     acts = _widened(loud, 8, after)
     acts[start : int(np.argmax(loud))] = True
@@ -44,8 +47,8 @@ def windowed(force: FloatArray, fs: float, start: int) -> tuple[FloatArray, np.n
         acts |= _widened(more, 8, _FEWEST)
     quiet = rest[~acts]
     if quiet.size < _FEWEST or np.var(np.diff(quiet)) < _SMOOTH * 2.0 * np.var(quiet):
-        return force, np.ones(force.size, dtype=bool)
-    return np.where(acts, force, slow), acts
+        return force
+    return np.where(acts, force, slow)
 
 
 def _length(loud: np.ndarray, peak: int) -> int:

@@ -11,7 +11,6 @@ from typing import Any, Literal, Protocol, TypeAlias
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.measurement.force_window import windowed
 from cutvib_ss.model.second_order import Channel
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse, Quantity, read_only
 from cutvib_ss.results.display import Displayed, Table
@@ -101,11 +100,6 @@ class History:
     def start(self) -> int:
         """Sample before which the structure is at rest, of a blow: see `blow_start`."""
         return blow_start(self.force)
-
-    @cached_property
-    def windowed(self) -> tuple[FloatArray, np.ndarray]:
-        """The force of a blow, its sensor's noise taken out, and at which samples it acts: see `force_window`."""
-        return windowed(self.force, self.fs, self.start)
 
 
 def blow_start(force: FloatArray) -> int:

@@ -18,6 +18,7 @@ from scipy import fft, signal
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.blocks import welch_blocks
 from cutvib_ss.measurement.estimation import without_offset
+from cutvib_ss.measurement.force_window import windowed
 from cutvib_ss.measurement.records import Record
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -151,7 +152,9 @@ def replay_of(record: Record) -> Replay:
         return Replay(forces, fs, np.arange(size // 2 + 1), size, overlap, measured)
     samples = min(h.force.size for h in record.histories)
     cut = [without_offset(h, samples) for h in record.histories]
-    return Replay(tuple(f for f, _ in cut), fs, np.arange(samples // 2 + 1), measured=tuple(a for _, a in cut))
+    # What the force's sensor reads while none acts shook no structure.
+    acting = tuple(windowed(f, fs, h.start) for (f, _), h in zip(cut, record.histories, strict=True))
+    return Replay(acting, fs, np.arange(samples // 2 + 1), measured=tuple(a for _, a in cut))
 
 
 def assumed_blow(

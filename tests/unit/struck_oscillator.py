@@ -22,12 +22,17 @@ OSCILLATOR = Structure(
 
 
 def struck(
-    hum: float = 0.0, mass: float = MASS, jitter: float = 0.0, late: float = 0.0, damping: float = DAMPING
+    hum: float = 0.0,
+    mass: float = MASS,
+    jitter: float = 0.0,
+    late: float = 0.0,
+    damping: float = DAMPING,
+    noise: tuple[float, float] = (0.01, 0.02),
 ) -> Campaign:
     """
-    Three records of three blows.
+    Three records of three blows; standard deviations of the noise on force and response.
 
-    Hum is over the standard deviation of the noise, jitter the standard deviation by which responses are late [s] besides `late`.
+    Hum is over that of the response, jitter the standard deviation by which responses are late [s] besides `late`.
     """
     rng, fs, count, records = np.random.default_rng(11), 1024.0, 2048, []
     numerator, denominator, _ = signal.cont2discrete(([1.0, 0.0, 0.0], [mass, damping, SPRING]), 1 / (FINE * fs), "foh")
@@ -41,8 +46,8 @@ def struck(
             exact = signal.lfilter(numerator.ravel(), denominator, force)
             response = np.interp(time - late - jitter * rng.standard_normal(), fine, exact)
             tones = sum(np.sin(2 * np.pi * n * (50.02 * time + rng.uniform())) for n in (1, 2, 3, 5))
-            response = response + 0.02 * (rng.standard_normal(count) + hum * tones)
-            measured = force[::FINE] + 0.01 * rng.standard_normal(count)
+            response = response + noise[1] * (rng.standard_normal(count) + hum * tones)
+            measured = force[::FINE] + noise[0] * rng.standard_normal(count)
             histories.append(History(fs, measured, response[None], ("a",)))
         records.append(Record(f"r{k}", "impact", None, level, None, ("a",), ("acceleration",), tuple(histories)))
     return Campaign("", Path(), OSCILLATOR, tuple(records), ())
