@@ -18,7 +18,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.blocks import without_run_in
-from cutvib_ss.measurement.blow_noise import blow_scatter, hit_directions, pretrigger_noise
+from cutvib_ss.measurement.blow_noise import SensorNoise, blow_scatter, hit_directions, pretrigger_noise
 from cutvib_ss.measurement.cut_responses import with_one_instant
 from cutvib_ss.measurement.estimation import measured_response, rounded_part, rounding_variance
 from cutvib_ss.measurement.interference import Interference, interference
@@ -209,16 +209,25 @@ def _sine(record: Record) -> SineTest | None:
 
 
 def _by_blows(e: Entry, record: Record) -> Entry:
-    """A record of blows with how surely they order with their force."""
-    if record.kind != "impact" or len(record.histories) < SETTINGS.level_blows:
+    """A record of blows without the bias of H1, and with how surely they order with their force."""
+    if record.kind != "impact":
+        return e
+    noise = pretrigger_noise(record)
+    e = _unbiased(e, noise)
+    if len(record.histories) < SETTINGS.level_blows:
         return e
     # The variance keeps what orders: a hand may hit elsewhere when it hits harder.
-    noise = pretrigger_noise(record)
     lines, hits = hit_directions(record, e.estimator.exponential_decay, noise=noise)
     e = replace(e, hits=hits[..., np.isin(lines.round(9), e.freq.round(9))] if len(hits) else None)
     found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])), noise=noise)
     ordering = tuple(float(p) if np.isfinite(p) else None for p in found.significance)
     return replace(e, response=replace(e.response, estimator=replace(e.estimator, ordering=ordering)))
+
+
+def _unbiased(e: Entry, noise: SensorNoise) -> Entry:
+    """A record of blows without the bias of H1 by the force's noise, which is largest at the softest level."""
+    part = noise.bias[np.isin(noise.freq.round(9), e.freq.round(9))]
+    return e.showing(e.data / (1.0 - np.clip(np.nan_to_num(part), 0.0, SETTINGS.record_most_bias)))
 
 
 def _late(e: Entry, jitter: TriggerJitter) -> ComplexArray:

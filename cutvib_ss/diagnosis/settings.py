@@ -52,6 +52,8 @@ class Settings:
     record_heard: float = _of(4.0, "1",
         "Response power over noise power below which a line is left out: noise on the force biases the estimate",
         "fewer lines", _JUDGEMENT)
+    record_most_bias: float = _of(0.5, "1", "Part of the force's power that is its noise, up to which the bias of H1 is taken off",
+        "noisier lines", "beyond it the line is left out as not heard")
     record_late_together: float = _of(3.0, "std", "Of the mean of jittering delays, beyond which a channel is late besides",
         "more delays are taken for jitter", _STATISTICS)
     record_late_passes: int = _of(2, "passes", "In which records are moved by their mean delays", "longer", _TIME)

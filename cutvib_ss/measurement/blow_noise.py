@@ -41,6 +41,8 @@ class SensorNoise:
     # Variance E|ΔH|² that it leaves on H1 of all blows; NaN where unknown, infinite at lines without force
     variance: FloatArray
     samples: np.ndarray  # Quiet samples behind the force and each channel, over all blows
+    # Part by which the force's noise makes H1 too small, lines weighted by their variance; NaN where no part is quiet
+    bias: FloatArray
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,9 @@ def pretrigger_noise(record: Record) -> SensorNoise:
     power = 0.5 * duration * (np.stack(densities) + np.abs(h) ** 2 * on_force)
     with np.errstate(divide="ignore", invalid="ignore"):
         variance = power / input_power
-    return SensorNoise(freq, on_force, np.stack(densities), variance, np.array(samples_of))
+        # Lines weigh by Σ |F|², noise included: so weighted H1 is too small by all of the noise's part, even of a single blow.
+        bias = len(force) * 0.5 * duration * on_force / input_power
+    return SensorNoise(freq, on_force, np.stack(densities), variance, np.array(samples_of), bias)
 
 
 def blow_scatter(

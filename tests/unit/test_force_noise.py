@@ -1,4 +1,4 @@
-"""Force window: the sensor's noise goes where no force acts; what acts, however faint or slow, stays."""
+"""Noise on the force: it goes where no force acts, what acts stays; H1 is not the smaller for it."""
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.records import merged
 from cutvib_ss.diagnosis.simulation import simulated
 from cutvib_ss.effects.dry_friction import DryFriction
+from cutvib_ss.measurement.blow_noise import pretrigger_noise
 from cutvib_ss.measurement.force_window import windowed
 from tests.unit.struck_oscillator import OSCILLATOR, struck
 
@@ -82,3 +83,17 @@ def test_noise_of_the_force_is_no_friction(friction: float) -> None:
     scatter, change = (x - ndimage.uniform_filter1d(x, 9) for x in ((measured - free) / noise, (sticks - free) / noise))
     assert abs(np.vdot(scatter, change)) < 0.4 * np.linalg.norm(scatter) * np.linalg.norm(change)
     assert np.linalg.norm((measured - sticks) / noise) > np.linalg.norm((measured - free) / noise)
+
+
+def test_h1_is_not_smaller_for_the_noise_of_the_force() -> None:
+    # three soft blows: at the end of the band some percent of the force's power is noise
+    noisy, quiet = struck(noise=(0.1, 1e-3)), struck(noise=(1e-4, 1e-3))
+    e, exact = (observe(c, c.machine).entries[k] for c, k in ((noisy, 0), (quiet, 2)))
+    known = pretrigger_noise(noisy.records[0])
+    within = [(freq > 130.0) & (freq < 235.0) for freq in (e.freq, exact.freq, known.freq)]
+    true, bias = exact.data[0, within[1]], known.bias[within[2]]
+    weight = np.abs(true) ** 2 / e.variance[0, within[0]]
+    left = float(np.sum(weight * (e.data[0, within[0]] / true - 1.0).real) / np.sum(weight))
+    told = 1.0 / np.sqrt(2.0 * np.sum(weight))
+    assert np.sum(weight * bias) / np.sum(weight) > 2.0 * told
+    assert abs(left) < 2.5 * told
