@@ -16,6 +16,7 @@ from cutvib_ss.diagnosis.climb import Beside, Climb
 from cutvib_ss.diagnosis.drifted import problems_of
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Quadratic, solved
+from cutvib_ss.diagnosis.prediction import slow_frequencies
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
@@ -153,6 +154,41 @@ def fit(
     elif search.spread and alone is not None and not search.beaten:
         closest = _closest_simulated(search, alone, max_iterations, tolerance)
     return made if np.array_equal(closest, made.x) else _with_closest(made, problem, closest)
+
+
+def led_by_the_model(nominal: Model, records: Records, made: Fit) -> Fit:
+    """
+    A linear fit, or one from where its model alone comes closest to the records, where that is better.
+
+    Far from the optimum (at another instant of the blow) a discrepancy takes up what the model leaves, and the steps end there.
+    Where the model by itself leaves little it needs none.
+    """
+    if made.spread.sizes.nominal <= SETTINGS.sizes["nominal"][0][0]:
+        return made
+
+    def alone(on: Records, x: FloatArray) -> Climb:
+        problems = problems_of(nominal, on, made.hypothesis, False)
+        climb = Climb(problems, x, False, _beside(problems[0], on))
+        climb.climb(SETTINGS.search_most_steps, SETTINGS.search_coarse_gain)
+        return climb
+
+    few = records.coarse(SETTINGS.search_coarse_lines, 0.0)
+    starts = _at_instants(problem_for(nominal, few, made.hypothesis), made.corrected.x)
+    best = min((alone(few, x) for x in starts), key=lambda climb: climb.at.objective)
+    closest = alone(records, best.at.x)
+    if closest.at.chi2 > SETTINGS.verdict_misfit * closest.count:
+        return made
+    again = fit(nominal, records, made.hypothesis, closest.at.x)
+    return again if again.log_evidence > made.log_evidence else made
+
+
+def _at_instants(problem: Problem, x: FloatArray) -> list[FloatArray]:
+    """Unknowns, and the same with the blow up to a period of the slowest mode earlier or later where its instant is not stated."""
+    if not problem.n_blow or not (slow := slow_frequencies(problem.predictions(x))):
+        return [x]
+    # What a block cuts off of a mode that has not died out is periodic in the instant of the blow.
+    steps = np.arange(-SETTINGS.fit_instants, SETTINGS.fit_instants + 1) / (SETTINGS.fit_instants * min(slow))
+    return [problem.struck_at(x, problem.blow_at(x) + late) for late in steps]
 
 
 def _started(

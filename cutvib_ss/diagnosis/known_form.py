@@ -18,10 +18,11 @@ def of_known_form(
     """
     Probabilities in which an answer whose form nothing here has is not sure.
 
-    Where a parameter of a restoring force ends at what the motion allows, or discrepancies or tuned values lie beyond
-    what is believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, or a larger error than the
-    re-tuned model has there, the form is not known, and no more is the cause. What such answers lose lies on something unknown:
-    with it the probabilities sum to one. A linear cause ends where another takes over: a resonance far above the band is a mass.
+    Where a parameter ends at its range although other values lie beyond, or discrepancies or tuned values lie beyond what is
+    believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, or a larger error than the re-tuned model
+    has there, the form is not known, and no more is the cause. What such answers lose lies on something unknown: with it the
+    probabilities sum to one. A cause that ends where another takes over, as a resonance far above the band is a mass, has that
+    one's name by now.
 
     An unknown element has no form that could err, but a known cause in a form that the catalogue lacks fits no other hypothesis
     either: no evidence tells the two apart, and priors have to. A known cause of its place is the answer in another form, and
@@ -79,8 +80,7 @@ def _as_much(known: float, unknown: float, bare: float) -> bool:
 
 def of_another_form(r: Ranked, held: Callable[[Ranked], HeldOut]) -> bool:
     """Whether causes only stand because their model errs by more than is believed."""
-    beyond = bool(r.fit.at_end) and not r.fit.hypothesis.linear
-    return beyond or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit
+    return bool(r.fit.at_end) or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit
 
 
 def _leaves_more(cause: HeldOut, bare: HeldOut) -> bool:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.fit import Fit, fit, led_by_the_model
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import (
@@ -63,7 +63,8 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     workers.say("tuning the nominal model")
     few = records.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
     scout = fit(nominal, few, Hypothesis(), None, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain)
-    none = _other_instants(nominal, records, Ranked("none", fit(nominal, records, Hypothesis(), scout.x), True))
+    tuned = led_by_the_model(nominal, records, fit(nominal, records, Hypothesis(), scout.x))
+    none = _other_instants(nominal, records, Ranked("none", tuned, True))
     linear = candidates(nominal, observed.band, observed.channels)
     workers.say(f"fitting {len(linear)} linear causes")
     away = none.fit.tuned_away or none.fit.calibrated_away or none.fit.spread.largest("parts")

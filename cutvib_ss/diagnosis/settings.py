@@ -216,6 +216,8 @@ class Settings:
     fit_fewer_lines: int = _of(300, "lines", "Of a record, on which a linear cause is fitted before all are taken", "longer", _TIME)
     fit_start_error: float = _of(0.1, "1", "Relative error added to those", "smoother objective", _JUDGEMENT)
     fit_start_gain: float = _of(1e-2, "1", "Relative gain at which those steps end", "rougher starts", _TIME)
+    fit_instants: int = _of(4, "1", "Instants of the blow that are tried within a period of the slowest mode, to either side",
+        "longer", "a start within a sixth of a period leads to the optimum")
     fit_hopeless: float = _of(5.0, "χ² per datum", "From which a fit is not worth small steps", "longer", _TIME)
     fit_hopeless_gain: float = _of(1e-3, "1", "Relative gain at which such a fit ends", "rougher", _TIME)
     fit_run_away: float = _of(1e16, "χ² per datum", "From which a model has run away", "-", _NUMERICAL)
