@@ -19,8 +19,8 @@ def of_known_form(
     Probabilities in which an answer whose form nothing here has is not sure.
 
     Where a parameter ends at its range although other values lie beyond, or discrepancies or tuned values lie beyond what is
-    believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, or a larger error than the re-tuned model
-    has there, the form is not known, and no more is the cause. What such answers lose lies on something unknown: with it the
+    believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, or a larger error than the re-tuned
+    model has there, the form is not known, and no more is the cause. What such answers lose lies on something unknown: with it the
     probabilities sum to one. A cause that ends where another takes over, as a resonance far above the band is a mass, has that
     one's name by now.
 
