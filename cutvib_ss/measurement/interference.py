@@ -124,11 +124,8 @@ class _Lines:
         return out
 
     def at_multiples(self, mains: float, tones: Mapping[float, float]) -> dict[float, float]:
-        """
-        Multiples of the mains and their powers, where several are tones or peaks between smooth neighbours; none elsewhere.
-
-        A resonance is none: its flank goes on beside the multiple, and what has a phase in common with the force does not scatter.
-        """
+        """Multiples of the mains and their powers, where several are tones or peaks between smooth neighbours; none elsewhere."""
+        # A resonance is none: its flank goes on beside it, and what has a phase in common with the force does not scatter.
         out: dict[float, float] = {}
         certain = 0
         if self.step * _APART.size > mains / 2:

@@ -79,11 +79,8 @@ def modes(machine: Linearised) -> Modes:
 
 
 def _rigid_shapes(machine: Linearised) -> tuple[Array, Array] | None:
-    """
-    Undamped shapes of a body that is free, rigid and elastic, per unit of modal mass; None where nothing is free.
-
-    A pole of zero that is double has one eigenvector in the first-order form: rounding decides what residues it gets.
-    """
+    """Undamped shapes of a body that is free, rigid and elastic, per unit of modal mass; None where nothing is free."""
+    # A pole of zero that is double has one eigenvector in the first-order form: rounding decides what residues it gets.
     symmetric = all(
         np.allclose(m, m.T, rtol=1e-9, atol=1e-9 * np.abs(m).max()) for m in (machine.stiffness, machine.damping)
     )
