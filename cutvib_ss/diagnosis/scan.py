@@ -285,7 +285,8 @@ class Scan:
                 along = float(change @ self.left + pulled @ (self.strain - self.of_left))
                 size = whole - float(pulled @ own)
                 of_all = (whole - float(self.normal_of_all.solved(own) @ own) / self.part) / self.part
-                out[i] = Change(along, size, whole, of_all) if size > 0.0 else Change(0.0, 0.0, whole, 0.0)
+                # All lines tell no less than a part of them does, whatever rounding leaves of the difference.
+                out[i] = Change(along, size, whole, max(of_all, size)) if size > 0.0 else Change(0.0, 0.0, whole, 0.0)
         return out
 
 

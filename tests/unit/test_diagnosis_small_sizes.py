@@ -89,6 +89,16 @@ def test_a_weak_cause_has_the_sign_of_its_estimate_where_it_may() -> None:
     assert weak(MACHINE, scan, LocalResonator("tool", 0.1, 400.0, 0.02)).mass > 0.0
 
 
+def test_all_lines_tell_no_less_than_a_part_of_them() -> None:
+    # a difference of large numbers: of a channel's delay, which the calibration takes up, rounding may leave less than nothing
+    records, _ = measured(3e-3)
+    scan = scan_beside(MACHINE, records, fit(MACHINE, records, Hypothesis()))
+    scan.part *= 0.5
+    _, problem, x = scan.with_cause(ChannelDelay("measurement", channel="all", delay=1e-6))
+    change = scan.change(problem, x)
+    assert 0.0 < change.squares <= change.squares_of_all
+
+
 def test_drift_passes_for_no_cause(tmp_path: Path) -> None:
     found = campaign(tmp_path, {"a": (0.2, 0.6), "b": (0.35, 0.7), "c": (0.5, 0.8)}, seed=4, noise_level=3e-4)
     records = Records(observe(found, DRIFTING).entries)
