@@ -173,7 +173,7 @@ def led_by_the_model(nominal: Model, records: Records, made: Fit) -> Fit:
         return climb
 
     few = records.coarse(SETTINGS.search_coarse_lines, 0.0)
-    starts = _at_instants(problem_for(nominal, few, made.hypothesis), made.corrected.x)
+    starts = at_instants(problem_for(nominal, few, made.hypothesis), made.corrected.x, SETTINGS.fit_instants)
     best = min((alone(few, x) for x in starts), key=lambda climb: climb.at.objective)
     closest = alone(records, best.at.x)
     if closest.at.chi2 > SETTINGS.verdict_misfit * closest.count:
@@ -182,13 +182,13 @@ def led_by_the_model(nominal: Model, records: Records, made: Fit) -> Fit:
     return again if again.log_evidence > made.log_evidence else made
 
 
-def _at_instants(problem: Problem, x: FloatArray) -> list[FloatArray]:
-    """Unknowns, and the same with the blow up to a period of the slowest mode earlier or later where its instant is not stated."""
+def at_instants(problem: Problem, x: FloatArray, tries: int) -> list[FloatArray]:
+    """Unknowns, then with the blow up to a period of the slowest mode earlier or later, where its instant is not stated."""
     if not problem.n_blow or not (slow := slow_frequencies(problem.predictions(x))):
         return [x]
     # What a block cuts off of a mode that has not died out is periodic in the instant of the blow.
-    steps = np.arange(-SETTINGS.fit_instants, SETTINGS.fit_instants + 1) / (SETTINGS.fit_instants * min(slow))
-    return [problem.struck_at(x, problem.blow_at(x) + late) for late in steps]
+    steps = np.array([side * k for k in range(1, tries + 1) for side in (-1, 1)]) / (tries * min(slow))
+    return [x, *(problem.struck_at(x, problem.blow_at(x) + late) for late in steps)]
 
 
 def _started(

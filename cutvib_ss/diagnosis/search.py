@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutvib_ss.diagnosis.fit import Fit, fit, led_by_the_model
+from cutvib_ss.diagnosis.fit import Fit, at_instants, fit, led_by_the_model
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import (
@@ -28,7 +28,6 @@ from cutvib_ss.diagnosis.linearity import (
 )
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
-from cutvib_ss.diagnosis.prediction import slow_frequencies
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, refit
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scouting import beside_parts, beside_tuned, scouted, scouted_laws, tuned_away
@@ -326,13 +325,11 @@ def _followed(
 def _other_instants(nominal: Model, records: Records, r: Ranked) -> Ranked:
     """A fit, or the same with the blow up to a period of the slowest mode earlier or later where that is better."""
     sharp = records.coarse(SETTINGS.search_coarse_lines, 0.0)
-    problem = problem_for(nominal, sharp, r.fit.hypothesis)
-    if not problem.n_blow or not (slow := slow_frequencies(problem.predictions(r.fit.x))):
+    starts = at_instants(problem_for(nominal, sharp, r.fit.hypothesis), r.fit.x, SETTINGS.search_instants)
+    if len(starts) == 1:
         return r
-    # What a block cuts off of a mode that has not died out is periodic in the instant of the blow, where that is not stated.
     tries: list[tuple[float, Fit | None]] = []
-    for periods in (0.0, -1.0, -0.5, 0.5, 1.0):
-        x = problem.struck_at(r.fit.x, problem.blow_at(r.fit.x) + periods / min(slow))
+    for x in starts:
         reached = min((objective for objective, _ in tries), default=np.inf)
         tried = first_steps(nominal, sharp, r.fit.hypothesis, x, SETTINGS.search_later_steps, reached)
         tries.append((np.inf if tried is None else tried.objective, tried))

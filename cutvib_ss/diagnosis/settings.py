@@ -322,6 +322,7 @@ class Settings:
     search_starts_most: int = _of(8, "starts", "The same while they leave more than the widened noise", "longer", _TIME)
     search_later_steps: int = _of(10, "steps", "On few lines, from the best start of a cause", "longer", _TIME)
     search_law_steps: int = _of(6, "steps", "The same of a restoring force", "longer", _TIME)
+    search_instants: int = _of(2, "1", "The same as `fit_instants`, with the discrepancy, of the best fit", "longer", _TIME)
     search_most_steps: int = _of(40, "steps", "On all lines", "longer", _TIME)
     search_most_law_steps: int = _of(15, "steps", "The same of a restoring force: the last of many gain little", "longer", _TIME)
     search_first_order: float = _of(20.0, "χ² per datum",
