@@ -90,7 +90,7 @@ class _Lines:
         first = min(float(r.freq[0]) for r in responses)
         index = [np.round((r.freq - first) / step).astype(np.intp) for r in responses]
         self.step, self.freq = step, first + step * np.arange(max(int(i[-1]) for i in index) + 1)
-        scatter, spike, seen, self.shown, self.freedom = np.zeros((5, self.freq.size))
+        scatter, spike, seen, self.shown, self.freedom, self.power = np.zeros((6, self.freq.size))
         # By record, of the channel that shows it most
         self.each = np.full((len(responses), self.freq.size), -np.inf)
         for own, r, i in zip(self.each, responses, index, strict=True):
@@ -98,6 +98,9 @@ class _Lines:
             known = np.isfinite(scattered)
             own[i] = np.where(known, scattered, -np.inf).max(axis=0)
             scatter[i] += np.where(known, scattered, 0.0).sum(axis=0)
+            # Over what each channel's noise is on average: a zero of the response has less, but no tone.
+            even = r.variance[0, :, 0] / np.mean(r.variance[0, :, 0], axis=-1, keepdims=True)
+            self.power[i] += np.where(known, scattered * even, 0.0).sum(axis=0)
             seen[i] += known.sum(axis=0)
             self.freedom[i] += 2.0 * (r.averages - 1) * known.sum(axis=0)
             spike[i] += np.where(np.isfinite(rough), rough, 0.0).sum(axis=0)
@@ -119,7 +122,8 @@ class _Lines:
             alike = self.spike[k] < _OF_SCATTER * self.scatter[k]
             # What a restoring force scatters stands out where blows are hard, a tone in soft ones, too.
             throughout = float(np.quantile(self.each[np.isfinite(self.each[:, k]), k], _SOFT)) > 0.5 * _STANDS_OUT
-            if highest and sharp and alike and throughout:
+            louder = np.mean(self.power[around]) < self.power[k] / _STANDS_OUT
+            if highest and sharp and louder and alike and throughout:
                 out[float(self.freq[k])] = float(self.scatter[k])
         return out
 

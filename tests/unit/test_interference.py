@@ -87,6 +87,14 @@ def test_excess_is_the_power_over_the_lines():
     assert found.excess == pytest.approx(30.0 * np.sinc(0.4) ** 2 / FREQ.size, rel=0.5)
 
 
+def test_a_zero_of_the_response_is_none():
+    # what scatters in proportion to the response is noise as well, and vanishes with it; the rest does not
+    clean = records(scatter=None)
+    zero = 1.0 - np.exp(-(((FREQ - 90.0) / 1.5) ** 2))
+    shown = [replace(r, variance=r.variance * np.maximum(zero, 1e-3)) for r in clean]
+    assert interference(shown) is None
+
+
 def test_resonances_that_scatter_are_none():
     # What a restoring force does from blow to blow is largest at the peaks, and in the response as well.
     assert interference(records(scatter=lambda h: 0.02 * h * np.abs(h) / np.abs(h).max())) is None
