@@ -173,12 +173,16 @@ def led_by_the_model(nominal: Model, records: Records, made: Fit) -> Fit:
         return climb
 
     few = records.coarse(SETTINGS.search_coarse_lines, 0.0)
-    starts = at_instants(problem_for(nominal, few, made.hypothesis), made.corrected.x, SETTINGS.fit_instants)
-    best = min((alone(few, x) for x in starts), key=lambda climb: climb.at.objective)
-    closest = alone(records, best.at.x)
-    if closest.at.chi2 > SETTINGS.verdict_misfit * closest.count:
+    try:
+        starts = at_instants(problem_for(nominal, few, made.hypothesis), made.corrected.x, SETTINGS.fit_instants)
+        best = min((alone(few, x) for x in starts), key=lambda climb: climb.at.objective)
+        closest = alone(records, best.at.x)
+        if closest.at.chi2 > SETTINGS.verdict_misfit * closest.count:
+            return made
+        again = fit(nominal, records, made.hypothesis, closest.at.x)
+    except CutvibError:
+        # Without a discrepancy it may run away, where the model is far off.
         return made
-    again = fit(nominal, records, made.hypothesis, closest.at.x)
     return again if again.log_evidence > made.log_evidence else made
 
 
