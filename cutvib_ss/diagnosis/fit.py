@@ -180,7 +180,7 @@ def led_by_the_model(nominal: Model, records: Records, made: Fit) -> Fit:
         if closest.at.chi2 > SETTINGS.verdict_misfit * closest.count:
             return made
         again = fit(nominal, records, made.hypothesis, closest.at.x)
-    except CutvibError:
+    except (CutvibError, np.linalg.LinAlgError):
         # Without a discrepancy it may run away, where the model is far off.
         return made
     return again if again.log_evidence > made.log_evidence else made
