@@ -80,7 +80,10 @@ def _as_much(known: float, unknown: float, bare: float) -> bool:
 
 def of_another_form(r: Ranked, held: Callable[[Ranked], HeldOut]) -> bool:
     """Whether causes only stand because their model errs by more than is believed."""
-    return bool(r.fit.at_end) or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit
+    # Beside something unknown a linear cause is the nearest of the known ones, whose own form the element makes up for.
+    beside = r.fit.hypothesis.linear and UNKNOWN in dict(r.fit.hypothesis.causes)
+    ended = bool(r.fit.at_end) and not beside
+    return ended or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit
 
 
 def _leaves_more(cause: HeldOut, bare: HeldOut) -> bool:
