@@ -39,7 +39,12 @@ def of_known_form(
         for r in likely
         if kind_of(r.fit.hypothesis) != UNKNOWN
         and r.refined
-        and (of_another_form(r, held) or (bare is not None and _leaves_more(held(r), held(bare))))
+        and (
+            of_another_form(r, held)
+            # Beside another cause it is the nearest of the known ones, whose own form that one makes up for.
+            or (kind_of(r.fit.hypothesis) == "known" and r.fit.at_end)
+            or (bare is not None and _leaves_more(held(r), held(bare)))
+        )
     ]
     for r in strained:
         out[r.name] *= SETTINGS.verdict_form
@@ -80,10 +85,8 @@ def _as_much(known: float, unknown: float, bare: float) -> bool:
 
 def of_another_form(r: Ranked, held: Callable[[Ranked], HeldOut]) -> bool:
     """Whether causes only stand because their model errs by more than is believed."""
-    # Beside something unknown a linear cause is the nearest of the known ones, whose own form the element makes up for.
-    beside = r.fit.hypothesis.linear and UNKNOWN in dict(r.fit.hypothesis.causes)
-    ended = bool(r.fit.at_end) and not beside
-    return ended or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit
+    beyond = bool(r.fit.at_end) and not r.fit.hypothesis.linear
+    return beyond or r.fit.beyond_belief or held(r).against_stated > SETTINGS.verdict_misfit
 
 
 def _leaves_more(cause: HeldOut, bare: HeldOut) -> bool:
