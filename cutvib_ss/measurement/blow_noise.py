@@ -15,6 +15,7 @@ from scipy import signal, stats
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.estimation import h1, spectra_of_blows
+from cutvib_ss.measurement.force_window import followed_by, stands_out
 from cutvib_ss.measurement.noise import NOISE_BINS, high_pass_variance, smooth_noise
 from cutvib_ss.measurement.records import History, Record
 from cutvib_ss.measurement.rounding import orders_by_rounding
@@ -252,14 +253,10 @@ def _freedom(lines: int, ratio: float) -> float:
 
 def _quiet_force(history: History) -> list[FloatArray]:
     """Before the blow, and from a while after it to the end: a force is noise but for its blow."""
-    start = history.start
-    force = history.force
-    peak = float(np.max(np.abs(force - np.median(force))))
-    loud = np.flatnonzero(np.abs(force - np.median(force)) > 0.05 * peak)
+    start, force = history.start, history.force
+    loud = np.flatnonzero(stands_out(force))
     end = int(loud[-1]) if loud.size else 0
-    # the filter of the digitiser rings, and a sensor swings out, for as long as the blow lasted and more
-    after = end + max(8 * (end - start + 8), 64)
-    return _alive([force[:start], force[after:]])
+    return _alive([force[:start], force[end + followed_by(end - start) :]])
 
 
 def _quiet_response(history: History, channel: int) -> list[FloatArray]:

@@ -18,7 +18,8 @@ from scipy import ndimage
 from cutvib_ss.results import FloatArray
 
 _OF_PEAK = 0.05  # of the largest force: a blow, or a second one
-_LONGER = 8  # times the length of the blow that a digitiser's filter rings after it
+_OF_NOISE = 6.0  # standard deviations of the noise, 1.48 times the median deviation: a force is noise but for the blow
+_LONGER = 8  # times the length of the blow that a digitiser's filter rings, and a sensor swings out, after it
 _FEWEST = 64  # samples that are kept after it at least
 _OVER = (1, 4, 16, 64)  # samples whose mean may stand out of the noise
 _STANDS_OUT = 5.0  # standard deviations of it: one sample in a million does by chance
@@ -28,15 +29,25 @@ _SMOOTH = 0.2  # of the power of white noise's differences: what changes less fr
 _PASSES = 6  # until nothing more stands out
 
 
+def stands_out(force: FloatArray) -> np.ndarray:
+    """Samples at which a force passes 5 % of its peak, and six times its noise."""
+    size = np.abs(force - np.median(force))
+    peak = float(np.max(size, initial=0.0))
+    return np.asarray(size > min(max(_OF_PEAK * peak, _OF_NOISE * 1.48 * float(np.median(size))), 0.5 * peak))
+
+
+def followed_by(length: int) -> int:
+    """Samples after a blow of a length that are not quiet yet."""
+    return max(_LONGER * (length + 8), _FEWEST)
+
+
 def windowed(force: FloatArray, fs: float, start: int) -> FloatArray:
     """The force of a blow that begins at a sample, its sensor's noise taken out; as it is where that is no noise."""
-    size = np.abs(force - np.median(force))
-    peak, noise = float(np.max(size, initial=0.0)), 1.4826 * float(np.median(size))
-    loud = size > min(max(_OF_PEAK * peak, _STANDS_OUT * noise), 0.5 * peak)
+    loud = stands_out(force)
     if not loud.any():
         return force
-    after = max(_LONGER * (_length(loud, int(np.argmax(size))) + 8), _FEWEST)
-    acts = _widened(loud, 8, after)
+    peak = int(np.argmax(np.abs(force - np.median(force))))
+    acts = _widened(loud, 8, followed_by(_length(loud, peak)))
     acts[start : int(np.argmax(loud))] = True
     for _ in range(_PASSES):
         slow = _smoothed(force, ~acts, _SLOW * fs)

@@ -11,6 +11,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 import numpy as np
 
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.measurement.force_window import stands_out
 from cutvib_ss.model.second_order import Channel
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse, Quantity, read_only
 from cutvib_ss.results.display import Displayed, Table
@@ -106,15 +107,10 @@ def blow_start(force: FloatArray) -> int:
     """
     Sample before which the structure is at rest: a little before the force first leaves its noise.
 
-    The blow has begun where the force passes 5 % of its peak, and six times its noise (1.48 times the median deviation:
-    a force is noise but for the blow). A sixteenth of the samples before that, eight at least,
-    are given away: a digitiser's filter rings before an edge.
+    The blow has begun where the force stands out of its noise (`force_window.stands_out`). A sixteenth of the samples before that,
+    eight at least, are given away: a digitiser's filter rings before an edge.
     """
-    offset = float(np.median(force))
-    size = np.abs(force - offset)
-    peak = float(np.max(size))
-    threshold = min(max(0.05 * peak, 6 * 1.48 * float(np.median(size))), 0.5 * peak)
-    onset = int(np.argmax(size > threshold))
+    onset = int(np.argmax(stands_out(force)))
     return max(onset - max(8, onset // 16), 0)
 
 
