@@ -16,6 +16,7 @@ from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import level_stands_out
+from cutvib_ss.diagnosis.metrics import ALL
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, ranked_by_gain, refit, some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
@@ -23,26 +24,33 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import scan_beside, weak
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
-from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.effects.base import Effect, Model, channels_of
 from cutvib_ss.results import FloatArray
 
 
 def beside_tuned(
-    nominal: Model, records: Records, none: Fit, found: Sequence[Candidate], workers: Workers
+    nominal: Model, records: Records, accepted: Ranked, found: Sequence[Candidate], workers: Workers
 ) -> list[Ranked]:
-    """The linear causes that the residual of a tuned model speaks for most, fitted beside it on all lines: it leaves only noise."""
+    """The linear causes that the residual of a fit speaks for most, fitted beside it on all lines: it leaves only noise."""
     # What is small beside the noise is smaller still beside a widened one, and its optimum is near.
-    scan = scan_beside(nominal, records, none)
+    there, under = accepted.fit, accepted.fit.hypothesis
+    steps, most = SETTINGS.search_most_steps, SETTINGS.search_most_close
+    if not under.linear:
+        steps, most = SETTINGS.search_most_law_steps, SETTINGS.search_laws_refined
+    scan = scan_beside(nominal, records, there)
     tried = workers.map(scan.each, [c.starts for c in found])
     best = [max((gain, -k) for k, (_, gain) in enumerate(rows)) for rows in tried]
-    chosen = sorted(range(len(found)), key=lambda i: -best[i][0])[: SETTINGS.search_most_close]
+    chosen = sorted(range(len(found)), key=lambda i: -best[i][0])[:most]
     starts = [weak(nominal, scan, found[i].starts[-best[i][1]]) for i in chosen]
-    # What cannot be weak starts far off, and has to lead back to what no cause leaves.
-    again = partial(
-        refit, nominal, records, x=none.x, steps=SETTINGS.search_most_steps, near=none, rival=none.objective
-    )
-    fits = workers.map(again, [Hypothesis((e,)) for e in starts])
-    return [Ranked(found[i].name, f, True) for i, f in zip(chosen, fits, strict=True) if f is not None]
+    again = partial(refit, nominal, records, x=there.x[: there.first_effect], steps=steps, near=there)
+    # What cannot be weak starts far off, and has to lead back to what the fit leaves; second causes, to what the first does.
+    rival, fits = there.objective, []
+    for some_of in (slice(1), slice(1, None)):
+        hypotheses = [replace(under, effects=(*under.effects, e)) for e in starts[some_of]]
+        fits += workers.map(partial(again, rival=rival), hypotheses)
+        rival = min([rival, *(f.objective for f in fits if f is not None and under.effects)])
+    names = [f"{accepted.name} + {found[i].name}" if under.effects else found[i].name for i in chosen]
+    return [Ranked(name, f, True) for name, f in zip(names, fits, strict=True) if f is not None]
 
 
 def scouted(
@@ -113,7 +121,9 @@ def beside_parts(
 
 def tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:
     """Whether a cause moves what the tuned model has far out of its tolerance, a value or a gain: no residual shows it."""
-    if getattr(effect, "channel", None) in none.calibrated_away:
+    if effect.measurement and none.calibrated_away.intersection(
+        channels_of(effect.effect, getattr(effect, "channel", ALL), nominal)
+    ):
         return True
     away = np.abs(none.x[: none.n_tuning]) > SETTINGS.fit_tuned_away
     strained = {path for (path, _), far in zip(tuning_paths(nominal), away, strict=True) if far}

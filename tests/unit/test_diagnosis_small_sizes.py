@@ -1,5 +1,6 @@
 """Sizes of causes beside a fit, and the evidence of those that are too small to be seen."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,15 @@ from cutvib_ss.diagnosis.hypotheses import candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.posterior import that_may_hide
+from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
-from cutvib_ss.diagnosis.scouting import beside_tuned
+from cutvib_ss.diagnosis.scouting import beside_tuned, tuned_away
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import scan_beside, small_sizes, weak
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.prior import Range
@@ -73,12 +76,37 @@ def test_a_small_cause_is_found_beside_the_tuned_model() -> None:
     # Calibration has taken up nearly all of it.
     assert none.reduced < SETTINGS.search_enough
     assert not none.tuned_away
-    found = beside_tuned(MACHINE, records, none, candidates(MACHINE, (16.0, 300.0), ("tool_x", "base_x")), Workers(1))
+    found = beside_tuned(
+        MACHINE,
+        records,
+        Ranked("none", none, True),
+        candidates(MACHINE, (16.0, 300.0), ("tool_x", "base_x")),
+        Workers(1),
+    )
     best = max(found, key=lambda r: r.fit.log_evidence)
     assert best.name == "channel_delay all"
     assert best.fit.log_evidence > none.log_evidence
     assert abs(best.fit.hypothesis.effects[0].delay - late) < 3.0 * best.fit.stds["0.delay"]
     assert all(r.refined for r in found)
+
+
+def test_a_second_cause_that_gains_take_up_is_found_beside_the_first() -> None:
+    # One session alone tells no gain from a drift: the machine is known to repeat.
+    steady = replace(MACHINE, tolerance=replace(MACHINE.tolerance, drift=1e-4))
+    wrong = CalibrationError("measurement", channel="all", gain=0.93).apply(steady)
+    records, _ = measured(3e-3, 0.3, wrong)
+    alone = fit(steady, records, Hypothesis((AddedMass("tool", 0.3),)))
+    # The residual is noise: only the gains, seven times their tolerance off, tell that something is missing.
+    assert alone.reduced < SETTINGS.search_enough
+    assert alone.calibrated_away == set(CHANNELS)
+    others = [c for c in candidates(steady, (16.0, 300.0), CHANNELS) if c.name != "added_mass tool"]
+    missed = [c for c in others if tuned_away(steady, alone, c.starts[0])]
+    assert {"calibration_error all", "calibration_error tool_x"} < {c.name for c in missed} < {c.name for c in others}
+    found = beside_tuned(steady, records, Ranked("added_mass tool", alone, True), missed, Workers(1))
+    best = max(found, key=lambda r: r.fit.log_evidence)
+    assert best.name == "added_mass tool + calibration_error all"
+    assert best.fit.log_evidence > alone.log_evidence + SETTINGS.search_caught
+    assert abs(best.fit.hypothesis.effects[1].gain - 0.93) < 3.0 * best.fit.stds["1.gain"]
 
 
 def test_a_weak_cause_has_the_sign_of_its_estimate_where_it_may() -> None:
