@@ -39,12 +39,7 @@ def of_known_form(
         for r in likely
         if kind_of(r.fit.hypothesis) != UNKNOWN
         and r.refined
-        and (
-            of_another_form(r, held)
-            # Beside another cause it is the nearest of the known ones, whose own form that one makes up for.
-            or (kind_of(r.fit.hypothesis) == "known" and r.fit.at_end)
-            or (bare is not None and _leaves_more(held(r), held(bare)))
-        )
+        and (of_another_form(r, held) or r.fit.at_end or (bare is not None and _leaves_more(held(r), held(bare))))
     ]
     for r in strained:
         out[r.name] *= SETTINGS.verdict_form

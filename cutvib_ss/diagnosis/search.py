@@ -239,11 +239,14 @@ def _lacks_a_form(ranked: Sequence[Ranked]) -> bool:
 
 
 def _of_one_place(ranked: Sequence[Ranked], leaves: Callable[[Ranked], float]) -> bool:
-    """Whether something unknown at one place, beside a known cause there or alone, leaves noise, of held-out records too."""
+    """Whether something unknown at one place, with a known cause there or alone, leaves noise, and of held-out records too."""
     causes = [(r, r.fit.hypothesis.causes) for r in ranked if r.refined]
     there = [r for r, own in causes if "unknown" in dict(own) and len({place for _, place in own}) == 1]
     best = max(there, key=lambda r: r.fit.log_evidence, default=None)
-    return best is not None and best.reduced < SETTINGS.search_enough and leaves(best) < SETTINGS.search_enough
+    if best is None or best.fit.tuned_away or best.fit.calibrated_away:
+        # What tuning far out of its tolerance makes up for is somewhere else.
+        return False
+    return best.reduced < SETTINGS.search_enough and leaves(best) < SETTINGS.search_enough
 
 
 def _favoured(

@@ -43,6 +43,7 @@ class OnlyEvidence:
     beyond_belief: bool = False
     nothing_when_used: tuple[Effect, ...] = ()
     tuned_away: bool = False
+    calibrated_away: frozenset[str] = frozenset()
     stds: Mapping[str, float] = field(default_factory=dict)
     reduced: float = 1.0
 
@@ -396,6 +397,7 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
         (sized("mass", 3e-5, 1e-3, MASS), fails),
         (sized("mass", 3e-5, 1e-3, CUBIC, at_end=("0.stiffness3",)), fits),
         (sized("mass", 3e-5, 1e-3, MASS, at_end=("0.mass",)), fits),
+        (sized("mass", 3e-5, 1e-3, MASS, UNKNOWN, at_end=("0.mass",)), fits),
         (sized("mass", 3e-5, 1e-3, CUBIC, tuned=5.5), fits),
     ):
         strained = of_known_form([none, mass], odds, seen)
@@ -545,6 +547,9 @@ def test_one_faulty_place_explains_all_where_something_unknown_there_leaves_nois
     found = Ranked("found", cast(Fit, fit), True)
     assert _of_one_place([MAIN, found], lambda r: held_out) is one
     assert not _of_one_place([MAIN, replace(found, refined=False)], lambda r: held_out)
+    # Beside tuning or gains far out of their tolerance the fault is not there alone.
+    for strained in (replace(fit, tuned_away=True), replace(fit, calibrated_away=frozenset({"tool_x"}))):
+        assert not _of_one_place([MAIN, Ranked("found", cast(Fit, strained), True)], lambda r: held_out)
 
 
 def test_of_two_fits_of_a_cause_the_better_one_stays() -> None:
