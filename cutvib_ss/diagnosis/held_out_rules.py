@@ -154,7 +154,9 @@ class _HeldOutRules:
         # and the hypothesis keeps half at most.
         lead = r.fit.log_evidence - simpler.fit.log_evidence
         own, other = self.odds[r.name], self.odds[simpler.name]
-        ratio = np.log(max(own, 1e-300) / max(other, 1e-300)) + (predicted - lead) / (2.0 * self.heat)
+        # A probability too small for a number is known by its evidence.
+        leads = np.log(own / other) if min(own, other) > 0.0 else lead / self.heat
+        ratio = leads + (predicted - lead) / (2.0 * self.heat)
         kept = (own + other) * min(0.5, float(special.expit(ratio)))
         if kept < own:
             give(self.odds, r, simpler, 1.0 - kept / own)

@@ -233,6 +233,15 @@ def test_a_cause_that_trails_on_held_out_records_is_not_sure(cause: Effect) -> N
         assert sum(found.values()) == pytest.approx(1.0)
 
 
+def test_a_lead_beyond_what_a_probability_holds_is_held_against_prediction_as_well() -> None:
+    """A cubic spring beside a delay led by 1074 nats and lost 323 in prediction: it passed all of its probability on."""
+    main, odds = ranked("main", 1074.0, MASS), {"none": 0.0, "main": 1.0}
+    found = judged_on_held_out([NONE, main], odds, held(none=TUNED, main=Leaves(log_density=-1323.0)), 1.0)
+    assert found["main"] == pytest.approx(0.5)
+    found = judged_on_held_out([NONE, main], odds, held(none=TUNED, main=Leaves(log_density=-2100.0)), 1.0)
+    assert found["main"] == pytest.approx(0.0, abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("away", "density", "kept"), [(False, -1001.0, 0.174), (True, -1001.0, 0.95), (True, -1004.0, 0.045)]
 )
