@@ -7,6 +7,7 @@ Sharp peaks then pull from afar, and no start is lost in a side minimum of a pre
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -25,6 +26,8 @@ from cutvib_ss.diagnosis.small_sizes import scan_beside, weak
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model, channels_of
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import FloatArray
 
 
@@ -41,16 +44,36 @@ def beside_tuned(
     tried = workers.map(scan.each, [c.starts for c in found])
     best = [max((gain, -k) for k, (_, gain) in enumerate(rows)) for rows in tried]
     chosen = sorted(range(len(found)), key=lambda i: -best[i][0])[:most]
-    starts = [weak(nominal, scan, found[i].starts[-best[i][1]]) for i in chosen]
-    again = partial(refit, nominal, records, x=there.x[: there.first_effect], steps=steps, near=there)
+    starts = [_beside(nominal, scan, there, found[i].starts[-best[i][1]]) for i in chosen]
+    again = partial(refit, nominal, records, steps=steps, near=there)
     # What cannot be weak starts far off, and has to lead back to what the fit leaves; second causes, to what the first does.
     rival, fits = there.objective, []
     for some_of in (slice(1), slice(1, None)):
-        hypotheses = [replace(under, effects=(*under.effects, e)) for e in starts[some_of]]
-        fits += workers.map(partial(again, rival=rival), hypotheses)
+        hypotheses = [replace(under, effects=(*under.effects, e)) for e, _ in starts[some_of]]
+        fits += workers.map(partial(again, rival=rival), hypotheses, [x for _, x in starts[some_of]])
         rival = min([rival, *(f.objective for f in fits if f is not None and under.effects)])
     names = [f"{accepted.name} + {found[i].name}" if under.effects else found[i].name for i in chosen]
     return [Ranked(name, f, True) for name, f in zip(names, fits, strict=True) if f is not None]
+
+
+def _beside(nominal: Model, scan: Scan, there: Fit, effect: Effect) -> tuple[Effect, FloatArray]:
+    """A cause as it starts beside a fit, and the tuning there: with all of what a value is far out of its tolerance by, or weak."""
+    x = there.x[: there.first_effect].copy()
+    values = {path: (i, tolerance) for i, (path, tolerance) in enumerate(tuning_paths(nominal))}
+    applied = effect.apply(nominal)
+    moved = [(name, *own) for name, carried in effect.moved_by(nominal, applied).items() for own in carried]
+    for name, path, slope in moved:
+        i, tolerance = values.get(path, (None, 0.0))
+        if i is None or slope == 0.0 or abs(x[i]) <= SETTINGS.fit_tuned_away:
+            continue
+        tuned = float(value_at(nominal, path)) * np.exp(tolerance * x[i])
+        size = float(getattr(effect, name)) + (tuned - float(value_at(applied, path))) / slope
+        with suppress(ParameterError):
+            # Along the valley from one to the other the steps would be small.
+            taken = effect.changed({name: size})
+            x[i] = 0.0
+            return taken, x
+    return weak(nominal, scan, effect), x
 
 
 def scouted(

@@ -15,15 +15,19 @@ from cutvib_ss.diagnosis.posterior import that_may_hide
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
-from cutvib_ss.diagnosis.scouting import beside_tuned, tuned_away
+from cutvib_ss.diagnosis.scouting import _beside, beside_tuned, tuned_away
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import scan_beside, small_sizes, weak
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.base import Effect
 from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.local_resonator import LocalResonator
+from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.effects.prior import Range
+from cutvib_ss.response.frequency import frequency_response
 from tests.unit.test_diagnosis_drift import CHANNELS, FREQ, campaign
 from tests.unit.test_diagnosis_drift import MACHINE as DRIFTING
 from tests.unit.test_diagnosis_limits import COUNTS, MACHINE, measured
@@ -107,6 +111,32 @@ def test_a_second_cause_that_gains_take_up_is_found_beside_the_first() -> None:
     assert best.name == "added_mass tool + calibration_error all"
     assert best.fit.log_evidence > alone.log_evidence + SETTINGS.search_caught
     assert abs(best.fit.hypothesis.effects[1].gain - 0.93) < 3.0 * best.fit.stds["1.gain"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "name"),
+    [
+        (ParameterShift("joint2", "k2", 1.06), "parameter_shift joint2.k2"),
+        (AddedMass("tool", 0.06), "added_mass tool"),
+    ],
+)
+def test_a_cause_starts_with_all_that_a_value_is_out_of_its_tolerance_by(wrong: Effect, name: str) -> None:
+    steady = replace(MACHINE, tolerance=replace(MACHINE.tolerance, drift=1e-4))
+    records, _ = measured(3e-3, model=wrong.apply(steady))
+    none = fit(steady, records, Hypothesis())
+    assert none.reduced < SETTINGS.search_enough
+    assert none.tuned_away
+    cause = next(c for c in candidates(steady, (16.0, 300.0), CHANNELS) if c.name == name)
+    started, x = _beside(steady, scan_beside(steady, records, none), none, cause.starts[0])
+    # It is the tuned model under another name, with the value itself in the middle of its prior.
+    one, other = (
+        frequency_response(m, [0.45], FREQ, outputs=CHANNELS).data
+        for m in (none.model, started.apply(problem_for(steady, records, Hypothesis()).tuned(x)))
+    )
+    assert np.sum(np.abs(one - other) ** 2) < 1e-12 * np.sum(np.abs(one) ** 2)
+    assert np.abs(x[: none.n_tuning]).max() < SETTINGS.fit_tuned_away
+    (found,) = beside_tuned(steady, records, Ranked("none", none, True), [cause], Workers(1))
+    assert found.fit.log_evidence > none.log_evidence + SETTINGS.search_caught
 
 
 def test_a_weak_cause_has_the_sign_of_its_estimate_where_it_may() -> None:
