@@ -18,6 +18,7 @@ from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import level_stands_out
 from cutvib_ss.diagnosis.metrics import ALL
+from cutvib_ss.diagnosis.posterior import kind_of
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, ranked_by_gain, refit, some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
@@ -54,6 +55,18 @@ def beside_tuned(
         rival = min([rival, *(f.objective for f in fits if f is not None and under.effects)])
     names = [f"{accepted.name} + {found[i].name}" if under.effects else found[i].name for i in chosen]
     return [Ranked(name, f, True) for name, f in zip(names, fits, strict=True) if f is not None]
+
+
+def relieved(
+    nominal: Model, records: Records, best: Ranked, linear: Sequence[Candidate], workers: Workers
+) -> list[Ranked]:
+    """The best single cause beside others that move what its fit has far out of its tolerance: no residual shows those."""
+    if kind_of(best.fit.hypothesis) != "known":
+        return []
+    first = dict(best.fit.hypothesis.causes)
+    others = [c for c in linear if first.get(c.starts[0].effect) != c.starts[0].place]
+    missed = [c for c in others if tuned_away(nominal, best.fit, c.starts[0])]
+    return beside_tuned(nominal, records, best, missed, workers) if missed else []
 
 
 def _beside(nominal: Model, scan: Scan, there: Fit, effect: Effect) -> tuple[Effect, FloatArray]:

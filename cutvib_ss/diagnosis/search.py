@@ -28,10 +28,9 @@ from cutvib_ss.diagnosis.linearity import (
 )
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
-from cutvib_ss.diagnosis.posterior import kind_of
 from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, refit
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.scouting import beside_parts, beside_tuned, scouted, scouted_laws, tuned_away
+from cutvib_ss.diagnosis.scouting import beside_parts, beside_tuned, relieved, scouted, scouted_laws, tuned_away
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import SmallSize
@@ -171,23 +170,11 @@ def search(
         seconds = [Second(c, alone.get(c.name)) for c in linear]
         seconds += [Second(c, None) for c in (tried.candidates if tried else ())]
         ranked += fit_pairs(nominal, records, known, seconds, tried.motion if tried else {}, workers)
-    ranked += _relieved(nominal, records, _best(ranked, none), linear, workers)
+    ranked += relieved(nominal, records, _best(ranked, none), linear, workers)
     if forces is not None and tried is None and compared and _lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
         ranked = _with(nominal, records, forces, ranked, _best(ranked, none), workers)
     return (none, *_once(ranked))
-
-
-def _relieved(
-    nominal: Model, records: Records, best: Ranked, linear: Sequence[Candidate], workers: Workers
-) -> list[Ranked]:
-    """The best single cause beside others that move what its fit has far out of its tolerance: no residual shows those."""
-    if kind_of(best.fit.hypothesis) != "known":
-        return []
-    first = dict(best.fit.hypothesis.causes)
-    others = [c for c in linear if first.get(c.starts[0].effect) != c.starts[0].place]
-    missed = [c for c in others if tuned_away(nominal, best.fit, c.starts[0])]
-    return beside_tuned(nominal, records, best, missed, workers) if missed else []
 
 
 class _RestoringForces(NamedTuple):
