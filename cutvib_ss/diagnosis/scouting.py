@@ -38,15 +38,12 @@ def beside_tuned(
     """The linear causes that the residual of a fit speaks for most, fitted beside it on all lines: it leaves only noise."""
     # What is small beside the noise is smaller still beside a widened one, and its optimum is near.
     there, under = accepted.fit, accepted.fit.hypothesis
-    steps, most = SETTINGS.search_most_steps, SETTINGS.search_most_close
-    if not under.linear:
-        steps, most = SETTINGS.search_most_law_steps, SETTINGS.search_laws_refined
     scan = scan_beside(nominal, records, there)
     tried = workers.map(scan.each, [c.starts for c in found])
     best = [max((gain, -k) for k, (_, gain) in enumerate(rows)) for rows in tried]
-    chosen = sorted(range(len(found)), key=lambda i: -best[i][0])[:most]
+    chosen = sorted(range(len(found)), key=lambda i: -best[i][0])[: SETTINGS.search_most_close]
     starts = [_beside(nominal, scan, there, found[i].starts[-best[i][1]]) for i in chosen]
-    again = partial(refit, nominal, records, steps=steps, near=there)
+    again = partial(refit, nominal, records, steps=SETTINGS.search_most_steps, near=there)
     # What cannot be weak starts far off, and has to lead back to what the fit leaves; second causes, to what the first does.
     rival, fits = there.objective, []
     for some_of in (slice(1), slice(1, None)):
@@ -60,8 +57,9 @@ def beside_tuned(
 def relieved(
     nominal: Model, records: Records, best: Ranked, linear: Sequence[Candidate], workers: Workers
 ) -> list[Ranked]:
-    """The best single cause beside others that move what its fit has far out of its tolerance: no residual shows those."""
-    if kind_of(best.fit.hypothesis) != "known":
+    """The best linear cause beside others that move what its fit has far out of its tolerance: no residual shows those."""
+    # Beside a restoring force tuning and gains may make up for its form.
+    if kind_of(best.fit.hypothesis) != "known" or not best.fit.hypothesis.linear:
         return []
     first = dict(best.fit.hypothesis.causes)
     others = [c for c in linear if first.get(c.starts[0].effect) != c.starts[0].place]

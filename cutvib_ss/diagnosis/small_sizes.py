@@ -111,12 +111,10 @@ def small_sizes(
 
 
 def scan_beside(nominal: Model, records: Records, accepted: Fit) -> Scan:
-    """Linear causes on top of a fit, on some of its lines; of a restoring force on few records, if they can be simulated."""
-    linear = accepted.hypothesis.linear
-    few = None if linear else records.for_laws(SETTINGS.search_coarse_lines, 0.0)
-    few = few or records.coarse(SETTINGS.limits_lines, 0.0)
+    """Linear causes on top of a fit, on some of its lines."""
+    few = records.coarse(SETTINGS.limits_lines, 0.0)
     part = sum(e.data.size for e in few.entries) / sum(e.data.size for e in records.entries)
-    return Scan(nominal, few, accepted.hypothesis, accepted.x, accepted.hypothesis.motions, apart=not linear, part=part)
+    return Scan(nominal, few, accepted.hypothesis, accepted.x, {}, apart=False, part=part)
 
 
 def weak(nominal: Model, scan: Scan, start: Effect) -> Effect:
