@@ -42,7 +42,7 @@ def beside_tuned(
     tried = workers.map(scan.each, [c.starts for c in found])
     best = [max((gain, -k) for k, (_, gain) in enumerate(rows)) for rows in tried]
     chosen = sorted(range(len(found)), key=lambda i: -best[i][0])[: SETTINGS.search_most_close]
-    starts = [_beside(nominal, scan, there, found[i].starts[-best[i][1]]) for i in chosen]
+    starts = [_from_tuning(nominal, scan, there, found[i].starts[-best[i][1]]) for i in chosen]
     again = partial(refit, nominal, records, steps=SETTINGS.search_most_steps, near=there)
     # What cannot be weak starts far off, and has to lead back to what the fit leaves; second causes, to what the first does.
     rival, fits = there.objective, []
@@ -67,7 +67,7 @@ def relieved(
     return beside_tuned(nominal, records, best, missed, workers) if missed else []
 
 
-def _beside(nominal: Model, scan: Scan, there: Fit, effect: Effect) -> tuple[Effect, FloatArray]:
+def _from_tuning(nominal: Model, scan: Scan, there: Fit, effect: Effect) -> tuple[Effect, FloatArray]:
     """A cause as it starts beside a fit, and the tuning there: with all of what a value is far out of its tolerance by, or weak."""
     x = there.x[: there.first_effect].copy()
     values = {path: (i, tolerance) for i, (path, tolerance) in enumerate(tuning_paths(nominal))}

@@ -15,7 +15,7 @@ from cutvib_ss.diagnosis.posterior import that_may_hide
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
-from cutvib_ss.diagnosis.scouting import _beside, beside_tuned, tuned_away
+from cutvib_ss.diagnosis.scouting import _from_tuning, beside_tuned, tuned_away
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import scan_beside, small_sizes, weak
@@ -127,7 +127,7 @@ def test_a_cause_starts_with_all_that_a_value_is_out_of_its_tolerance_by(wrong: 
     assert none.reduced < SETTINGS.search_enough
     assert none.tuned_away
     cause = next(c for c in candidates(steady, (16.0, 300.0), CHANNELS) if c.name == name)
-    started, x = _beside(steady, scan_beside(steady, records, none), none, cause.starts[0])
+    started, x = _from_tuning(steady, scan_beside(steady, records, none), none, cause.starts[0])
     # It is the tuned model under another name, with the value itself in the middle of its prior.
     one, other = (
         frequency_response(m, [0.45], FREQ, outputs=CHANNELS).data
