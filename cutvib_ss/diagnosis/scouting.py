@@ -27,6 +27,7 @@ from cutvib_ss.diagnosis.small_sizes import scan_beside, weak
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model, channels_of
+from cutvib_ss.effects.catalogue import is_alias
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import FloatArray
@@ -63,7 +64,9 @@ def relieved(
         return []
     first = dict(best.fit.hypothesis.causes)
     others = [c for c in linear if first.get(c.starts[0].effect) != c.starts[0].place]
-    missed = [c for c in others if tuned_away(nominal, best.fit, c.starts[0])]
+    # As a lever's length or a damping the first cause's own form may appear.
+    named = [c for c in others if not is_alias(c.starts[0].effect, vars(c.starts[0]))]
+    missed = [c for c in named if tuned_away(nominal, best.fit, c.starts[0])]
     return beside_tuned(nominal, records, best, missed, workers) if missed else []
 
 

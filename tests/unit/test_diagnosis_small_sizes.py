@@ -15,7 +15,7 @@ from cutvib_ss.diagnosis.posterior import that_may_hide
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
-from cutvib_ss.diagnosis.scouting import _from_tuning, beside_tuned, tuned_away
+from cutvib_ss.diagnosis.scouting import _from_tuning, beside_tuned, relieved, tuned_away
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import scan_beside, small_sizes, weak
@@ -24,6 +24,7 @@ from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect
 from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.channel_delay import ChannelDelay
+from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.effects.prior import Range
@@ -137,6 +138,20 @@ def test_a_cause_starts_with_all_that_a_value_is_out_of_its_tolerance_by(wrong: 
     assert np.abs(x[: none.n_tuning]).max() < SETTINGS.fit_tuned_away
     (found,) = beside_tuned(steady, records, Ranked("none", none, True), [cause], Workers(1))
     assert found.fit.log_evidence > none.log_evidence + SETTINGS.search_caught
+
+
+def test_neither_a_length_nor_what_stands_beside_a_restoring_force_is_a_second_cause_in_the_tuning() -> None:
+    steady = replace(MACHINE, tolerance=replace(MACHINE.tolerance, drift=1e-4))
+    longer = ParameterShift("head", "l1", 1.03).apply(steady)
+    records, _ = measured(3e-3, 0.3, longer)
+    linear = candidates(steady, (16.0, 300.0), CHANNELS)
+    alone = fit(steady, records, Hypothesis((AddedMass("tool", 0.3),)))
+    assert alone.reduced < SETTINGS.search_enough
+    assert tuned_away(steady, alone, ParameterShift("head", "l1", 1.0))
+    found = relieved(steady, records, Ranked("added_mass tool", alone, True), linear, Workers(1))
+    assert all("l1" not in r.name for r in found)
+    spring = replace(alone, hypothesis=Hypothesis((CubicStiffness("joint2", 1e9),)))
+    assert relieved(steady, records, Ranked("cubic_stiffness joint2", spring, True), linear, Workers(1)) == []
 
 
 def test_a_weak_cause_has_the_sign_of_its_estimate_where_it_may() -> None:
