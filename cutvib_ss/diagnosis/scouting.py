@@ -80,8 +80,8 @@ def _from_tuning(nominal: Model, scan: Scan, there: Fit, effect: Effect) -> tupl
         i, tolerance = values.get(path, (None, 0.0))
         if i is None or slope == 0.0 or abs(x[i]) <= SETTINGS.fit_tuned_away:
             continue
-        tuned = float(value_at(nominal, path)) * np.exp(tolerance * x[i])
-        size = float(getattr(effect, name)) + (tuned - float(value_at(applied, path))) / slope
+        tuned = value_at(nominal, path) * np.exp(tolerance * x[i])
+        size = float(getattr(effect, name)) + (tuned - value_at(applied, path)) / slope
         with suppress(ParameterError):
             # Along the valley from one to the other the steps would be small.
             taken = effect.changed({name: size})
