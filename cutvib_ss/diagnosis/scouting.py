@@ -156,13 +156,13 @@ def beside_parts(
     return [*new, *(r for r in ranked if r.name not in {r.name for r in new})]
 
 
-def tuned_away(nominal: Model, none: Fit, effect: Effect) -> bool:
-    """Whether a cause moves what the tuned model has far out of its tolerance, a value or a gain: no residual shows it."""
-    if effect.measurement and none.calibrated_away.intersection(
+def tuned_away(nominal: Model, there: Fit, effect: Effect) -> bool:
+    """Whether a cause moves what a fit has far out of its tolerance, a value or a gain: no residual shows it."""
+    if effect.measurement and there.calibrated_away.intersection(
         channels_of(effect.effect, getattr(effect, "channel", ALL), nominal)
     ):
         return True
-    away = np.abs(none.x[: none.n_tuning]) > SETTINGS.fit_tuned_away
+    away = np.abs(there.x[: there.n_tuning]) > SETTINGS.fit_tuned_away
     strained = {path for (path, _), far in zip(tuning_paths(nominal), away, strict=True) if far}
     if effect.measurement and any(path[0] == "scales" for path in strained):
         # A gain is a mass and a stiffness that are off together.
