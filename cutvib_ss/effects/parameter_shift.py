@@ -19,11 +19,13 @@ MACHINE_PARAMETERS: Mapping[str, tuple[str, ...]] = {
     "tool": ("l2",),
     "rail": ("mass", "first_frequency", "damping_ratio"),
 }
-"""Place of each parameter of the cutting machine; m1 and m2 go by `added_mass`."""
+"""
+Place of each parameter of the cutting machine; m1 and m2 go by `added_mass`.
 
-"""Matrices of any other structure, where they are not zero; their place is ``"structure"``."""
+Of any other structure they are its matrices where they are not zero, and their place is ``"structure"``.
+"""
 
-ALIASES = frozenset({"l1", "l2", "c1", "c2", "damping"})
+ALIASES = frozenset({"l1", "l2", "c1", "c2", "damping", "damping_ratio"})
 """
 Parameters as which causes that nobody catalogued appear: a spring beside the tool acts as a shorter lever, another law of friction
 as another coefficient of damping.
