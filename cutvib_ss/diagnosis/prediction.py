@@ -60,6 +60,7 @@ class Circles:
     # 1 / (s - z) between the points of each position, then their mirror images, and the line s; a circle outlives
     # many predictions, and so does this
     inverse: tuple[ComplexArray, ...]
+    each: int = 1  # Number of points on each circle
     steady: bool = True  # Whether the poles have not just left the circles before these
     # Tails by the blocks' rest and the lines: those of the last prediction that was made with these circles
     tails: dict[tuple[bytes, bytes], list[Tail]] = field(default_factory=dict, compare=False, repr=False)
@@ -67,13 +68,13 @@ class Circles:
     @cached_property
     def centres(self) -> ComplexArray:
         """Centre of each circle."""
-        return np.asarray(self.points.reshape(-1, SETTINGS.tail_points).mean(axis=1))
+        return np.asarray(self.points.reshape(-1, self.each).mean(axis=1))
 
     def near(self, others: Circles) -> bool:
         """Whether these lie as others do, up to half a radius."""
         if self.points.size != others.points.size:
             return False
-        radius = np.abs(self.points[:: SETTINGS.tail_points] - self.centres)
+        radius = np.abs(self.points[:: self.each] - self.centres)
         return bool(np.all(np.abs(self.centres - others.centres) <= 0.5 * radius))
 
 
@@ -199,9 +200,9 @@ def slow_frequencies(predictions: Sequence[Predicted]) -> list[float]:
 
 def still_inside(circles: Circles, values: ComplexArray) -> bool:
     """Whether every circle still holds its pole well inside."""
-    points = circles.points.reshape(-1, SETTINGS.tail_points)
+    points = circles.points.reshape(-1, circles.each)
     weights, centre, count = circles.weights.reshape(points.shape), circles.centres, np.arange(len(points))
-    own = values.reshape(*values.shape[:2], *points.shape)[circles.position[:: SETTINGS.tail_points], :, count]
+    own = values.reshape(*values.shape[:2], *points.shape)[circles.position[:: circles.each], :, count]
     best = own[count, np.abs(own).sum(axis=2).argmax(axis=1)] * weights
     total, radius = best.sum(axis=1), np.abs(points[:, 0] - centre)
     left = np.abs((best * points).sum(axis=1) - total * centre) > 0.5 * radius * np.abs(total)
@@ -215,7 +216,9 @@ def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray)
     points, owner, weights = [], [], []
     positions, rest = group.positions, group.block - start
     sigma = float(s[0].real)
-    turn = np.exp(2j * np.pi * (np.arange(SETTINGS.tail_points) + 0.5) / SETTINGS.tail_points)
+    died_out = SETTINGS.tail_widened if group.widened else SETTINGS.tail_died_out
+    each = SETTINGS.tail_points_widened if group.widened else SETTINGS.tail_points
+    turn = np.exp(2j * np.pi * (np.arange(each) + 0.5) / each)
     ending = np.flatnonzero(np.isfinite(rest))
     alive = light_poles(model, positions[ending]) if ending.size else []
     # A response without a block that ends, as a sine's, loses nothing; its element may differ from line to line.
@@ -223,24 +226,24 @@ def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray)
     for i, light in zip(ending, alive, strict=True):
         # A window that was never taken out shifts the poles of what is measured.
         poles, time = light - model.chain.decay_rate, rest[i]
-        for pole in poles[(poles.real - sigma) * time > SETTINGS.tail_died_out]:
+        for pole in poles[(poles.real - sigma) * time > died_out]:
             # No circle may hold another pole, which has its own.
             others = np.abs(poles - pole)
             nearest = float(np.min(others[others > 0], initial=np.inf))
             radius = SETTINGS.tail_radius * min(sigma - pole.real, nearest)
             points.append(pole + radius * turn)
-            weights.append(radius * turn / SETTINGS.tail_points)
-            owner.append(np.full(SETTINGS.tail_points, i))
+            weights.append(radius * turn / each)
+            owner.append(np.full(each, i))
         if free:
             # It is its own mirror image. On a wide circle e^(zT) would need more points.
             nearest = float(np.min(np.abs(light), initial=abs(s[0])))
             radius = min(SETTINGS.tail_radius * nearest, 1.0 / time)
             points.append(radius * turn - model.chain.decay_rate)
-            weights.append(0.5 * radius * turn / SETTINGS.tail_points)
-            owner.append(np.full(SETTINGS.tail_points, i))
+            weights.append(0.5 * radius * turn / each)
+            owner.append(np.full(each, i))
     if not points:
         nothing = np.zeros(0, dtype=np.complex128)
-        return Circles(nothing, np.zeros(0, dtype=int), nothing, ())
+        return Circles(nothing, np.zeros(0, dtype=int), nothing, (), each)
     z, own = np.concatenate(points), np.concatenate(owner)
     inverse = []
     for place in range(positions.size):
@@ -253,7 +256,7 @@ def slow_circles(model: Model, group: Group, start: FloatArray, s: ComplexArray)
         if both.size:
             kernel = kernel * _blow_between(group, place, float(start[place]), mine, s)
         inverse.append(np.asarray(kernel, dtype=np.complex128))
-    return Circles(z, own, np.concatenate(weights), tuple(inverse))
+    return Circles(z, own, np.concatenate(weights), tuple(inverse), each)
 
 
 def _blow_between(group: Group, row: int, start: float, z: ComplexArray, s: ComplexArray) -> ComplexArray | float:

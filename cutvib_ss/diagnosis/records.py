@@ -58,6 +58,7 @@ class Entry:
     lost: NDArray[np.bool_] | None = None
     # Share of the variance that a converter's steps make, alike in all blows, shape (channel, frequency); None where they make none
     rounded: FloatArray | None = None
+    widened: bool = False  # Whether its noise has been widened, for starts
 
     @cached_property
     def position(self) -> float | None:
@@ -176,6 +177,11 @@ class Group:
         """Where the force of each row acts."""
         return self.struck or (FORCE,) * len(self.data)
 
+    @property
+    def widened(self) -> bool:
+        """Whether the noise of its records has been widened."""
+        return any(e.widened for same in self.entries for e in same)
+
     def entry(self, row: int) -> Entry:
         """The records behind a row as the one that they are merged into."""
         first, *others = self.entries[row]
@@ -254,7 +260,7 @@ class Records:
         for e in self.entries:
             few = thinned(e, slice(None, None, max(1, e.freq.size // lines)))
             widened = few.variance + behind[id(e)] * (error * np.abs(few.data)) ** 2
-            out.append(few.showing(few.data, widened))
+            out.append(replace(few.showing(few.data, widened), widened=error > 0.0))
         return Records(tuple(out), rough=True, widened=error > 0.0, moving=self.moving)
 
     def for_laws(self, lines: int, error: float) -> Records | None:

@@ -230,6 +230,8 @@ class Settings:
     projection_gain: float = _of(1e-2, "1", "Relative gain at which its steps end", "rougher", _TIME)
     tail_died_out: float = _of(-10.0, "Re(s)·T", "Below which a mode leaves nothing at the block's end: 5e-5 of itself",
         "fewer modes in the tail", _NUMERICAL)
+    tail_widened: float = _of(-4.0, "Re(s)·T", "The same beside a noise widened to some percent: 2 % of itself",
+        "fewer modes in the tail", _TIME)
     tail_force: float = _of(1e-3, "peak force", "Below which a sample of a blow is no part of it", "shorter blows",
         "sensor noise between blows would ring in the tail")
     tail_force_noise: float = _of(0.02, "peak force", "Most that is taken for noise of the force", "shorter blows",
@@ -239,6 +241,8 @@ class Settings:
     leakage_alike: float = _of(1e-9, "1", "Below which parts of a change are told from no other", "-", _NUMERICAL)
     tail_points: int = _of(16, "points", "On each circle around a pole: with the radius, 0.4^16 = 4e-7 of the tail", "longer",
         _NUMERICAL)
+    tail_points_widened: int = _of(8, "points", "The same beside a noise widened to some percent: 7e-4 of the tail", "longer",
+        _TIME)
     tail_radius: float = _of(0.4, "distance",
         "Radius of each circle, of its pole's distance from the line s = σ + jω and other poles", "less accurate", _NUMERICAL)
 
