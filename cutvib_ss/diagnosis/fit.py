@@ -81,7 +81,7 @@ class Fit:
 
     @property
     def tolerated(self) -> tuple[Effect, ...]:
-        """Effects no larger than the part that they sit on may differ by itself, within the tolerance of the matrices."""
+        """Effects no larger than the part or channel that they sit on may differ by itself, within its tolerance."""
         return tuple(e for e in self.hypothesis.effects if e.tolerated(self.tuned))
 
     @property

@@ -121,7 +121,8 @@ class _HeldOutRules:
 
     def within_tolerance(self, r: Ranked) -> None:
         """Pass on most of the probability of causes of which one is no more than its part may differ from the model by itself."""
-        # The tolerance is that of a matrix, and tuning moves all of it: its parts differ among themselves by as much.
+        # The tolerance is that of a matrix, and tuning moves all of it: its parts differ among themselves by as much. A
+        # channel's is of gain and phase: a sensor may err by as much in another form over frequency than calibration is tuned in.
         less = self._without(r.fit, r.fit.tolerated)
         if less is not None:
             give(self.odds, r, less, SETTINGS.verdict_form)

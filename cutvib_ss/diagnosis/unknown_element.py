@@ -18,7 +18,7 @@ from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Carried, Effect, Model, applied, attached_to, channel_choices, channels_of, parameter
 from cutvib_ss.effects.prior import Range, Severity
-from cutvib_ss.effects.scales import port_scale, rail_stiffness, resonances_at
+from cutvib_ss.effects.scales import TOLERATED, port_scale, rail_stiffness, resonances_at
 from cutvib_ss.model.elements import Guide, SmoothElement, SprungMass
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.rail import EndSupports, RailAttachment
@@ -88,6 +88,10 @@ class ByLevel(_Unknown):
 
     linear: ClassVar[bool] = False
 
+    def tolerated(self, model: Any) -> bool:
+        # A tolerance of calibration is of a sensor that is the same at every level.
+        return False
+
 
 class _AlongRail(_Unknown):
     """What `UnknownAlongRail` does: the same at a point of the rail that is not known either."""
@@ -154,6 +158,14 @@ class _OfChannel(_Unknown):
         for name in channels_of(self.effect, self.port, model):  # type: ignore[attr-defined]
             chain = chain.with_channel(name, replace(chain.channel(name), error=self.element))
         return applied(model, replace(model, chain=chain), self)
+
+    def tolerated(self, model: Any) -> bool:
+        own: Any = self
+        over = np.geomspace(own.low, own.high, 10 * SETTINGS.unknown_knots)
+        error = self.element.dynamic_stiffness(2j * np.pi * over)
+        # Gain and phase each in its mean square over the band, as the tolerance of a sensor is stated.
+        largest = max(np.mean(error.real**2), np.mean(error.imag**2))
+        return bool(largest <= (TOLERATED * _calibration(model)) ** 2)
 
     def paths(self, applied: Any) -> tuple[Path, ...]:
         names = channels_of(self.effect, self.port, applied)  # type: ignore[attr-defined]
@@ -330,7 +342,11 @@ def _giving(model: Model, band: tuple[float, float]) -> Iterator[Any]:
 
 def _of_channels(model: Model, band: tuple[float, float], channels: Sequence[str], kind: Any) -> Iterator[Any]:
     """An unknown error of each channel and of all, beyond the stated tolerance."""
-    tolerance = model.tolerance.calibration or Tolerances().calibration
-    size = SETTINGS.unknown_channel * tolerance / min(SETTINGS.unknown_amplitudes)
+    size = SETTINGS.unknown_channel * _calibration(model) / min(SETTINGS.unknown_amplitudes)
     for channel in channel_choices(tuple(channels)):
         yield kind("measurement", channel, size, *band)
+
+
+def _calibration(model: Model) -> float:
+    """Tolerance of a channel's calibration."""
+    return model.tolerance.calibration or Tolerances().calibration

@@ -152,7 +152,7 @@ class Effect(ABC):
         return ()
 
     def tolerated(self, model: Any) -> bool:
-        """Whether the part it sits on may differ from the model as much by itself, within the tolerance of the matrices."""
+        """Whether the part or channel it sits on may differ from the model as much by itself, within the tolerance."""
         return False
 
     @property

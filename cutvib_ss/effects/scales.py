@@ -11,7 +11,7 @@ from cutvib_ss.effects.base import Model, Range
 from cutvib_ss.model.machine import Machine
 
 TOLERATED = 1.96
-"""Standard deviations of a matrix' factor by which a part of the structure may differ from the model by itself."""
+"""Standard deviations of a matrix' factor, or of calibration, by which a part or a channel may differ from the model by itself."""
 
 FREE_FREQUENCY = 77.0
 """Where nothing holds a body, springs are sized by the mass and this frequency [Hz], the middle of those of resonators."""

@@ -13,7 +13,13 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked, first_steps, refit
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.unknown_element import UnknownPole, unknown_candidates, unknown_places
+from cutvib_ss.diagnosis.unknown_element import (
+    UnknownChannelError,
+    UnknownPole,
+    UnknownSensor,
+    unknown_candidates,
+    unknown_places,
+)
 from cutvib_ss.diagnosis.unknown_search import _known_there, best_unknown
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
@@ -171,3 +177,21 @@ def test_known_causes_are_fitted_where_something_unknown_leads_all_of_them() -> 
         assert mass.fit.log_evidence > unknown.log_evidence
         # One that leads is enough.
         assert not _known_there(nominal, measured, leading, known, [mass], workers)
+
+
+def test_an_error_of_a_channel_within_its_tolerance_is_no_cause() -> None:
+    machine = published_machine()
+    tolerance = machine.tolerance.calibration
+    assert tolerance is not None
+    over = 2j * np.pi * np.geomspace(*BAND, 200)
+    unit = UnknownChannelError("measurement", "tool_x", 1.0, *BAND, c8=1.0, c7=-0.5, c17=0.4)
+    error = unit.element.dynamic_stiffness(over)
+    size = float(np.sqrt(np.mean(error.real**2)))
+    assert size > np.sqrt(np.mean(error.imag**2)) > 0.0
+    within, beyond = (replace(unit, scale=part * tolerance / size) for part in (1.9, 2.1))
+    assert within.tolerated(machine)
+    assert not beyond.tolerated(machine)
+    # A phase counts as a gain does.
+    assert not replace(unit, scale=10.0 * tolerance, c8=0.0, c7=0.0).tolerated(machine)
+    # A sensor that errs with the level is not one that is calibrated badly.
+    assert not UnknownSensor("measurement", "tool_x", within.scale, *BAND, c8=1.0).tolerated(machine)
