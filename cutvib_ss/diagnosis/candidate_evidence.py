@@ -1,16 +1,25 @@
-"""A fitted hypothesis as plain values, and warnings of parameters at their prior bounds."""
+"""A fitted hypothesis as plain values, and warnings of parameters at their prior bounds and of tuning beyond its tolerance."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from cutvib_ss.diagnosis.cross_validation import Judged, reduced_chi2
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.result import CandidateEvidence
-from cutvib_ss.effects.base import discrete_values
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.unknowns import tuning_paths
+from cutvib_ss.effects.base import Model, discrete_values
+from cutvib_ss.model.paths import Path
+from cutvib_ss.parameters import MATRICES
 
 ENDS = "{} = {} is at its prior bound: the true value may lie beyond, or the cause be another"
+STRAINED = (
+    "with this answer {} is {:.1f} tolerances off ({:.2g} %): a second cause may hide there, measure it by itself"
+)
 
 
 def evidence_of(r: Ranked, held_out: Sequence[Judged] = ()) -> CandidateEvidence:
@@ -47,3 +56,25 @@ def at_their_ends(fitted: Fit) -> list[str]:
         value = f"{getattr(effect, parameter):.4g}" + ("" if unit == "1" else f" {unit}")
         out.append(ENDS.format(f"{parameter} of {effect.effect} at {effect.place}", value))
     return out
+
+
+def out_of_tolerance(nominal: Model, fitted: Fit) -> list[str]:
+    """Warnings of tuned values and gains of an answer that lie far out of their tolerance."""
+    away = [
+        (_named(path), abs(x), np.expm1(tolerance * abs(x)))
+        for (path, tolerance), x in zip(tuning_paths(nominal), fitted.x[: fitted.n_tuning], strict=True)
+    ]
+    away += [
+        (f"the gain or phase of {c}", size, size * nominal.tolerance.calibration) for c, size in fitted.gains.items()
+    ]
+    far = sorted((row for row in away if row[1] > SETTINGS.fit_tuned_away), key=lambda row: -row[1])
+    return [STRAINED.format(what, size, 100.0 * part) for what, size, part in far]
+
+
+def _named(path: Path) -> str:
+    """A tuned value, as machine.toml calls it."""
+    if path[0] == "scales":
+        return f"the {MATRICES[int(path[1])]} as a whole"
+    if path[0] == "parts":
+        return "a part of the structure's matrices"
+    return f"{path[-1]} of the {path[0]}"

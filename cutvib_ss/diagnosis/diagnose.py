@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from cutvib_ss.diagnosis import answer, cross_validation, where
 from cutvib_ss.diagnosis.answer import Shown
 from cutvib_ss.diagnosis.blocks import longer_blocks
-from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of
+from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of, out_of_tolerance
 from cutvib_ss.diagnosis.compared_responses import compared_responses
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.directions import Sizes
@@ -253,6 +253,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             *([CONFOUNDED] if confounded(records) else []),
             *([ORDERED] if _ordered(chosen, records) else []),
             *at_their_ends(chosen),
+            *out_of_tolerance(nominal, chosen),
         ),
         nominal=nominal,
         corrected_machine=chosen.corrected.model,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis import cross_validation
-from cutvib_ss.diagnosis.candidate_evidence import at_their_ends
+from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, out_of_tolerance
 from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -19,6 +19,7 @@ from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.local_resonator import LocalResonator
+from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.effects.support_compliance import SupportCompliance
 from cutvib_ss.errors import CouplingError
 from cutvib_ss.model.machine import published_machine
@@ -166,6 +167,20 @@ def test_a_value_at_the_end_of_its_range_is_told():
         "gain of calibration_error at measurement = 5 is at its prior bound: the true value may lie "
         "beyond, or the cause be another"
     ]
+
+
+def test_tuning_far_out_of_its_tolerance_is_told():
+    heavier = ParameterShift("tool", "l2", 1.03).apply(MACHINE)
+    light = CalibrationError("measurement", "tool_x", 1.07).apply(heavier)
+    given, off = (
+        fit(MACHINE, Records(measured(m, (0.1, 0.6), np.random.default_rng(1))), Hypothesis()) for m in (MACHINE, light)
+    )
+    assert out_of_tolerance(MACHINE, given) == []
+    told = out_of_tolerance(MACHINE, off)
+    # What moves farthest comes first.
+    assert told[0].startswith("with this answer the gain or phase of tool_x is 7.")
+    assert told[1].startswith("with this answer l2 of the head is 6.")
+    assert all(line.endswith("a second cause may hide there, measure it by itself") for line in told)
 
 
 def test_ends_that_are_limits_say_nothing():
