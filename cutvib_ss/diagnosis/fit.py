@@ -16,12 +16,12 @@ from cutvib_ss.diagnosis.climb import Beside, Climb
 from cutvib_ss.diagnosis.drifted import problems_of
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.likelihood import Quadratic, solved
-from cutvib_ss.diagnosis.prediction import slow_frequencies
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
+from cutvib_ss.diagnosis.starts import at_instants
 from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import CutvibError, DiagnosisError
@@ -184,15 +184,6 @@ def led_by_the_model(nominal: Model, records: Records, made: Fit) -> Fit:
         # Without a discrepancy it may run away, where the model is far off.
         return made
     return again if again.log_evidence > made.log_evidence else made
-
-
-def at_instants(problem: Problem, x: FloatArray, tries: int) -> list[FloatArray]:
-    """Unknowns, then with the blow up to a period of the slowest mode earlier or later, where its instant is not stated."""
-    if not problem.n_blow or not (slow := slow_frequencies(problem.predictions(x))):
-        return [x]
-    # What a block cuts off of a mode that has not died out is periodic in the instant of the blow.
-    steps = np.array([side * k for k in range(1, tries + 1) for side in (-1, 1)]) / (tries * min(slow))
-    return [x, *(problem.struck_at(x, problem.blow_at(x) + late) for late in steps)]
 
 
 def _started(

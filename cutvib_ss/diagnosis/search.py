@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutvib_ss.diagnosis.fit import Fit, at_instants, fit, led_by_the_model
+from cutvib_ss.diagnosis.fit import Fit, fit, led_by_the_model
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import (
@@ -34,6 +34,7 @@ from cutvib_ss.diagnosis.scouting import beside_parts, beside_tuned, relieved, s
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import SmallSize
+from cutvib_ss.diagnosis.starts import at_instants, at_stiffnesses
 from cutvib_ss.diagnosis.unknown_search import unknown_by_level, unknown_elements
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model, identifying_values
@@ -61,7 +62,9 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     """Tune the nominal model, and fit the linear causes that promise most."""
     workers.say("tuning the nominal model")
     few = records.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
-    scout = fit(nominal, few, Hypothesis(), None, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain)
+    looked = problem_for(nominal, few, Hypothesis())
+    near = at_stiffnesses(looked, looked.start())
+    scout = fit(nominal, few, Hypothesis(), near, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain)
     tuned = led_by_the_model(nominal, records, fit(nominal, records, Hypothesis(), scout.x))
     none = _other_instants(nominal, records, Ranked("none", tuned, True))
     linear = candidates(nominal, observed.band, observed.channels)

@@ -155,6 +155,11 @@ class FitSettings:
     fit_fewer_lines: int = of(300, "lines", "Of a record, on which a linear cause is fitted before all are taken", "longer", TIME)
     fit_start_error: float = of(0.1, "1", "Relative error added to those", "smoother objective", JUDGEMENT)
     fit_start_gain: float = of(1e-2, "1", "Relative gain at which those steps end", "rougher starts", TIME)
+    fit_looked_through: float = of(3.0, "tolerances",
+        "To either side, in which the stiffness of a structure is looked through for a start", "longer", STATISTICS)
+    fit_looked_step: float = of(0.5, "width of the narrowest resonance", "By which a frequency moves from one to the next",
+        "the right one may lie between", NUMERICAL)
+    fit_looked_most: int = of(60, "stiffnesses", "To either side, at most", "longer", TIME)
     fit_instants: int = of(4, "1", "Instants of the blow that are tried within a period of the slowest mode, to either side",
         "longer", "a start within a sixth of a period leads to the optimum")
     fit_hopeless: float = of(5.0, "χ² per datum", "From which a fit is not worth small steps", "longer", TIME)
