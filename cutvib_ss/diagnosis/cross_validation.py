@@ -171,15 +171,16 @@ def predicted(
     group = e.group
     # What depends on the level, or leaks, is simulated with the record's own force.
     simulate = e.leaks or (bool(model.nonlinear) and (e.replay is not None or e.sine is not None))
-    error: ComplexArray = np.ones(e.data.shape, dtype=np.complex128)
-    if problem is not None and x is not None:
-        error = problem.calibration_of(e.channels, e.freq, x)
     if simulate and e.replay is not None and e.replay.assumed and bool(model.nonlinear):
+        error: ComplexArray = np.ones(e.data.shape, dtype=np.complex128)
+        if problem is not None and x is not None:
+            error = problem.calibration_of(e.channels, e.freq, x)
         fitted = np.zeros(1) if problem is None or x is None else problem.force_unknowns(x)
         return _by_its_force(model, group, error, float(np.mean(fitted)) if fitted.size else 0.0)
     offset = 0.0 if problem is None or x is None else problem.offset_of(x)
     seen: Predicted = simulated(model, group, offset=offset) if simulate else Prediction(model, group, blow_at)
-    return Shown(np.asarray(seen.data[0] * error), np.zeros(e.data.shape), seen)
+    shown = seen.data if problem is None or x is None else problem.shown(seen, x)
+    return Shown(np.asarray(shown[0]), np.zeros(e.data.shape), seen)
 
 
 def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) -> Shown:

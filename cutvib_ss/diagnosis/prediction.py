@@ -9,7 +9,7 @@ dH(z) gives the derivative: no residue has to be differentiated. Fast modes have
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple, Protocol
@@ -162,6 +162,17 @@ class Prediction:
             out *= self.window
         return out
 
+    def gained(self, gain: Callable[[FloatArray], ComplexArray]) -> ComplexArray:
+        """The prediction of channels with a gain over frequency, shape (channel, frequency), which comes before the block's end."""
+        at_lines = gain(self.group.freq)
+        if self.group.widened or not self.circles.points.size:
+            return self.data * at_lines
+        # What is cut off of a mode has the gain at the mode's own frequency; outside of the band that at its end.
+        own = np.abs(self.circles.centres.imag) / (2 * np.pi)
+        around = gain(np.clip(own, self.group.freq[0], self.group.freq[-1]))
+        every = np.concatenate([at_lines, np.repeat(around, self.circles.each, axis=1)], axis=1)
+        return self._estimate(self._values * every)
+
     def derivative(self, carried: Carried) -> ComplexArray:
         """Derivative of the prediction along some of the model's values."""
         return np.asarray(self.derivatives([carried])[0])
@@ -188,6 +199,11 @@ class Prediction:
             ends = 2 * (self._values[i][:, own] @ lag).real
             change[i] -= ends[:, None] * np.exp(-self.s * self.rest[i]) * self.window[i]
         return np.where(unknown, change, 0.0)
+
+
+def gained(p: Predicted, gain: Callable[[FloatArray], ComplexArray]) -> ComplexArray:
+    """A prediction whose channels have a gain over frequency; of a simulated one that is not taken before the block's end."""
+    return p.gained(gain) if isinstance(p, Prediction) else p.data * gain(p.group.freq)
 
 
 def slow_frequencies(predictions: Sequence[Predicted]) -> list[float]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutvib_ss.diagnosis.hypothesis import Hypothesis, carried_on, stages_of
-from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
+from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction, gained
 from cutvib_ss.diagnosis.records import Group, session_of
 from cutvib_ss.diagnosis.residual_modes import ResidualMode, residual_modes
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -238,12 +238,16 @@ class Problem:
                 row += self.calibration * ((own[:k] + 1j * own[k:]) @ shapes)
         return rows
 
+    def shown(self, p: Predicted, x: FloatArray) -> ComplexArray:
+        """A prediction with its channels' calibration errors."""
+        return gained(p, lambda freq: self.calibration_of(p.group.channels, freq, x))
+
     def residuals(self, x: FloatArray | Sequence[FloatArray]) -> tuple[Sequence[Predicted], list[ComplexArray], float]:
         """Weighted residuals."""
         predictions = self.predictions(x)
         out, total = [], 0.0
         for g, p, own in zip(self.groups, predictions, self.each(x), strict=True):
-            r = (g.data - p.data * self.calibration_of(g.channels, g.freq, own)) * g.weight
+            r = (g.data - self.shown(p, own)) * g.weight
             out.append(r)
             # A restoring force whose motion has run away leaves infinitely much: such a step is refused.
             with np.errstate(over="ignore"):

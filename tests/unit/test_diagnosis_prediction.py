@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from cutvib_ss.diagnosis.prediction import Prediction, light_poles
+from cutvib_ss.diagnosis.prediction import Prediction, gained, light_poles
 from cutvib_ss.diagnosis.records import Group, merged
 from cutvib_ss.diagnosis.simulation import simulated as stepped_in_time
 from cutvib_ss.effects.local_resonator import LocalResonator
@@ -203,3 +203,37 @@ def test_what_rounding_leaves_of_a_rigid_motion_is_no_pole():
     (poles,) = light_poles(free, np.array([np.nan]))
     assert poles.size == 1
     assert abs(poles[0]) == pytest.approx(2 * np.pi * 20.0, rel=1e-6)
+
+
+def test_a_gain_over_frequency_comes_before_the_blocks_end():
+    # One mode of 0.3 % damping, of which a third is left when the block ends, behind a first-order low-pass filter.
+    omega, ratio, filtered = 2 * np.pi * 30.0, 0.003, 1.0 / 2000.0
+    one = SecondOrder(np.eye(1), np.array([[2 * ratio * omega]]), np.array([[omega**2]]), ("x",), {"p": [1.0]})
+    model = Structure(one, {"y": Channel("p", "displacement")}, "p")
+    freq = np.arange(5.0, 80.0, 0.5)
+    shape = (1, 1, freq.size)
+    g = Group(
+        np.array([np.nan]), freq, ("y",), ("displacement",), np.zeros(shape, complex), np.ones(shape),
+        np.array([BLOCK]), np.array([BLOW_AT]), np.zeros(1),
+    )  # fmt: skip
+    s, pole = 2j * np.pi * freq, omega * (-ratio + 1j * np.sqrt(1 - ratio**2))
+
+    def shown(gain_at_pole, residue_of_filter):
+        """Transform of the motion from blow to end, by partial fractions."""
+        residue = gain_at_pole / (pole - pole.conjugate())
+        parts = [(pole, residue), (pole.conjugate(), residue.conjugate()), (-1.0 / filtered, residue_of_filter)]
+        return sum(r * -np.expm1((p - s) * (BLOCK - BLOW_AT)) / (s - p) for p, r in parts)
+
+    prediction = Prediction(model, g)
+    np.testing.assert_allclose(prediction.data[0, 0], shown(1.0, 0.0), atol=1e-5 * np.abs(prediction.data).max())
+    of_filter = 1.0 / (filtered * abs(-1.0 / filtered - pole) ** 2)
+    measured = shown(1.0 / (1.0 + pole * filtered), of_filter)
+
+    def gain(f):
+        return 1.0 / (1.0 + 2j * np.pi * np.atleast_2d(f) * filtered)
+
+    behind, before = (
+        np.abs(d / measured - 1.0).max() for d in (prediction.data * gain(freq), gained(prediction, gain))
+    )
+    assert behind > 0.02
+    assert before < 0.05 * behind
