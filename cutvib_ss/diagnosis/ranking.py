@@ -94,6 +94,14 @@ def refit(
         return None
 
 
+def once(ranked: Sequence[Ranked]) -> tuple[Ranked, ...]:
+    """Every hypothesis by its best fit, best first: two causes are one pair, whichever of them was found first."""
+    best: dict[frozenset[str], Ranked] = {}
+    for r in sorted(ranked, key=lambda r: (not r.refined, -r.fit.log_evidence)):
+        best.setdefault(frozenset(r.name.split(" + ")), r)
+    return tuple(sorted(best.values(), key=lambda r: -r.fit.log_evidence))
+
+
 def cost(fitted: Fit) -> float:
     """Twice the negative log evidence: what a χ² is worth once the freedom that it took is paid for."""
     return -2.0 * fitted.log_evidence

@@ -23,7 +23,9 @@ from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, ranked_by_gai
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import scan_beside, weak
+from cutvib_ss.diagnosis.starts import at_stiffnesses
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model, channels_of
@@ -31,6 +33,25 @@ from cutvib_ss.effects.catalogue import is_alias
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import FloatArray
+
+
+def tuned_scout(nominal: Model, few: Records) -> Fit:
+    """The model without a cause on few lines, from its stiffness as given, or as looked through where that leads elsewhere."""
+    problem = problem_for(nominal, few, Hypothesis())
+    near = at_stiffnesses(problem, problem.start())
+    start = partial(
+        fit,
+        nominal,
+        few,
+        Hypothesis(),
+        max_iterations=SETTINGS.search_later_steps,
+        tolerance=SETTINGS.search_coarse_gain,
+    )
+    given = start()
+    if not near.any():
+        return given
+    looked = start(near)
+    return looked if looked.log_evidence > given.log_evidence + SETTINGS.search_caught else given
 
 
 def beside_tuned(

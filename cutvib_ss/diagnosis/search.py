@@ -28,13 +28,21 @@ from cutvib_ss.diagnosis.linearity import (
 )
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
-from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, refit
+from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, once, refit
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.scouting import beside_parts, beside_tuned, relieved, scouted, scouted_laws, tuned_away
+from cutvib_ss.diagnosis.scouting import (
+    beside_parts,
+    beside_tuned,
+    relieved,
+    scouted,
+    scouted_laws,
+    tuned_away,
+    tuned_scout,
+)
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import SmallSize
-from cutvib_ss.diagnosis.starts import at_instants, at_stiffnesses
+from cutvib_ss.diagnosis.starts import at_instants
 from cutvib_ss.diagnosis.unknown_search import unknown_by_level, unknown_elements
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model, identifying_values
@@ -62,9 +70,7 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     """Tune the nominal model, and fit the linear causes that promise most."""
     workers.say("tuning the nominal model")
     few = records.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
-    looked = problem_for(nominal, few, Hypothesis())
-    near = at_stiffnesses(looked, looked.start())
-    scout = fit(nominal, few, Hypothesis(), near, SETTINGS.search_later_steps, SETTINGS.search_coarse_gain)
+    scout = tuned_scout(nominal, few)
     tuned = led_by_the_model(nominal, records, fit(nominal, records, Hypothesis(), scout.x))
     none = _other_instants(nominal, records, Ranked("none", tuned, True))
     linear = candidates(nominal, observed.band, observed.channels)
@@ -177,7 +183,7 @@ def search(
     if forces is not None and tried is None and compared and _lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
         ranked = _with(nominal, records, forces, ranked, _best(ranked, none), workers)
-    return (none, *_once(ranked))
+    return (none, *once(ranked))
 
 
 class _RestoringForces(NamedTuple):
@@ -294,14 +300,6 @@ def _by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) 
             again = refit(nominal, records, hypothesis, r.fit.x[: r.fit.first_effect], steps)
             out.append(r if again is None else Ranked(f"{alias.effect} {alias.place}", again, True))
     return out
-
-
-def _once(ranked: Sequence[Ranked]) -> tuple[Ranked, ...]:
-    """Every hypothesis by its best fit, best first: two causes are one pair, whichever of them was found first."""
-    best: dict[frozenset[str], Ranked] = {}
-    for r in sorted(ranked, key=lambda r: (not r.refined, -r.fit.log_evidence)):
-        best.setdefault(frozenset(r.name.split(" + ")), r)
-    return tuple(sorted(best.values(), key=lambda r: -r.fit.log_evidence))
 
 
 def _moving(
