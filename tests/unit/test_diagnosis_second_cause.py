@@ -18,8 +18,8 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.known_form import of_known_form
 from cutvib_ss.diagnosis.posterior import kind_of, that_drift_by_chance
 from cutvib_ss.diagnosis.predictive import Spread
-from cutvib_ss.diagnosis.ranking import Ranked
-from cutvib_ss.diagnosis.search import _better, _enough, _lacks_a_form, _of_one_place, _once
+from cutvib_ss.diagnosis.ranking import Ranked, once
+from cutvib_ss.diagnosis.search import _better, _enough, _lacks_a_form, _of_one_place
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import UnknownChannelError, UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
@@ -155,7 +155,7 @@ def test_a_pair_is_one_hypothesis_whichever_cause_came_first() -> None:
     one, other = ranked("mass + cubic", 5.0, MASS, CUBIC), ranked("cubic + mass", 6.0, CUBIC, MASS)
     bound = replace(ranked("mass", 9.0, MASS), refined=False)
     fitted = ranked("mass", 1.0, MASS)
-    assert _once([one, bound, other, fitted]) == (other, fitted)
+    assert once([one, bound, other, fitted]) == (other, fitted)
 
 
 def test_a_cause_that_may_as_well_be_nothing_is_none() -> None:
