@@ -18,7 +18,7 @@ from cutvib_ss.parameters import MATRICES
 
 ENDS = "{} = {} is at its prior bound: the true value may lie beyond, or the cause be another"
 STRAINED = (
-    "with this answer {} is {:.1f} tolerances off ({:.2g} %): a second cause may hide there, measure it by itself"
+    "with this answer {} is {:.1f} tolerances off ({} %): a second cause may hide there, measure it by itself"
 )
 
 
@@ -61,14 +61,14 @@ def at_their_ends(fitted: Fit) -> list[str]:
 def out_of_tolerance(nominal: Model, fitted: Fit) -> list[str]:
     """Warnings of tuned values and gains of an answer that lie far out of their tolerance."""
     away = [
-        (_named(path), abs(x), np.expm1(tolerance * abs(x)))
+        (_named(path), abs(x), f"{100.0 * np.expm1(tolerance * x):+.2g}")
         for (path, tolerance), x in zip(tuning_paths(nominal), fitted.x[: fitted.n_tuning], strict=True)
     ]
-    away += [
-        (f"the gain or phase of {c}", size, size * nominal.tolerance.calibration) for c, size in fitted.gains.items()
-    ]
+    # A gain is complex: it has no sign.
+    calibration = 100.0 * nominal.tolerance.calibration
+    away += [(f"the gain or phase of {c}", size, f"{calibration * size:.2g}") for c, size in fitted.gains.items()]
     far = sorted((row for row in away if row[1] > SETTINGS.fit_tuned_away), key=lambda row: -row[1])
-    return [STRAINED.format(what, size, 100.0 * part) for what, size, part in far]
+    return [STRAINED.format(*row) for row in far]
 
 
 def _named(path: Path) -> str:
