@@ -17,9 +17,7 @@ from cutvib_ss.model.paths import Path
 from cutvib_ss.parameters import MATRICES
 
 ENDS = "{} = {} is at its prior bound: the true value may lie beyond, or the cause be another"
-STRAINED = (
-    "with this answer {} is {:.1f} tolerances off ({} %): a second cause may hide there, measure it by itself"
-)
+STRAINED = "with this answer {} is {:.1f} tolerances off ({} %): a second cause may hide there, measure it by itself"
 
 
 def evidence_of(r: Ranked, held_out: Sequence[Judged] = ()) -> CandidateEvidence:
@@ -67,8 +65,9 @@ def out_of_tolerance(nominal: Model, fitted: Fit) -> list[str]:
     # A gain is complex: it has no sign.
     calibration = 100.0 * nominal.tolerance.calibration
     away += [(f"the gain or phase of {c}", size, f"{calibration * size:.2g}") for c, size in fitted.gains.items()]
-    far = sorted((row for row in away if row[1] > SETTINGS.fit_tuned_away), key=lambda row: -row[1])
-    return [STRAINED.format(*row) for row in far]
+    # Of a structure's many parts the one that is farthest off.
+    farthest = {row[0]: row for row in sorted(away, key=lambda row: row[1]) if row[1] > SETTINGS.fit_tuned_away}
+    return [STRAINED.format(*row) for row in sorted(farthest.values(), key=lambda row: -row[1])]
 
 
 def _named(path: Path) -> str:

@@ -1,13 +1,16 @@
 """Parts of a structure differ by themselves within the tolerance of their matrix; springs in reduced coordinates."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from scipy import linalg
 
+from cutvib_ss.diagnosis.candidate_evidence import out_of_tolerance
 from cutvib_ss.diagnosis.discrepancy import weights
-from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import _in_band
@@ -16,6 +19,7 @@ from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scouting import beside_parts
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.tool_contact import ToolContact
@@ -210,3 +214,17 @@ def test_what_leads_beside_errors_of_parts_is_fitted_on_all_lines() -> None:
     assert found["added_mass"].refined
     none = fit(nominal, records, Hypothesis())
     assert found["added_mass"].fit.log_evidence > none.log_evidence + 10.0
+
+
+def test_of_many_parts_out_of_tolerance_the_farthest_is_told() -> None:
+    nominal = structure()
+    paths = [path for path, _ in tuning_paths(nominal)]
+    x = np.zeros(len(paths))
+    x[[i for i, path in enumerate(paths) if path[0] == "parts"][:2]] = 4.0, -5.0
+    fitted = cast(Fit, SimpleNamespace(x=x, n_tuning=x.size, gains={}))
+    [told] = out_of_tolerance(nominal, fitted)
+    assert told.startswith("with this answer a part of the structure's matrices is 5.0 tolerances off (-")
+    x[paths.index(("scales", 2))] = 6.0
+    assert out_of_tolerance(nominal, fitted)[0].startswith(
+        "with this answer the stiffness as a whole is 6.0 tolerances off (+"
+    )
