@@ -60,7 +60,7 @@ class Circles:
     # 1 / (s - z) between the points of each position, then their mirror images, and the line s; a circle outlives
     # many predictions, and so does this
     inverse: tuple[ComplexArray, ...]
-    each: int = 1  # Number of points on each circle
+    each: int  # Number of points on each circle
     steady: bool = True  # Whether the poles have not just left the circles before these
     # Tails by the blocks' rest and the lines: those of the last prediction that was made with these circles
     tails: dict[tuple[bytes, bytes], list[Tail]] = field(default_factory=dict, compare=False, repr=False)

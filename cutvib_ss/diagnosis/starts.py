@@ -35,7 +35,7 @@ def at_stiffnesses(problem: Problem, x: FloatArray) -> FloatArray:
     far = SETTINGS.fit_looked_through
     step = 2.0 * SETTINGS.fit_looked_step * width / problem.tuning[index][1]
     each = far * np.linspace(-1.0, 1.0, 2 * min(int(np.ceil(far / step)), SETTINGS.fit_looked_most) + 1)
-    tried = [x, *(np.where(np.arange(x.size) == index, x[index] + move, x) for move in each)]
+    tried = [np.where(np.arange(x.size) == index, x[index] + move, x) for move in each]
     return min(tried, key=lambda moved: _distance(problem, moved))
 
 
