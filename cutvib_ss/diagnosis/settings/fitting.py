@@ -124,9 +124,9 @@ class FitSettings:
         "longer", TIME)
     discrepancy_variance_left: float = of(0.02, "1", "Variance that its pivots may leave", "fewer pivots", NUMERICAL)
     discrepancy_most_pivots: int = of(40, "pivots", "Number of its pivots at most", "longer", TIME)
-    calibration_shapes: int = of(8, "shapes",
-        "Polynomials that a calibration error is made of: what a first-order corner or a resonance outside of the band leaves of "
-        "1 % is 0.01 %",
+    calibration_shapes: int = of(12, "shapes",
+        "Polynomials that a calibration error is made of: over ten octaves an amplifier with two corners within the band leaves less "
+        "than a hundredth of its error",
         "errors that vary faster over the band", JUDGEMENT)
     predictive_small_drift: float = of(1e-4, "relative std", "Drift that moves a response in proportion", "fewer iterations",
         NUMERICAL)

@@ -32,7 +32,7 @@ def smooth_error(rng: np.random.Generator, freq: Array) -> Complex:
     share = np.array([0.7, 0.5, 0.35, 0.25, 0.15])
     share *= TOLERANCE["calibration"] / np.linalg.norm(share)
     gain, phase = (rng.standard_normal((2, _TERMS)) * share) @ shapes
-    return np.asarray(1 + gain + 1j * phase * np.minimum(freq / 20.0, 1.0))
+    return np.asarray(1 + gain + 1j * phase * freq / np.hypot(freq, 20.0))
 
 
 def filtered(filters: Sequence[Filter], freq: Array) -> Complex:

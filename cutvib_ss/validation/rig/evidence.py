@@ -54,7 +54,7 @@ def calibration(freq: Array) -> tuple[Array, Array]:
     u, size, _ = np.linalg.svd(np.concatenate(shapes).T, full_matrices=False)
     kept = size > 1e-3 * size[0]
     gain = u[:, kept] * size[kept]
-    return gain, gain * np.minimum(freq / 20.0, 1.0)[:, None]
+    return gain, gain * (freq / np.hypot(freq, 20.0))[:, None]
 
 
 _BANDS = 4
