@@ -224,8 +224,9 @@ class _HeldOutRules:
         give(self.odds, both, alone or first, 1.0 - SETTINGS.verdict_form)
 
     def is_enough(self, first: Ranked, both: Ranked) -> bool:
-        """Whether the first of two causes alone closes all but a few percent of the excess."""
-        return self.closed(first, both) >= SETTINGS.verdict_closed
+        """Whether the first of two causes alone closes all but a few percent of the excess, by itself."""
+        # What values far out of their tolerance close, nobody believes of them: there the second cause is in the tuning.
+        return self.closed(first, both) >= SETTINGS.verdict_closed and (both.fit.tuned_away or not first.fit.tuned_away)
 
     def beside_something(self, first: Ranked) -> Ranked:
         """A cause beside something unknown; alone, if no such fit is at hand."""
@@ -239,10 +240,12 @@ class _HeldOutRules:
             give(self.odds, both, first)
             return
         target = self.beside_something(first)
-        # If the second predicts more than something unknown does, its kind is right and its form is not known: it keeps what such
-        # an answer keeps (`of_known_form`).
-        better = self.held(both).log_density > self.held(target).log_density
-        give(self.odds, both, target, 1.0 - SETTINGS.verdict_form if better else 1.0)
+        if self.held(both).log_density <= self.held(target).log_density:
+            give(self.odds, both, target)
+        elif self.held(both).reduced > SETTINGS.verdict_noise:
+            # If the second predicts more than something unknown does, its kind is right and its form is not known: it keeps what
+            # such an answer keeps. Where both leave noise, but only by an error beyond belief, `of_known_form` says the same.
+            give(self.odds, both, target, 1.0 - SETTINGS.verdict_form)
 
     def no_cause_leaves_noise(self, bare: Ranked) -> None:
         """Where the re-tuned model leaves far more than noise, something unknown is there."""

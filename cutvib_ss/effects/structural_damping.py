@@ -42,7 +42,7 @@ class StructuralDamping(Effect):
     sentence = "{place} has hysteretic damping, not viscous"
     inspection = "look at the material and the contact at {place}: rubber, plastic, glued or bolted faces"
 
-    loss_factor: float = parameter("1", 0.001, 0.5)  # η
+    loss_factor: float = parameter("1", 0.001, 2.0)  # η; rubber in its transition reaches 1 to 2
     # ``"constant"``: k (1 + iη), which no causal material has. ``"causal"``: k √(1 + η²) (iω/ω_0)^α with tan(πα/2) =
     # η, the same loss at all frequencies with the storage stiffness that causality then asks for
     # (`cutvib_ss.model.elements.CausalHysteresis`)

@@ -207,6 +207,31 @@ def test_a_second_cause_that_predicts_more_than_something_unknown_is_named_and_n
     assert found["beside"] == pytest.approx(0.02 + 0.95 * (1 - SETTINGS.verdict_form))
 
 
+def test_a_second_cause_that_leaves_noise_loses_once_what_its_form_is_doubted_for() -> None:
+    """A twist of the rail beside a cross-axis sensitivity had 0.36, less than something unknown: doubted twice for one reason."""
+    strained = Ranked("both", cast(Fit, replace(cast(OnlyEvidence, BOTH.fit), beyond_belief=True)), True)
+    every, odds = [NONE, MAIN, OTHER, strained, BESIDE], {**ODDS, "main": 0.0, "both": 1.0, "beside": 0.0}
+    seen = held(
+        none=TUNED, main=Leaves(squares=0.2, log_density=-500.0), both=Leaves(), beside=Leaves(log_density=-300.0)
+    )
+    assert of_known_form(every, judged_on_held_out(every, odds, seen, 1.0), seen)["both"] == SETTINGS.verdict_form
+
+
+def test_a_first_cause_that_closes_by_values_far_out_of_tolerance_is_not_enough() -> None:
+    """A cubic joint beside supports that give: the joint alone closed all, with values eight tolerances off."""
+    odds = {**ODDS, "main": 0.0, "both": 1.0, "beside": 0.0}
+    seen = held(
+        none=TUNED,
+        main=Leaves(squares=0.01, log_density=-500.0),
+        both=Leaves(reduced=1.3),
+        beside=Leaves(log_density=-300.0),
+    )
+    for away, named in ((True, "both"), (False, "main")):
+        main = Ranked("main", cast(Fit, replace(cast(OnlyEvidence, MAIN.fit), tuned_away=away)), True)
+        found = judged_on_held_out([NONE, main, OTHER, BOTH, BESIDE], odds, seen, 1.0)
+        assert max(found, key=lambda name: found[name]) == named
+
+
 def test_what_is_improbable_is_not_judged_again() -> None:
     odds = {**ODDS, "both": 0.001, "main": 0.979}
     assert judged_on_held_out(EVERY, odds, held(none=TUNED, main=Leaves(), beside=Leaves()), 1.0) == odds
