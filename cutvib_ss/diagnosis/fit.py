@@ -90,6 +90,11 @@ class Fit:
         return bool(np.any(np.abs(self.x[: self.n_tuning]) > SETTINGS.fit_tuned_away))
 
     @property
+    def tuned_out(self) -> bool:
+        """Whether some tuned value lies out of any tolerance."""
+        return bool(np.any(np.abs(self.x[: self.n_tuning]) > SETTINGS.fit_strained))
+
+    @property
     def taken_up(self) -> bool:
         """Whether drift or errors of single parts, the largest of their priors, may have taken up what a cause does."""
         return self.spread.largest("drift") or self.spread.largest("parts")
@@ -107,8 +112,7 @@ class Fit:
         The discrepancies of both the nominal model and a cause are the largest of their priors, or beside a restoring force, which
         takes no other linear cause up, a tuned value lies out of any tolerance.
         """
-        strained = bool(np.any(np.abs(self.x[: self.n_tuning]) > SETTINGS.fit_strained))
-        return self.spread.at_largest or (strained and not self.hypothesis.linear)
+        return self.spread.at_largest or (self.tuned_out and not self.hypothesis.linear)
 
 
 def fit(

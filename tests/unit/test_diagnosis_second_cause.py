@@ -43,6 +43,7 @@ class OnlyEvidence:
     beyond_belief: bool = False
     nothing_when_used: tuple[Effect, ...] = ()
     tuned_away: bool = False
+    tuned_out: bool = False
     calibrated_away: frozenset[str] = frozenset()
     stds: Mapping[str, float] = field(default_factory=dict)
     reduced: float = 1.0
@@ -410,6 +411,7 @@ class WithSizes:
     n_tuning: int = 20
     of_no_size: tuple[Effect, ...] = ()
     tolerated: tuple[Effect, ...] = ()
+    tuned_out = Fit.tuned_out
     beyond_belief = Fit.beyond_belief
 
 
@@ -445,6 +447,15 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
     # Something unknown has no form that could err.
     gap = held(none=Leaves(against_stated=5.0), mass=Leaves(against_stated=3.0))
     assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds, gap) == odds
+
+
+def test_no_cause_that_needs_values_out_of_any_tolerance_is_not_sure() -> None:
+    """Slip in a frame was no gap, 0.84, with a mode's damping eight tolerances off."""
+    for tuned, kept in ((4.5, 0.84), (5.5, 0.84 * SETTINGS.verdict_form)):
+        none, mass = sized("none", 3e-5, 1e-3, tuned=tuned), sized("mass", 3e-5, 1e-3, MASS)
+        found = of_known_form([none, mass], {"none": 0.84, "mass": 0.16}, held(mass=Leaves()))
+        assert found["none"] == pytest.approx(kept)
+        assert found["mass"] == 0.16
 
 
 def test_something_unknown_may_be_a_known_cause_in_another_form() -> None:

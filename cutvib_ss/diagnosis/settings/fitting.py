@@ -140,7 +140,7 @@ class FitSettings:
         "By which a tuned value is off where causes that move it are fitted in any case", "longer",
         "one of 370 right models has a given value that far out")
     fit_strained: float = of(5.0, "tolerances",
-        "Of a tuned value beside a restoring force, from which another cause stands behind it", "second causes are rarer",
+        "Of a tuned value beside a restoring force or no cause, from which another cause stands behind it", "second causes are rarer",
         "one normal value in a million; tolerances are stated roughly, and right restoring forces were seen with 4")
     fit_gain: float = of(0.1, "objective", "Gain at which steps end", "coarser fits",
         "a twentieth of what tells two causes apart by a factor of e")
