@@ -6,7 +6,7 @@ The maximum of the posterior is found by Gauss-Newton steps with analytic deriva
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -225,9 +225,21 @@ def _started(
         fewer = problems_of(nominal, few, hypothesis, False)
         plain = Climb(fewer, search.at.x, False, _beside(fewer[0], few))
         plain.climb(steps, tolerance)
+        if near is None and not records.leaking:
+            plain = _by_simulation(fewer, few, plain, steps, tolerance)
         search.start_from(plain)
         alone = plain.at.x
     return search, alone
+
+
+def _by_simulation(problems: Sequence[Problem], records: Records, start: Climb, steps: int, tolerance: float) -> Climb:
+    """The same climb with all derivatives by simulation, from where those of the equivalent stiffness lead no further."""
+    # That of a clearance changes with what is tuned by as much as with the gap: the steps end beside the valley of the two.
+    for problem in problems:
+        problem.exact = True
+    search = Climb(problems, start.at.x, False, _beside(problems[0], records))
+    search.climb(steps, tolerance)
+    return search
 
 
 def _beside(problem: Problem, records: Records) -> Beside:

@@ -20,9 +20,9 @@ def of_known_form(
 
     Where a parameter ends at its range although other values lie beyond, or discrepancies or tuned values lie beyond what is
     believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, or a larger error than the re-tuned
-    model has there, the form is not known, and no more is the cause. So does no cause where a tuned value lies out of any tolerance.
-    What such answers lose lies on something unknown: with it the probabilities sum to one. A cause that ends where another takes
-    over, as a resonance far above the band is a mass, has that one's name by now.
+    model has there, the form is not known, and no more is the cause. Nor is no cause sure where a tuned value lies out of any
+    tolerance. What such answers lose lies on something unknown: with it the probabilities sum to one. A cause that ends where
+    another takes over, as a resonance far above the band is a mass, has that one's name by now.
 
     An unknown element has no form that could err, but a known cause in a form that the catalogue lacks fits no other hypothesis
     either: no evidence tells the two apart, and priors have to. A known cause of its place is the answer in another form, and

@@ -55,6 +55,7 @@ class Problem:
         self.parts = parts_among(nominal, self.tuning)
         """Unknowns that are errors of single parts of a structure's matrices, and of the losses of its modes."""
         self.parts_held = False
+        self.exact = False  # Whether a restoring force's equivalent stiffness is not enough for derivatives
         """Whether they are left at the middle of their priors."""
         shapes = SETTINGS.calibration_shapes if self.calibration > 0 else 0
         self.n_calibration = 2 * shapes * len(self.channels)

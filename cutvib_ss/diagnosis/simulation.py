@@ -255,7 +255,8 @@ class SimulatedProblem(Problem):
                 by_simulation.append(i)
         replays = {row: same[0].replay for row, same in enumerate(p.group.entries)}
         leaking = {row: replay for row, replay in replays.items() if replay is not None and replay.block}
-        if leaking and (p.model.nonlinear or wanders(p.model, p.group)):
+        in_time = self.exact and not p.sweeps
+        if in_time or (leaking and (p.model.nonlinear or wanders(p.model, p.group))):
             # Neither is a restoring force its equivalent stiffness where blocks leak, nor does a body that wanders off have a pole
             # to leak from. For errors of single parts, which are small and many, that has to do.
             by_simulation += [i for i, _, _ in moves if i not in self.parts.all]
@@ -287,17 +288,21 @@ class SimulatedProblem(Problem):
 
     def _by_simulation(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
         moved = x.copy()
-        step = self._difference(i)
+        blows = all(same[0].replay is not None and not same[0].replay.block for same in p.group.entries)
+        step = self._difference(i, blows)
         moved[i] += step if i < self.n_tuning or x[i] + step <= 1.0 else -step
         index = self._fitted(p)
         scales = None if index is None else self._force_scales(x)[index]
         # Blows of one record are alike: how one of them changes tells enough of the way.
-        there = simulated(self.applied(moved), p.group, None, self.steps, scales, self.offset_of(x), first_blow=True)
-        change: ComplexArray = (there.data - p.first) / (moved[i] - x[i])
+        alike = not self.exact
+        there = simulated(self.applied(moved), p.group, None, self.steps, scales, self.offset_of(x), first_blow=alike)
+        change: ComplexArray = (there.data - (p.first if alike else p.data)) / (moved[i] - x[i])
         return change
 
-    def _difference(self, i: int) -> float:
+    def _difference(self, i: int, blows: bool) -> float:
         """Step of an unknown in a difference."""
+        if blows:
+            return SETTINGS.simulation_blow_steps[0 if i < self.n_tuning else 1]
         if i < self.first_effect:
             return SETTINGS.simulation_tuning_step if i < self.n_tuning else SETTINGS.simulation_law_step
         effect = self.hypothesis.effects[self.parameters[i - self.first_effect][0]]

@@ -125,8 +125,8 @@ class FitSettings:
     discrepancy_variance_left: float = of(0.02, "1", "Variance that its pivots may leave", "fewer pivots", NUMERICAL)
     discrepancy_most_pivots: int = of(40, "pivots", "Number of its pivots at most", "longer", TIME)
     calibration_shapes: int = of(12, "shapes",
-        "Polynomials that a calibration error is made of: over ten octaves an amplifier with two corners within the band leaves less "
-        "than a hundredth of its error",
+        "Polynomials that a calibration error is made of: over ten octaves an amplifier with two corners within the band leaves "
+        "less than a hundredth of its error",
         "errors that vary faster over the band", JUDGEMENT)
     predictive_small_drift: float = of(1e-4, "relative std", "Drift that moves a response in proportion", "fewer iterations",
         NUMERICAL)
@@ -140,7 +140,8 @@ class FitSettings:
         "By which a tuned value is off where causes that move it are fitted in any case", "longer",
         "one of 370 right models has a given value that far out")
     fit_strained: float = of(5.0, "tolerances",
-        "Of a tuned value beside a restoring force or no cause, from which another cause stands behind it", "second causes are rarer",
+        "Of a tuned value beside a restoring force or no cause, from which another cause stands behind it",
+        "second causes are rarer",
         "one normal value in a million; tolerances are stated roughly, and right restoring forces were seen with 4")
     fit_gain: float = of(0.1, "objective", "Gain at which steps end", "coarser fits",
         "a twentieth of what tells two causes apart by a factor of e")
@@ -197,6 +198,10 @@ class FitSettings:
         NUMERICAL)
     simulation_linear_step: float = of(2e-6, "range", "The same of a linear cause's, which moves it smoothly", "-",
         NUMERICAL)
+    simulation_blow_steps: tuple[float, float] = of((0.2, 6e-3), "std and range",
+        "The same two of blows, tuned values and parameters: a contact begins and ends between samples, and what that rounds of a "
+        "single motion is as much as a smaller step changes it",
+        "rougher derivatives", NUMERICAL)
     simulation_harmonics: int = of(3, "harmonics", "Balanced in sine sweeps; the first is compared", "longer", NUMERICAL)
     simulation_force_scale: float = of(0.2, "1", "Relative error of a force that no record holds",
         "looser fits of such records", "hands scatter, and the blow's length is a guess")
