@@ -225,7 +225,7 @@ def _started(
         fewer = problems_of(nominal, few, hypothesis, False)
         plain = Climb(fewer, search.at.x, False, _beside(fewer[0], few))
         plain.climb(steps, tolerance)
-        if near is None and not records.leaking:
+        if near is None and hypothesis.touches and not records.leaking:
             plain = _by_simulation(fewer, few, plain, steps, tolerance)
         search.start_from(plain)
         alone = plain.at.x

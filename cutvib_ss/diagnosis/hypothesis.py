@@ -37,6 +37,11 @@ class Hypothesis:
         return "+".join(dict.fromkeys(place for _, place in self.causes)) or "none"
 
     @property
+    def touches(self) -> bool:
+        """Whether something sticks or touches at instants between samples."""
+        return any(e.touches for e in self.effects)
+
+    @property
     def linear(self) -> bool:
         """Whether the frequency response alone carries it."""
         return all(e.linear for e in self.effects)

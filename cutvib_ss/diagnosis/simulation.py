@@ -289,7 +289,7 @@ class SimulatedProblem(Problem):
     def _by_simulation(self, x: FloatArray, i: int, p: Simulated) -> ComplexArray:
         moved = x.copy()
         blows = all(same[0].replay is not None and not same[0].replay.block for same in p.group.entries)
-        step = self._difference(i, blows)
+        step = self._difference(i, blows and self.hypothesis.touches)
         moved[i] += step if i < self.n_tuning or x[i] + step <= 1.0 else -step
         index = self._fitted(p)
         scales = None if index is None else self._force_scales(x)[index]
@@ -299,9 +299,9 @@ class SimulatedProblem(Problem):
         change: ComplexArray = (there.data - (p.first if alike else p.data)) / (moved[i] - x[i])
         return change
 
-    def _difference(self, i: int, blows: bool) -> float:
+    def _difference(self, i: int, rounded: bool) -> float:
         """Step of an unknown in a difference."""
-        if blows:
+        if rounded:
             return SETTINGS.simulation_blow_steps[0 if i < self.n_tuning else 1]
         if i < self.first_effect:
             return SETTINGS.simulation_tuning_step if i < self.n_tuning else SETTINGS.simulation_law_step

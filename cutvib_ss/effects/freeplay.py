@@ -22,6 +22,7 @@ class Freeplay(LawElement):
     """
 
     effect: ClassVar[str] = "freeplay"
+    touches = True
     severity = Severity("zero", ("gap",))
     sentence = "{place} has play"
     inspection = "move {place} by hand to feel for clearance; check its bearing and its bolts"

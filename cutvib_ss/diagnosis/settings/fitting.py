@@ -124,9 +124,9 @@ class FitSettings:
         "longer", TIME)
     discrepancy_variance_left: float = of(0.02, "1", "Variance that its pivots may leave", "fewer pivots", NUMERICAL)
     discrepancy_most_pivots: int = of(40, "pivots", "Number of its pivots at most", "longer", TIME)
-    calibration_shapes: int = of(12, "shapes",
-        "Polynomials that a calibration error is made of: over ten octaves an amplifier with two corners within the band leaves "
-        "less than a hundredth of its error",
+    calibration_shapes: int = of(8, "shapes",
+        "Polynomials that a calibration error is made of: what a first-order corner or a resonance outside of the band leaves of "
+        "1 % is 0.01 %",
         "errors that vary faster over the band", JUDGEMENT)
     predictive_small_drift: float = of(1e-4, "relative std", "Drift that moves a response in proportion", "fewer iterations",
         NUMERICAL)
@@ -199,7 +199,7 @@ class FitSettings:
     simulation_linear_step: float = of(2e-6, "range", "The same of a linear cause's, which moves it smoothly", "-",
         NUMERICAL)
     simulation_blow_steps: tuple[float, float] = of((0.2, 6e-3), "std and range",
-        "The same two of blows, tuned values and parameters: a contact begins and ends between samples, and what that rounds of a "
+        "The same two where something sticks or touches in blows: it begins and ends between samples, and what that rounds of a "
         "single motion is as much as a smaller step changes it",
         "rougher derivatives", NUMERICAL)
     simulation_harmonics: int = of(3, "harmonics", "Balanced in sine sweeps; the first is compared", "longer", NUMERICAL)
