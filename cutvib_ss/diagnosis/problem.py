@@ -55,8 +55,9 @@ class Problem:
         self.parts = parts_among(nominal, self.tuning)
         """Unknowns that are errors of single parts of a structure's matrices, and of the losses of its modes."""
         self.parts_held = False
-        self.exact = False  # Whether a restoring force's equivalent stiffness is not enough for derivatives
         """Whether they are left at the middle of their priors."""
+        self.exact = False
+        """Whether all derivatives beside a restoring force are by simulation, not those of its equivalent stiffness."""
         shapes = SETTINGS.calibration_shapes if self.calibration > 0 else 0
         self.n_calibration = 2 * shapes * len(self.channels)
         self.n_blow = int(self.free_blow)
