@@ -38,7 +38,7 @@ class Hypothesis:
 
     @property
     def touches(self) -> bool:
-        """Whether something sticks or touches at instants between samples."""
+        """Whether something touches at instants between samples."""
         return any(e.touches for e in self.effects)
 
     @property

@@ -48,7 +48,7 @@ class Effect(ABC):
     scale_free: ClassVar[bool] = True
     """Whether it does the same at every level of force; of laws those that tell only the sign of the motion."""
     touches: ClassVar[bool] = False
-    """Whether something sticks or touches at instants between samples, which simulation rounds."""
+    """Whether something touches at instants between samples, which simulation rounds."""
     severity: ClassVar[Severity | None] = None
     """How it grows from nothing; by default in proportion to its first parameter."""
     sentence: ClassVar[str] = ""

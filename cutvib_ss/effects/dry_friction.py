@@ -24,7 +24,6 @@ class DryFriction(LawElement):
     """
 
     effect: ClassVar[str] = "dry_friction"
-    touches = True
     severity = Severity("zero", ("torque",))
     sentence = "{place} has dry friction"
     inspection = "look at {place} for rubbing faces, seals or a lack of grease"

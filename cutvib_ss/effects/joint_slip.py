@@ -22,7 +22,6 @@ class JointSlip(LawElement):
     """
 
     effect: ClassVar[str] = "joint_slip"
-    touches = True
     severity = Severity("zero", ("stiffness", "slip_torque"))
     sentence = "{place} slips a little"
     inspection = "check the bolts of {place} and the faces that they clamp"

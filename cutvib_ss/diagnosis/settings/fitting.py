@@ -199,7 +199,7 @@ class FitSettings:
     simulation_linear_step: float = of(2e-6, "range", "The same of a linear cause's, which moves it smoothly", "-",
         NUMERICAL)
     simulation_blow_steps: tuple[float, float] = of((0.2, 6e-3), "std and range",
-        "The same two where something sticks or touches in blows: it begins and ends between samples, and what that rounds of a "
+        "The same two where something touches in blows: contact begins and ends between samples, and what that rounds of a "
         "single motion is as much as a smaller step changes it",
         "rougher derivatives", NUMERICAL)
     simulation_harmonics: int = of(3, "harmonics", "Balanced in sine sweeps; the first is compared", "longer", NUMERICAL)
