@@ -106,17 +106,15 @@ class Climb:
         self.precision = problem.prior_precision()
         self.parts = np.array(problem.parts.all, dtype=np.intp)
         self.low, self.high = problem.bounds()
-        drift = self.drifted.of(near) if near is not None and spread else self.drifted.none
-        try:
-            self.at = self.evaluated(x, drift)
-        except CutvibError:
-            # Drifts of another fit, to first order, may be more than the model takes.
-            self.at = self.evaluated(x, np.zeros_like(drift))
+        still = self.drifted.none
+        drift = self.drifted.of(near) if near is not None and spread else still
+        # Drifts of another fit, to first order, may lead nowhere, or be more than the model takes.
+        self.at = self.evaluated(x, still if np.any(drift) and self._squares(x, still) < self._squares(x, drift) else drift)
 
     @property
     def beaten(self) -> bool:
-        """Whether it stands farther behind its rival than a start on few lines may."""
-        return self.at.objective - self.rival > SETTINGS.search_far
+        """Whether it stands farther behind its rival than what is fitted on all lines may."""
+        return self.at.objective - self.rival > SETTINGS.search_close
 
     def start_from(self, other: Climb) -> None:
         """Go on from where another search of the same sessions stands."""
@@ -161,6 +159,14 @@ class Climb:
         elif self.spread and np.isfinite(squares):
             self._linearise(at)
         return at
+
+    def _squares(self, x: FloatArray, drift: FloatArray) -> float:
+        """Squares of the residuals alone."""
+        problem, each = self.drifted.at(x, drift)
+        try:
+            return problem.residuals(each)[2]
+        except CutvibError:
+            return np.inf
 
     def towards(self, x: FloatArray) -> FloatArray:
         """Unknowns on the way to others that leave less of the residual than those where it stands, its drift kept."""

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import interpolate, ndimage
 
 from cutvib_ss.diagnosis.prediction import Prediction
-from cutvib_ss.diagnosis.records import Entry, Group, block_and_window, estimator_of, measured_at, merged, session_of
+from cutvib_ss.diagnosis.records import Entry, Group, block_and_window, estimator_of, measured_at, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -85,12 +85,29 @@ def _with(e: Entry, channels: tuple[str, ...]) -> Entry:
     return replace(e, response=e.response.sel(output=channels))
 
 
+def with_like_tails(same: Sequence[Entry], model: Model, blow_at: float = 0.0) -> list[Entry]:
+    """Records at one place as if their blocks, whose blows have instants of their own, cut off what they do on average."""
+    if any(e.leaks for e in same):
+        return list(same)
+    tails = np.array([_tail(Prediction(model, e.group, blow_at)) for e in same])
+    tails -= tails.mean(axis=0)
+    return [
+        e.showing(e.data + t, e.variance + (SETTINGS.comparison_tail_error * np.abs(t)) ** 2)
+        for e, t in zip(same, tails, strict=True)
+    ]
+
+
 def _less(e: Entry, model: Model, blow_at: float) -> Entry:
     """A record less what a model shows of it, the tail that its block cuts off being known to some part."""
-    (group,) = merged([e])
-    shown = Prediction(model, group, blow_at)
-    tail = (shown.untruncated * shown.window - shown.data)[0]
-    return e.showing(e.data - shown.data[0], e.variance + (SETTINGS.comparison_tail_error * np.abs(tail)) ** 2)
+    shown = Prediction(model, e.group, blow_at)
+    error = SETTINGS.comparison_tail_error * np.abs(_tail(shown))
+    return e.showing(e.data - shown.data[0], e.variance + error**2)
+
+
+def _tail(shown: Prediction) -> ComplexArray:
+    """What the block cuts off of one record's responses, shape (channel, frequency)."""
+    tail: ComplexArray = (shown.untruncated * shown.window - shown.data)[0]
+    return tail
 
 
 def _spacing(e: Entry) -> float:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import signal, stats
 
-from cutvib_ss.diagnosis.comparison import across_grids
+from cutvib_ss.diagnosis.comparison import across_grids, with_like_tails
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.prediction import moves_as_one
 from cutvib_ss.diagnosis.predictive import Spread
@@ -54,12 +56,8 @@ def level_stands_out(records: Records, model: Model | None = None, blow_at: floa
     Records on unlike blocks are compared by a model; where no levels can be compared, single blows are by their force.
     """
     for g in records.merged:
-        power, count = np.zeros(g.freq.size), 0
-        for row, same in zip(g.data, g.entries, strict=True):
-            if len(same) > 1:
-                power += sum(np.sum(np.abs(e.data - row) ** 2 * e.precision, axis=0) for e in same)
-                count += (len(same) - 1) * len(g.channels)
-        if count and _rises(power, count):
+        # What blocks cut off of blows at unlike instants passes for an effect of the level: the model tells that.
+        if _differ(g.entries) and (model is None or _differ([with_like_tails(s, model, blow_at) for s in g.entries])):
             return True
     pairs = across_grids(records.merged, model, blow_at)
     if any(_rises(pair.power.sum(axis=0), len(pair.channels)) for _, pair in pairs):
@@ -110,6 +108,19 @@ def chance_of_order(spread: Spread, records: Records) -> float:
     seen = scatter > 0.0
     chances = 2.0 * stats.t.sf(np.abs(slope[0, seen]) / np.sqrt(scatter[seen]), free)
     return min(float(chances.min()) * chances.size, 1.0) if chances.size else 1.0
+
+
+def _differ(places: Sequence[Sequence[Entry]]) -> bool:
+    """Whether records at the same place differ in some band by more than their noise."""
+    power, count = 0.0, 0
+    for same in places:
+        if len(same) > 1:
+            precision = np.array([e.precision for e in same])
+            data = np.array([e.data for e in same])
+            mean = np.sum(precision * data, axis=0) / np.maximum(np.sum(precision, axis=0), 1e-300)
+            power = power + np.sum(np.abs(data - mean) ** 2 * precision, axis=(0, 1))
+            count += (len(same) - 1) * len(same[0].channels)
+    return count > 0 and _rises(np.asarray(power), count)
 
 
 def _rises(power: FloatArray, count: int) -> bool:

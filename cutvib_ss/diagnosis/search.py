@@ -117,8 +117,10 @@ def search(
     """Go on to restoring forces, pairs and unknown elements: the tuned nominal model first, then causes by evidence."""
     records, few, none, ranked, linear, alone, leads = first
     by_level = level_stands_out(records, none.fit.model)
-    if by_level:
-        # Levels of one session that differ since the machine moved between them would pass for a cause that depends on the level.
+    apart = by_level or level_stands_out(records)
+    if apart:
+        # Levels of one session that differ since the machine moved between them would pass for a cause that depends on the level,
+        # and what blocks cut off of blows at unlike instants, once merged, for noise.
         records = replace(records, moving=True)
         workers.say("following the machine from record to record")
         none = _followed(nominal, records, none)
@@ -133,7 +135,7 @@ def search(
     # Restoring forces first, where they are tried in any case: what they reach the linear causes have to come up to.
     later = by_level and outlook is not None and none.reduced > SETTINGS.search_enough
     unfollowed = ranked if later else []
-    ranked = [] if later else _moving(nominal, records, none, ranked, workers) if by_level else ranked
+    ranked = [] if later else _moving(nominal, records, none, ranked, workers) if apart else ranked
     compared = levels_compared(records, none.fit.model)
     likely = _gap(ranked, none) and (by_level or not compared or not _enough(ranked, none, leaves))
     forces = None if outlook is None else _restoring_forces(nominal, none, outlook, small, compared and not by_level)
@@ -286,13 +288,14 @@ def _beside(none: Fit) -> Fit | None:
 
 
 def _by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -> list[Ranked]:
-    """The causes, of which one that is another within the deviation of its fit goes by that one's name."""
+    """The causes, of which one that is another within the deviation of its fit goes by that one's name, if it is among the best."""
     fitted = {r.fit.hypothesis.causes for r in ranked if r.refined}
+    least = max((r.fit.log_evidence for r in ranked if r.refined), default=0.0) - SETTINGS.search_close / 2.0
     out = []
     for r in ranked:
         e, *others = r.fit.hypothesis.effects
         alias = e.alias(nominal, {name.partition(".")[2]: std for name, std in r.fit.stds.items()})
-        if others or alias is e or not r.refined:
+        if others or alias is e or not r.refined or r.fit.log_evidence < least:
             out.append(r)
         elif ((alias.effect, alias.place),) not in fitted:
             hypothesis = replace(r.fit.hypothesis, effects=(alias,))
@@ -324,6 +327,10 @@ def _followed(
     nominal: Model, records: Records, r: Ranked, steps: int = SETTINGS.search_most_steps, rival: float = np.inf
 ) -> Ranked:
     again = refit(nominal, records, r.fit.hypothesis, r.fit.x, steps, near=r.fit, rival=rival)
+    if again is None or again.log_evidence < r.fit.log_evidence:
+        # More freedom cannot explain less: drifts to first order have led it away.
+        afresh = refit(nominal, records, r.fit.hypothesis, r.fit.x, steps, rival=rival)
+        again = max((f for f in (again, afresh) if f is not None), key=lambda f: f.log_evidence, default=None)
     return r if again is None else replace(r, fit=again)
 
 
