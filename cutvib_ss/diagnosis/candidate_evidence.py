@@ -76,4 +76,6 @@ def _named(path: Path) -> str:
         return f"the {MATRICES[int(path[1])]} as a whole"
     if path[0] == "parts":
         return "a part of the structure's matrices"
+    if path[1] == "losses":
+        return f"damping_ratio of mode {int(path[2]) + 1} of the rail"
     return f"{path[-1]} of the {path[0]}"

@@ -47,7 +47,8 @@ def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
     A row is the derivative to one tolerance. A frequency moves by half of what its stiffness moves. A damping drifts by as many
     tolerances as the stiffness beside it.
     """
-    tolerance = {path[-1]: t for path, t in problem.tuning if path[0] != "parts"}
+    alone = set(problem.parts.all)
+    tolerance = {path[-1]: t for i, (path, t) in enumerate(problem.tuning) if i not in alone}
     parts = problem.nominal.matrix_parts
     beside = {"c1": "k1", "c2": "k2", "damping_ratio": "first_frequency", 1: 2}
     stiff = {"k1": 1.0, "k2": 1.0, "first_frequency": 0.5, 2: 1.0}
@@ -62,6 +63,9 @@ def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
             elif part.power == 0:
                 # Half of its change stands on either side of the diagonal.
                 drift[i] = 2.0 * size
+        elif i in alone:
+            # A damping drifts with what all of them do.
+            continue
         elif name in stiff:
             drift[i] = nominal[i] = stiff[name] / own
         elif name in beside:

@@ -35,14 +35,17 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
         tolerance = float(getattr(model.tolerance, ("stiffness", "damping", "mass")[part.power]))
         if tolerance > 0.0:
             found.append((("parts", k), tolerance))
+    if model.rail is not None and (scatter := float(model.tolerance.damping_ratio)) > 0.0:
+        # About what all of them are off by the dampings of modes scatter one by one.
+        found += [(("rail", "losses", k), scatter) for k in range(len(model.rail.losses))]
     return tuple(found)
 
 
 class Parts(NamedTuple):
-    """Tuned values that are errors of single parts of a structure, by their number."""
+    """Tuned values that are errors of single parts of a model, by their number."""
 
-    matrices: tuple[int, ...] = ()  # Of its stiffness or mass
-    losses: tuple[int, ...] = ()  # Of the losses of its modes
+    matrices: tuple[int, ...] = ()  # Of a structure's stiffness or mass
+    losses: tuple[int, ...] = ()  # Of the losses of single modes
 
     @property
     def all(self) -> tuple[int, ...]:
@@ -58,7 +61,9 @@ def parts_among(model: Model, tuning: Sequence[tuple[Path, float]]) -> Parts:
     """Which of the tuned values are errors of parts."""
     parts = model.matrix_parts
     power = {k: parts[int(path[1])].power for k, (path, _) in enumerate(tuning) if path[0] == "parts"}
-    return Parts(tuple(k for k, p in power.items() if p != 1), tuple(k for k, p in power.items() if p == 1))
+    of_rail = tuple(k for k, (path, _) in enumerate(tuning) if path[:2] == ("rail", "losses"))
+    lossy = tuple(k for k, p in power.items() if p == 1)
+    return Parts(tuple(k for k, p in power.items() if p != 1), (*lossy, *of_rail))
 
 
 def to_unknown(value: float, r: Range) -> float:

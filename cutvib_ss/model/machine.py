@@ -118,6 +118,11 @@ class Machine(BaseModel):
         """The head travels along the rail."""
         return True
 
+    @property
+    def as_written(self) -> Machine:
+        """The factors on the damping of single modes are written into the rail's parameters."""
+        return replace(self, rail=self.rail.as_written)
+
     def _table(self) -> Table:
         h, r = self.head, self.rail.parameters
         rows = [(n, f"{getattr(h, n):.6g}", u) for n, u in zip(HEAD_PARAMETERS, HEAD_UNITS, strict=True)]

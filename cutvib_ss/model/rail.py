@@ -63,6 +63,10 @@ class _EquivalentSupports(EndSupports):
         pass
 
 
+LOSSY_MODES = 4
+"""Modes of the rail whose dampings may differ one by one, the lowest: those of a band of some hundred hertz."""
+
+
 @dataclass(frozen=True)
 class Shear:
     """Shear deformation and rotary inertia (Timoshenko), in place of bending alone."""
@@ -120,6 +124,11 @@ class Rail:
     torsion: Torsion | None = None  # A rail that twists
     attachments: tuple[RailAttachment, ...] = field(default=())  # Elements along it
     shear: Shear | None = None  # A rail that shears
+    losses: tuple[float, ...] = ()  # Factors on the damping of the lowest modes, which tuning moves one by one; ones by default
+
+    def __post_init__(self) -> None:
+        if all(f == 1.0 for f in self.losses):
+            object.__setattr__(self, "losses", (1.0,) * min(self.parameters.n_modes, LOSSY_MODES))
 
     @property
     def modes(self) -> PinnedModes:
@@ -131,8 +140,19 @@ class Rail:
     @property
     def damping_weight(self) -> FloatArray:
         """ζ over the rail's ``damping_ratio`` of each of `modes`; of a uniform rotation that of the first."""
-        profile = np.array(self.parameters.damping_profile or (1.0,))
-        return np.asarray(profile[np.clip(self.modes.number.astype(int) - 1, 0, profile.size - 1)])
+        profile, mode = np.array(self.parameters.damping_profile or (1.0,)), self.modes.number.astype(int) - 1
+        own = np.where(mode < len(self.losses), np.take(self.losses, mode, mode="clip"), 1.0)
+        return np.asarray(profile[np.clip(mode, 0, profile.size - 1)] * own)
+
+    @property
+    def as_written(self) -> Rail:
+        """The factors on the damping of single modes are written into its parameters."""
+        if all(f == 1.0 for f in self.losses):
+            return self
+        ratios = self.parameters.damping_ratios
+        own = tuple(r * f for r, f in zip(ratios, (*self.losses, *[1.0] * len(ratios)), strict=False))
+        damped = replace(self.parameters, damping_ratio=own, damping_profile=())
+        return replace(self, parameters=damped, losses=())
 
     @property
     def modes_by_shear(self) -> PinnedModes:

@@ -69,7 +69,7 @@ def _lines(model: Model) -> Iterator[str]:
             value = getattr(bare.head, name)
             yield f"{name}_deg = {_in_degrees(value)!r}" if name in ANGLES else f"{name} = {float(value)!r}"
         yield from ["", "[rail]"]
-        rail = bare.rail.parameters
+        rail = bare.rail.as_written.parameters
         yield from (_entry(name, getattr(rail, name)) for name in _RAIL)
         yield _entry("damping_ratio", rail.damping_ratios if rail.damping_profile else rail.damping_ratio)
         if rail.strain_damping:

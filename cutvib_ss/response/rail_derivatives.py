@@ -89,6 +89,8 @@ class RailPair:
         elif name[0] == "s":
             value = 2 * half * p.damping_ratio * damped[0] + 2 * s * self._kinetic
             value = value + half * p.strain_damping * undamped[1]
+        elif name[0] == "losses":
+            value = self._of_mode(int(name[1]))
         elif name[0] == "strain_damping":
             value = half * s * undamped[1]
         elif name[0] == "shear":
@@ -98,6 +100,18 @@ class RailPair:
         else:
             value = np.zeros((1, s.size), dtype=np.complex128)
         return value
+
+    def _of_mode(self, k: int) -> ComplexArray:
+        """v_lᵀ dD v_r of the factor on the damping of one mode."""
+        rail, p = self.rail, self.rail.model.parameters
+        own = np.flatnonzero(rail.modes.number == k + 1)
+        damped = (2 * rail.half * p.damping_ratio / rail.model.losses[k]) * rail.damped_w[own]
+        if rail.pinned:
+            shapes = self.left.port.elastic[:, own] * self.right.port.elastic[:, own]
+            value: ComplexArray = rail.s * mixed(damped * shapes, rail.flexibility_squared[own])
+            return value
+        elastic = self.left.elastic[own] * self.right.elastic[own]
+        return np.asarray(rail.s * mixed(damped, elastic))
 
     def _ports_under_shear(self) -> ComplexArray:
         out: ComplexArray = np.zeros((1, self.rail.s.size), dtype=np.complex128)
