@@ -108,7 +108,10 @@ class _Family:
         ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if self.linear else 2]
         step = partial(first_steps, self.nominal, self.sharp, steps=steps)
         fits = self.workers.map(step, [f.hypothesis for _, f in ahead], [f.x for _, f in ahead])
-        return [(Candidate(name, ()), f) for (name, _), f in zip(ahead, fits, strict=True) if f is not None]
+        found = [(Candidate(name, ()), f) for (name, _), f in zip(ahead, fits, strict=True) if f is not None]
+        alone = None if self.linear or not found else step(base.hypothesis, base.x)
+        # What the first does not gain by it is none of its own.
+        return found if alone is None else [row for row in found if alone.objective - row[1].objective > 1.0]
 
     def _views(self, base: _Base) -> list[tuple[Records, FloatArray | None, Records]]:
         """On which records second causes are scanned, with which tuning of the first, and on which they take their first steps."""
@@ -135,9 +138,10 @@ def fit_pairs(
     seconds: Sequence[Second],
     motion: Mapping[str, float],
     workers: Workers,
+    alike: bool = True,
 ) -> list[Ranked]:
     """
-    A second cause on top of the best single ones.
+    A second cause on top of the best single ones, two linear ones only where they may explain what is `alike` at all levels.
 
     It is tried on top of the one that was the best second, too: a cause that stood in for two may then give way.
     """
@@ -145,7 +149,8 @@ def fit_pairs(
     for r in sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence):
         key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
         best.setdefault(key, _Base(r.name, r.fit.hypothesis, r.fit.x))
-    bases = list(best.values())[: SETTINGS.pairs_first]
+    # A linear one far behind a restoring force is no part of a pair without it.
+    bases = list(best.values())[: SETTINGS.pairs_first if alike else 1]
     first = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence).fit
     # Beside a restoring force that leaves noise, a second cause only relieves the tuning: its optimum is near.
     near = first if not first.hypothesis.linear and first.reduced < SETTINGS.search_enough else None
@@ -158,6 +163,8 @@ def fit_pairs(
         )
         if wide is None or sharp is None:
             break
+        if linear and not alike:
+            continue
         tried = _Family(nominal, wide, sharp, linear, motion, workers, seen).around(bases, seconds)
         # On few lines no single cause is a rival, for none is enough.
         fitted = on_all_lines(

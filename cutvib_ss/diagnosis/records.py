@@ -264,7 +264,7 @@ class Records:
         return Records(tuple(out), rough=True, widened=error > 0.0, moving=self.moving)
 
     def for_laws(self, lines: int, error: float) -> Records | None:
-        """Few records that show what depends on the level: some positions, at all levels, one blow each, on few lines."""
+        """Few records that show what depends on the level: some positions, each level once, one blow each, on few lines."""
         if len(self.simulable) < len(self.entries):
             return None
         places = sorted({site(e) for e in self.entries})
@@ -272,8 +272,12 @@ class Records:
             places[i]
             for i in np.unique(np.linspace(0, len(places) - 1, SETTINGS.search_outlook_positions).round().astype(int))
         }
-        alone = Records(tuple(one_blow(e) for e in self.entries if site(e) in chosen))
-        return alone.coarse(lines, error)
+        # Of continuous recordings one of each level: another session at a level tells of drift only.
+        seen: dict[tuple[object, ...], Entry] = {}
+        for e in (e for e in self.entries if site(e) in chosen):
+            step = round(np.log(e.driven or 1.0) / np.log(SETTINGS.level_apart))
+            seen.setdefault((*measured_at(e), *block_and_window(e), step) if e.continuous else (e.record,), e)
+        return Records(tuple(one_blow(e) for e in seen.values())).coarse(lines, error)
 
 
 def _scatter(row: ComplexArray, same: Sequence[Entry]) -> float:

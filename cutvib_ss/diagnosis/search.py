@@ -42,6 +42,15 @@ from cutvib_ss.diagnosis.scouting import (
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import SmallSize
+from cutvib_ss.diagnosis.standing import (
+    best_of,
+    is_enough,
+    lacks_a_form,
+    linear_of,
+    of_one_place,
+    shows_gap,
+    taken_away,
+)
 from cutvib_ss.diagnosis.starts import at_instants
 from cutvib_ss.diagnosis.unknown_search import unknown_by_level, unknown_elements
 from cutvib_ss.diagnosis.workers import Workers
@@ -63,7 +72,7 @@ class Linear(NamedTuple):
     @property
     def best(self) -> Ranked:
         """The best cause fitted on all lines; without one, the tuned model."""
-        return _best(self.ranked, self.none)
+        return best_of(self.ranked, self.none)
 
 
 def search_linear(nominal: Model, records: Records, observed: Observations, workers: Workers) -> Linear:
@@ -96,10 +105,10 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
         missed = [c for c in linear if tuned_away(nominal, none.fit, c.starts[0])]
         ranked = _better(ranked, beside_tuned(nominal, records, none, missed, workers))
     ranked = _by_their_names(nominal, records, ranked)
-    best = _best(ranked, none)
+    best = best_of(ranked, none)
     ranked = [_other_instants(nominal, records, r) if r is best else r for r in ranked]
     none = _not_caught(nominal, records, none, ranked)
-    leads = _taken(scout, rough[0][1]) if rough else 0.0
+    leads = taken_away(scout, rough[0][1]) if rough else 0.0
     return Linear(records, few, none, ranked, linear, alone, leads)
 
 
@@ -137,25 +146,29 @@ def search(
     unfollowed = ranked if later else []
     ranked = [] if later else _moving(nominal, records, none, ranked, workers) if apart else ranked
     compared = levels_compared(records, none.fit.model)
-    likely = _gap(ranked, none) and (by_level or not compared or not _enough(ranked, none, leaves))
+    likely = shows_gap(ranked, none) and (by_level or not compared or not is_enough(ranked, none, leaves))
     forces = None if outlook is None else _restoring_forces(nominal, none, outlook, small, compared and not by_level)
     # Or the scatter of many blocks does, where no other level tells: what a restoring force does to them has passed for noise.
     hidden = not (likely or ordered or compared) and any(e.continuous for e in records.entries)
     tried = forces if likely or ordered or hidden else None
     if tried is not None:
         # What is still to be followed reaches as much at the least.
-        reached = _best([*ranked, *unfollowed], none)
+        reached = best_of([*ranked, *unfollowed], none)
         ranked = _with(nominal, records, tried, ranked, reached, workers, leading=hidden)
     if later:
-        ranked += _moving(nominal, records, _best(ranked, none), unfollowed, workers)
-    if not _gap(ranked, none):
+        ranked += _moving(nominal, records, best_of(ranked, none), unfollowed, workers)
+    if not shows_gap(ranked, none):
         ranked += _favoured(nominal, records, none.fit, ranked, sizes(none.fit), workers)
-    left = not _enough(ranked, none, leaves)
-    best = _best(ranked, none)
-    by_law, taken = not best.fit.hypothesis.linear, _taken(none.fit, best.fit)
+    left = not is_enough(ranked, none, leaves)
+    best = best_of(ranked, none)
+    by_law, taken = not best.fit.hypothesis.linear, taken_away(none.fit, best.fit)
+    # What changes with the level no element that is the same at all explains, nor do two.
+    alike = not (
+        by_level and by_law and taken_away(best_of(linear_of(ranked), none).fit, best.fit) > SETTINGS.search_by_law
+    )
     # A restoring force that leaves nothing at any level needs no element that is the same at all.
     # What drift takes up of each record by itself may fail at records that were held out.
-    stands_out = _gap(ranked, none) or against_stated(none) > SETTINGS.verdict_misfit
+    stands_out = shows_gap(ranked, none) or against_stated(none) > SETTINGS.verdict_misfit
     # A residual that is not white is no noise, however small it is.
     if (stands_out or none.fit.correlation > 1.0) and (left or not by_law):
         workers.say("fitting elements of unknown form")
@@ -163,16 +176,17 @@ def search(
         few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
         noise = best.reduced < SETTINGS.search_enough and (not by_law or leaves(best) <= SETTINGS.verdict_misfit)
         rival = best if noise else None
-        ranked += unknown_elements(
-            nominal, records, few, observed, ranked, linear, rival, workers, beside=rival is None and stands_out
-        )
-        if tried is not None and left and not _of_one_place(ranked, leaves):
+        if alike:
+            ranked += unknown_elements(
+                nominal, records, few, observed, ranked, linear, rival, workers, beside=rival is None and stands_out
+            )
+        if tried is not None and left and not of_one_place(ranked, leaves):
             ranked += unknown_by_level(nominal, records, few, observed, none, ranked, rival, workers)
     if (
         pairs
         and left
-        and _gap(ranked, none)
-        and not _of_one_place(ranked, leaves)
+        and shows_gap(ranked, none)
+        and not of_one_place(ranked, leaves)
         # Far from all causes the fits on all lines may stop anywhere, those with a widened noise do not.
         and max(leads, taken) > SETTINGS.search_leads
     ):
@@ -180,11 +194,11 @@ def search(
         known = [r for r in ranked if "unknown" not in dict(r.fit.hypothesis.causes)]
         seconds = [Second(c, alone.get(c.name)) for c in linear]
         seconds += [Second(c, None) for c in (tried.candidates if tried else ())]
-        ranked += fit_pairs(nominal, records, known, seconds, tried.motion if tried else {}, workers)
-    ranked += relieved(nominal, records, _best(ranked, none), linear, workers)
-    if forces is not None and tried is None and compared and _lacks_a_form(ranked):
+        ranked += fit_pairs(nominal, records, known, seconds, tried.motion if tried else {}, workers, alike)
+    ranked += relieved(nominal, records, best_of(ranked, none), linear, workers)
+    if forces is not None and tried is None and compared and lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
-        ranked = _with(nominal, records, forces, ranked, _best(ranked, none), workers)
+        ranked = _with(nominal, records, forces, ranked, best_of(ranked, none), workers)
     return (none, *once(ranked))
 
 
@@ -224,27 +238,6 @@ def _with(
         rough = [(c, f) for c, f in rough if cost(f) < rival[0]]
     new = on_all_lines(nominal, records, rough, 2, rival, workers, SETTINGS.search_laws_refined)
     return _by_their_names(nominal, records, [*ranked, *new])
-
-
-def _lacks_a_form(ranked: Sequence[Ranked]) -> bool:
-    """Whether something unknown leads all known causes."""
-    refined = [r for r in ranked if r.refined]
-    best = max(refined, key=lambda r: r.fit.log_evidence, default=None)
-    if best is None or best.fit.hypothesis.effect != "unknown":
-        return False
-    known = max((r.fit.log_evidence for r in refined if r.fit.hypothesis.effect != "unknown"), default=-np.inf)
-    return best.fit.log_evidence - known > SETTINGS.search_caught
-
-
-def _of_one_place(ranked: Sequence[Ranked], leaves: Callable[[Ranked], float]) -> bool:
-    """Whether something unknown at one place, with a known cause there or alone, leaves noise, and of held-out records too."""
-    causes = [(r, r.fit.hypothesis.causes) for r in ranked if r.refined]
-    there = [r for r, own in causes if "unknown" in dict(own) and len({place for _, place in own}) == 1]
-    best = max(there, key=lambda r: r.fit.log_evidence, default=None)
-    if best is None or best.fit.tuned_away or best.fit.calibrated_away:
-        # What tuning far out of its tolerance makes up for is somewhere else.
-        return False
-    return best.reduced < SETTINGS.search_enough and leaves(best) < SETTINGS.search_enough
 
 
 def _favoured(
@@ -354,40 +347,11 @@ def _other_instants(nominal: Model, records: Records, r: Ranked) -> Ranked:
 
 def _not_caught(nominal: Model, records: Records, none: Ranked, ranked: Sequence[Ranked]) -> Ranked:
     """The model without a cause, tuned from where the best cause has its tuning too: it may have been caught in a side minimum."""
-    best = _best(ranked, none).fit
+    best = best_of(ranked, none).fit
     if best.log_evidence < none.fit.log_evidence + SETTINGS.search_caught or none.reduced > SETTINGS.fit_hopeless:
         return none
     again = fit(nominal, records, Hypothesis(), best.x[: best.first_effect])
     return Ranked(none.name, again, True) if again.objective < none.fit.objective else none
-
-
-def _gap(ranked: Sequence[Ranked], none: Ranked) -> bool:
-    """Whether the re-tuned model leaves more than noise and drift, or some cause does better."""
-    lead = _best(ranked, none).fit.log_evidence - none.fit.log_evidence
-    return none.reduced > SETTINGS.search_enough or lead > SETTINGS.search_caught
-
-
-def _best(ranked: Sequence[Ranked], none: Ranked) -> Ranked:
-    """The best cause of those fitted on all lines; without one, the re-tuned model."""
-    return max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence, default=none)
-
-
-def _enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], float]) -> bool:
-    """Whether the best cause leaves so little that nothing more need be tried."""
-    best = max((none, *ranked), key=lambda r: r.fit.log_evidence)
-    # A cause that needs more error of the model than is believed stands in for what that error takes up.
-    if best.fit.log_evidence <= none.fit.log_evidence or not best.refined or best.fit.beyond_belief:
-        return False
-    left = best.reduced
-    if not best.fit.hypothesis.linear and (held_out := leaves(best)) > SETTINGS.verdict_misfit:
-        # What a restoring force takes from the levels that it was fitted to may fail at others.
-        left = held_out * best.fit.spread.noise
-    return left < SETTINGS.search_left + SETTINGS.search_left_of_gap * max(none.reduced - 1.0, 0.0)
-
-
-def _taken(none: Fit, cause: Fit) -> float:
-    """Part of the re-tuned model's excess over noise that a cause takes away."""
-    return (none.reduced - cause.reduced) / max(none.reduced - 1.0, 1e-9) if none.reduced > 1.0 else 0.0
 
 
 def _rival(nominal: Model, outlook: Records, best: Ranked) -> tuple[float, float]:

@@ -124,7 +124,9 @@ class Rail:
     torsion: Torsion | None = None  # A rail that twists
     attachments: tuple[RailAttachment, ...] = field(default=())  # Elements along it
     shear: Shear | None = None  # A rail that shears
-    losses: tuple[float, ...] = ()  # Factors on the damping of the lowest modes, which tuning moves one by one; ones by default
+    losses: tuple[
+        float, ...
+    ] = ()  # Factors on the damping of the lowest modes, which tuning moves one by one; ones by default
 
     def __post_init__(self) -> None:
         if all(f == 1.0 for f in self.losses):
@@ -149,9 +151,10 @@ class Rail:
         """The factors on the damping of single modes are written into its parameters."""
         if all(f == 1.0 for f in self.losses):
             return self
-        ratios = self.parameters.damping_ratios
-        own = tuple(r * f for r, f in zip(ratios, (*self.losses, *[1.0] * len(ratios)), strict=False))
-        damped = replace(self.parameters, damping_ratio=own, damping_profile=())
+        p = self.parameters
+        own = tuple(r * f for r, f in zip(p.damping_ratios, (*self.losses, *[1.0] * p.n_modes), strict=False))
+        mean = sum(own) / len(own)
+        damped = replace(p, damping_ratio=mean, damping_profile=tuple(r / mean for r in own))
         return replace(self, parameters=damped, losses=())
 
     @property

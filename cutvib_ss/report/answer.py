@@ -188,7 +188,7 @@ def size_rows(d: Diagnosis) -> list[Row]:
             rows.append((name, f"{100 * value:.2g} %{least}", words))
     for key, name, words in (
         ("parts", "parts", "error of single springs and masses of the structure (standard deviation)"),
-        ("losses", "losses", "the same of the damping of single modes"),
+        ("losses", "losses", "error of the damping of single modes (standard deviation)"),
     ):
         if math.isfinite(value := d.sizes.get(key, math.nan)):
             rows.append((name, f"{value:.2g} of the tolerance", words))

@@ -131,3 +131,19 @@ def test_merged_records_are_one_measured_response():
     assert both.estimator == a.estimator
     assert both.position == 0.4
     assert replace(a, response=replace(a.response, positions=np.nan)).position is None
+
+
+def test_tails_of_blows_at_unlike_instants_are_no_effect_of_the_level():
+    def struck(number, level, at, model=MACHINE):
+        """A record whose block of 0.8 s begins so long before the blow: the rail's first mode is cut off at another phase."""
+        blank = entry(number, FINE, level, model, block=0.8)
+        response = blank.response
+        moved = replace(blank, response=replace(response, estimator=replace(response.estimator, blow_at=at)))
+        shown, before = (Prediction(model, e.group).data[0] for e in (moved, blank))
+        return moved.showing(moved.data + shown - before)
+
+    a, b, softer = struck(0, 20.0, 0.05), struck(1, 60.0, 0.061), struck(1, 60.0, 0.061, SOFTER)
+    assert len(Records((a, b)).merged[0].data) == 1
+    assert level_stands_out(Records((a, b)))
+    assert not level_stands_out(Records((a, b)), MACHINE)
+    assert level_stands_out(Records((a, softer)), MACHINE)

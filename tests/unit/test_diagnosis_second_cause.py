@@ -19,8 +19,9 @@ from cutvib_ss.diagnosis.known_form import of_known_form
 from cutvib_ss.diagnosis.posterior import kind_of, that_drift_by_chance
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked, once
-from cutvib_ss.diagnosis.search import _better, _enough, _lacks_a_form, _of_one_place
+from cutvib_ss.diagnosis.search import _better
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.standing import is_enough, lacks_a_form, of_one_place
 from cutvib_ss.diagnosis.unknown_element import UnknownChannelError, UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect
@@ -506,7 +507,7 @@ def test_a_cause_that_stands_in_for_others_is_not_enough() -> None:
         (sized("mass", 3e-5, 1e-3, MASS, tuned=5.5), True),
         (sized("mass", 3e-5, 1e-3, CUBIC, tuned=5.5), False),
     ):
-        assert _enough([found], none, lambda r: 1.0) is enough
+        assert is_enough([found], none, lambda r: 1.0) is enough
 
 
 def test_a_cause_within_the_tolerance_of_its_part_leaves_most_to_the_model_without_it() -> None:
@@ -560,9 +561,9 @@ def test_what_lags_far_in_evidence_does_not_unsettle_a_cause_by_its_prediction()
 
 @pytest.mark.parametrize(("evidence", "lacks"), [(106.0, True), (104.0, False), (90.0, False)])
 def test_a_form_is_missing_where_something_unknown_leads_all_known_causes(evidence: float, lacks: bool) -> None:
-    assert _lacks_a_form([MAIN, OTHER, ranked("unknown", evidence, UNKNOWN)]) == lacks
+    assert lacks_a_form([MAIN, OTHER, ranked("unknown", evidence, UNKNOWN)]) == lacks
     # What was not fitted on all lines leads nothing.
-    assert not _lacks_a_form([MAIN, replace(ranked("unknown", evidence, UNKNOWN), refined=False)])
+    assert not lacks_a_form([MAIN, replace(ranked("unknown", evidence, UNKNOWN), refined=False)])
 
 
 def test_what_has_passed_all_of_its_probability_on_has_none_to_share() -> None:
@@ -590,11 +591,11 @@ def test_one_faulty_place_explains_all_where_something_unknown_there_leaves_nois
 ) -> None:
     fit = replace(cast(OnlyEvidence, ranked("found", 90.0, *effects).fit), reduced=fitted)
     found = Ranked("found", cast(Fit, fit), True)
-    assert _of_one_place([MAIN, found], lambda r: held_out) is one
-    assert not _of_one_place([MAIN, replace(found, refined=False)], lambda r: held_out)
+    assert of_one_place([MAIN, found], lambda r: held_out) is one
+    assert not of_one_place([MAIN, replace(found, refined=False)], lambda r: held_out)
     # Beside tuning or gains far out of their tolerance the fault is not there alone.
     for strained in (replace(fit, tuned_away=True), replace(fit, calibrated_away=frozenset({"tool_x"}))):
-        assert not _of_one_place([MAIN, Ranked("found", cast(Fit, strained), True)], lambda r: held_out)
+        assert not of_one_place([MAIN, Ranked("found", cast(Fit, strained), True)], lambda r: held_out)
 
 
 def test_of_two_fits_of_a_cause_the_better_one_stays() -> None:

@@ -65,6 +65,8 @@ class SearchSettings:
     search_left_of_gap: float = of(2e-4, "gap", "Added to it", "fewer pairs", TIME)
     search_leads: float = of(0.1, "excess", "That a single cause has to take away before a second is tried on top",
         "fewer pairs", "else neither is known")
+    search_by_law: float = of(0.5, "excess", "Of the best linear cause, that a restoring force takes away where the level stands "
+        "out, from which elements that are the same at all levels are looked for no more", "longer", TIME)
     search_odd: float = of(10.0, "χ² per datum", "Of one channel of a record under what leaves no more than noise of all others: "
         "from there it is left out", "fewer records are left out", "friction that shows that much in one shows in its neighbours")
     search_odd_share: float = of(0.125, "records", "That are left out, at most", "more records may be left out",

@@ -1,0 +1,66 @@
+"""How the hypotheses of a search stand to each other: what leads, what is enough, what is lacking."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.settings import SETTINGS
+
+
+def lacks_a_form(ranked: Sequence[Ranked]) -> bool:
+    """Whether something unknown leads all known causes."""
+    refined = [r for r in ranked if r.refined]
+    best = max(refined, key=lambda r: r.fit.log_evidence, default=None)
+    if best is None or best.fit.hypothesis.effect != "unknown":
+        return False
+    known = max((r.fit.log_evidence for r in refined if r.fit.hypothesis.effect != "unknown"), default=-np.inf)
+    return best.fit.log_evidence - known > SETTINGS.search_caught
+
+
+def of_one_place(ranked: Sequence[Ranked], leaves: Callable[[Ranked], float]) -> bool:
+    """Whether something unknown at one place, with a known cause there or alone, leaves noise, and of held-out records too."""
+    causes = [(r, r.fit.hypothesis.causes) for r in ranked if r.refined]
+    there = [r for r, own in causes if "unknown" in dict(own) and len({place for _, place in own}) == 1]
+    best = max(there, key=lambda r: r.fit.log_evidence, default=None)
+    if best is None or best.fit.tuned_away or best.fit.calibrated_away:
+        # What tuning far out of its tolerance makes up for is somewhere else.
+        return False
+    return best.reduced < SETTINGS.search_enough and leaves(best) < SETTINGS.search_enough
+
+
+def shows_gap(ranked: Sequence[Ranked], none: Ranked) -> bool:
+    """Whether the re-tuned model leaves more than noise and drift, or some cause does better."""
+    lead = best_of(ranked, none).fit.log_evidence - none.fit.log_evidence
+    return none.reduced > SETTINGS.search_enough or lead > SETTINGS.search_caught
+
+
+def best_of(ranked: Sequence[Ranked], none: Ranked) -> Ranked:
+    """The best cause of those fitted on all lines; without one, the re-tuned model."""
+    return max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence, default=none)
+
+
+def is_enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked], float]) -> bool:
+    """Whether the best cause leaves so little that nothing more need be tried."""
+    best = max((none, *ranked), key=lambda r: r.fit.log_evidence)
+    # A cause that needs more error of the model than is believed stands in for what that error takes up.
+    if best.fit.log_evidence <= none.fit.log_evidence or not best.refined or best.fit.beyond_belief:
+        return False
+    left = best.reduced
+    if not best.fit.hypothesis.linear and (held_out := leaves(best)) > SETTINGS.verdict_misfit:
+        # What a restoring force takes from the levels that it was fitted to may fail at others.
+        left = held_out * best.fit.spread.noise
+    return left < SETTINGS.search_left + SETTINGS.search_left_of_gap * max(none.reduced - 1.0, 0.0)
+
+
+def linear_of(ranked: Sequence[Ranked]) -> list[Ranked]:
+    """Causes that are the same at every level."""
+    return [r for r in ranked if r.fit.hypothesis.linear]
+
+
+def taken_away(none: Fit, cause: Fit) -> float:
+    """Part of the re-tuned model's excess over noise that a cause takes away."""
+    return (none.reduced - cause.reduced) / max(none.reduced - 1.0, 1e-9) if none.reduced > 1.0 else 0.0
