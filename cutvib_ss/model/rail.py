@@ -143,7 +143,7 @@ class Rail:
     def damping_weight(self) -> FloatArray:
         """ζ over the rail's ``damping_ratio`` of each of `modes`; of a uniform rotation that of the first."""
         profile, mode = np.array(self.parameters.damping_profile or (1.0,)), self.modes.number.astype(int) - 1
-        own = np.where(mode < len(self.losses), np.take(self.losses, mode, mode="clip"), 1.0)
+        own = np.append(self.losses, 1.0)[np.clip(mode, 0, len(self.losses))]
         return np.asarray(profile[np.clip(mode, 0, profile.size - 1)] * own)
 
     @property

@@ -28,7 +28,7 @@ from cutvib_ss.model.restoring_forces.packed import JUMPS, SLIDES
 from cutvib_ss.response.compiled_alone import AWAY, STIFF, interact_alone
 from cutvib_ss.results import FloatArray
 
-_SWEEPS = 30
+_SWEEPS = 12
 """Largest number of sweeps over several elements in a step."""
 _SAME = 1e-9
 """Sweeps end when forces move by less than this part of the largest one so far."""

