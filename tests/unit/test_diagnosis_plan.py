@@ -37,20 +37,32 @@ def cause(found, name):
 
 
 @pytest.mark.parametrize(
-    ("name", "build"),
+    ("name", "build", "most"),
     [
-        ("added_mass head", lambda v: AddedMass("head", v)),  # up to the bound of m1
-        ("cross_axis measurement", lambda v: CrossAxis("measurement", v)),
-        ("window_damping measurement", lambda v: WindowDamping("measurement", v)),
+        ("added_mass head", lambda v: AddedMass("head", v), 3.0),  # up to the bound of m1
+        ("cross_axis measurement", lambda v: CrossAxis("measurement", v), 3.0),
+        # Of a window the plan promises too little: it damps all modes, whose losses it takes for free to scatter.
+        ("window_damping measurement", lambda v: WindowDamping("measurement", v), 6.0),
     ],
 )
-def test_what_is_just_seen_brings_the_evidence_that_is_asked(planned, name, build):
+def test_what_is_just_seen_brings_the_evidence_that_is_asked(planned, name, build, most):
     effect = build(cause(planned, name).seen)
+    # Modes whose dampings scatter by three tenths of their tolerance, as the plan takes it, to either side.
+    led = []
+    for side in (1.0, -1.0):
+        scatter = enumerate(1.0 + side * np.array([-0.04, 0.05, -0.05, 0.04]))
+        machine = effect.apply(with_values(MACHINE, {("rail", "losses", k): f for k, f in scatter}))
+        records = as_planned(machine)
+        led.append(
+            fit(MACHINE, records, Hypothesis()).objective - fit(MACHINE, records, Hypothesis((effect,))).objective
+        )
+    # Evidence goes with the square of a severity, or faster beyond a bound.
+    assert 0.5 < np.mean(led) / 2 / planned.threshold < most
+
+
+def as_planned(machine):
+    """Records of the planned campaign."""
     freq = np.arange(15.0, 450.0, 0.5)
-    # Modes whose dampings scatter by three tenths of their tolerance, as the plan takes it.
-    scatter = dict(zip(range(4), (0.96, 1.05, 0.95, 1.04), strict=True))
-    nominal = with_values(MACHINE, {("rail", "losses", k): f for k, f in scatter.items()})
-    machine = effect.apply(nominal)
     # Accelerometer noise over a half sine of one period of 450 Hz; three blows of two seconds each.
     x = 2 * freq / 450.0
     blow = 50.0 * 2 / (np.pi * 450.0) * np.abs(np.cos(np.pi * x / 2) / (1 - x**2 + 1e-9))
@@ -65,11 +77,7 @@ def test_what_is_just_seen_brings_the_evidence_that_is_asked(planned, name, buil
         )
         for k, y in enumerate(CAMPAIGN.positions)
     )  # fmt: skip
-    records = Records(entries)
-    none = fit(MACHINE, records, Hypothesis())
-    with_it = fit(MACHINE, records, Hypothesis((effect,)))
-    # Evidence goes with the square of a severity, or faster beyond a bound.
-    assert 0.5 < (none.objective - with_it.objective) / 2 / planned.threshold < 3.0
+    return Records(entries)
 
 
 def test_more_blows_show_less_severe_causes(planned):
