@@ -111,10 +111,17 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
     disturbed = 0.0
     if jitter is not None:
         disturbed, lacking = _excess(cut, jitter), (*lacking, jitter.words)
-    if (tones := interference([e.response for e in cut if e.sine is None])) is not None:
+    if (tones := interference([e.response for e in cut if _steady(e)])) is not None:
         cut, disturbed, lacking = _without_tones(cut, tones), disturbed + tones.excess, (*lacking, tones.words)
     per_unit = STANDARD_GRAVITY if per_newton else 1.0
     return Observations(tuple(cut), hull, names, unit, per_unit, lacking, beyond, disturbed, jitter)
+
+
+def _steady(e: Entry) -> bool:
+    """Whether the force at each line acts all the time; once a sweep has passed, a resonance rings on without it as a tone does."""
+    if e.sine is not None:
+        return False
+    return e.replay is None or not e.replay.block or e.replay.shared > SETTINGS.record_swept
 
 
 def _without_tones(entries: Sequence[Entry], tones: Interference) -> list[Entry]:

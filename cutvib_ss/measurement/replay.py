@@ -73,6 +73,13 @@ class Replay:
         """Transforms of the forces."""
         return [self._spectra(f) for f in self.forces]
 
+    @property
+    def shared(self) -> float:
+        """Part of the blocks that share the force at a line, in the median: all if periodic, half of noise, few of a sweep."""
+        power = np.abs(np.concatenate(self._forces)) ** 2
+        each = np.sum(power, axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300)
+        return float(np.median(each)) / len(power)
+
     def data(self, responses: Sequence[FloatArray]) -> ComplexArray:
         """Frequency responses as the record's estimator would show them."""
         return self._ratio(self._forces, responses)

@@ -4,16 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from cutvib_ss.diagnosis.diagnose import diagnose
 from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.measurement import read_campaign
 from cutvib_ss.measurement.checks import check_record
 from cutvib_ss.measurement.interference import interference
 from cutvib_ss.measurement.summary import summarise
 from cutvib_ss.model.machine import published_machine
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
+from cutvib_ss.model_files import write_machine
 from cutvib_ss.report.answer import to_do, why_sentences
 from cutvib_ss.report.wording import verdict_sentence
 from cutvib_ss.response.frequency import frequency_response
+from cutvib_ss.response.stepping import modal_form, step
 from cutvib_ss.results import MeasuredFrequencyResponse
 from cutvib_ss.results.arrays import optional_array
 from tests.unit.struck_oscillator import MASS, OSCILLATOR, struck
@@ -156,3 +163,32 @@ def test_resonances_beside_multiples_of_the_mains_are_none(averages):
         variance=noise[None, :, None] ** 2 / BLOWS, **seen,
     )  # fmt: skip
     assert interference([shown]) is None
+
+
+@pytest.mark.parametrize("kind", ["noise", "multisine", "sweep"])
+def test_a_resonance_that_a_sweep_has_left_behind_is_no_tone(kind, tmp_path) -> None:
+    """An oscillator of 30 Hz, struck by nothing, rings on at its own frequency in blocks whose force has gone elsewhere."""
+    fs, block, count = 512.0, 1024, 12
+    t, rng = np.arange(block * count) / fs, np.random.default_rng(0)
+    force = {
+        "noise": rng.standard_normal(t.size),
+        "multisine": np.tile(rng.standard_normal(block), count),
+        "sweep": signal.chirp(t, 8.0, t[-1], 110.0, method="logarithmic"),
+    }[kind]
+    model = Structure(
+        SecondOrder(*(np.array([[x]]) for x in (1.0, 1.5, (2 * np.pi * 30.0) ** 2)), ("x",), {"p": np.ones(1)}),
+        {"y": Channel("p", "acceleration")}, "p",
+    )  # fmt: skip
+    moved = step(modal_form(model), force[None], fs).responses[0, 0]
+    rows = np.column_stack([t, force, moved + 1e-3 * moved.std() * rng.standard_normal(t.size)])
+    write_machine(model, tmp_path / "machine.toml")
+    np.savetxt(tmp_path / "r.csv", rows, delimiter=",", header="time [s],force [N],y [m/s^2]", comments="")
+    (tmp_path / "campaign.toml").write_text(
+        '[campaign]\ntitle = "t"\nmachine = "machine.toml"\n\n[[record]]\nfile = "r.csv"\nkind = "timeseries"\nblock = 2.0\n'
+    )
+    campaign = read_campaign(tmp_path)
+    (entry,) = observe(campaign, campaign.machine).entries
+    assert (entry.replay.shared < SETTINGS.record_swept) == (kind == "sweep")
+    assert not any(w.startswith("interference") for w in observe(campaign, campaign.machine).warnings)
+    # The sweep's scatter would be one.
+    assert (interference([entry.response]) is not None) == (kind == "sweep")

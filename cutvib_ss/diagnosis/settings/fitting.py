@@ -51,6 +51,9 @@ class FitSettings:
     record_least_noise: float = of(1e-4, "of the response",
         "Standard deviation below which none is believed that was read off how smooth a response is",
         "noise-free data are believed less", "force and response channels are linear to no better")
+    record_swept: float = of(0.3, "blocks", "Part of a recording's blocks that share the force at a line, up to which "
+        "no tones are looked for, since it is a sweep", "fewer tones are seen",
+        "noise has a half, a sweep those blocks in which it passes the line")
     record_fewest_lines: int = of(8, "lines", "Lines that a record needs", "short records are refused",
         "a resonance has four unknowns, a complex line tells two; as many again judge the fit")
     record_blow_at: float = of(0.05, "s", "Assumed instant of a blow that no record states", "-", JUDGEMENT)
