@@ -29,8 +29,8 @@ def turned_signs(
     for k, name in enumerate(record.channels):
         at_force = machine.input_quantity == "force" and machine.channels[name].port == port_of(record.input, machine)
         sign = sign_at_driving_point(frf, name) if at_force else against[k]
-        # under feedback or friction the driving point may lie, where it follows the model throughout
-        if sign < _TURNED and not (at_force and against[k] > -_TURNED):
+        # under feedback or friction, or from a sweep cut into blocks, the driving point may lie; the model's sign stays right
+        if sign < _TURNED and not (at_force and against[k] > 0.0):
             turned.append((name, at_force))
     driven = [name for name, at_force in turned if at_force]
     if driven and np.all(~(against > -_TURNED)):
