@@ -104,7 +104,8 @@ class RailPair:
     def _of_mode(self, k: int) -> ComplexArray:
         """v_lᵀ dD v_r of the factor on the damping of one mode."""
         rail, p = self.rail, self.rail.model.parameters
-        own = np.flatnonzero(rail.modes.number == k + 1)
+        # A uniform rotation, of number 0, has the damping of the first.
+        own = np.flatnonzero(np.maximum(rail.modes.number - 1, 0) == k)
         damped = (2 * rail.half * p.damping_ratio / rail.model.losses[k]) * rail.damped_w[own]
         if rail.pinned:
             shapes = self.left.port.elastic[:, own] * self.right.port.elastic[:, own]
