@@ -320,10 +320,6 @@ def _followed(
     nominal: Model, records: Records, r: Ranked, steps: int = SETTINGS.search_most_steps, rival: float = np.inf
 ) -> Ranked:
     again = refit(nominal, records, r.fit.hypothesis, r.fit.x, steps, near=r.fit, rival=rival)
-    if again is None or again.log_evidence < r.fit.log_evidence:
-        # More freedom cannot explain less: drifts to first order have led it away.
-        afresh = refit(nominal, records, r.fit.hypothesis, r.fit.x, steps, rival=rival)
-        again = max((f for f in (again, afresh) if f is not None), key=lambda f: f.log_evidence, default=None)
     return r if again is None else replace(r, fit=again)
 
 

@@ -126,7 +126,7 @@ class Rail:
     shear: Shear | None = None  # A rail that shears
     losses: tuple[
         float, ...
-    ] = ()  # Factors on the damping of the lowest modes, which tuning moves one by one; ones by default
+    ] = ()  # Factors on the damping of each of the lowest modes, which tuning moves; ones by default
 
     def __post_init__(self) -> None:
         if all(f == 1.0 for f in self.losses):

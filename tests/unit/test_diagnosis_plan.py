@@ -41,7 +41,7 @@ def cause(found, name):
     [
         ("added_mass head", lambda v: AddedMass("head", v), 3.0),  # up to the bound of m1
         ("cross_axis measurement", lambda v: CrossAxis("measurement", v), 3.0),
-        # Of a window the plan promises too little: it damps all modes, whose losses it takes for free to scatter.
+        # Of a window the plan promises a quarter of what it brings; why is not known.
         ("window_damping measurement", lambda v: WindowDamping("measurement", v), 6.0),
     ],
 )
