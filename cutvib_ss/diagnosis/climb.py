@@ -149,6 +149,8 @@ class Climb:
             problem.forget_circles()
         self.at = self.evaluated(self.at.x, self.at.drift)
 
+    # Models that run away overflow.
+    @np.errstate(over="ignore", invalid="ignore")
     def evaluated(self, x: FloatArray, drift: FloatArray) -> At:
         """The objective at some unknowns; without drift and discrepancy it needs no derivatives."""
         problem, each = self.drifted.at(x, drift)

@@ -118,7 +118,21 @@ def _one_fold(nominal: Model, start: Fit, fold: Fold) -> list[Judged]:
     except CutvibError:
         return [_not_predicted(e) for e in fold.judged]
     problem = problem_for(nominal, records, again.hypothesis)
-    return [_judged_by(problem, again, e) for e in fold.judged]
+    others = {simulate: _other_way(nominal, records, problem, simulate) for simulate in {e.leaks for e in fold.judged}}
+    return [_judged_by(others[e.leaks], again, e) for e in fold.judged]
+
+
+def _other_way(nominal: Model, records: Records, problem: Problem, simulate: bool) -> Problem:
+    """The problem that predicts a record as it has to be, simulated or in closed form, which a fit of all need not be."""
+    if not problem.hypothesis.linear or simulate == isinstance(problem, SimulatedProblem):
+        return problem
+    other = (
+        problem_for(nominal, records, problem.hypothesis, apart=True)
+        if simulate
+        else Problem(nominal, records.groups(), problem.hypothesis)
+    )
+    other.drifting_within = problem.drifting_within
+    return other if (other.size, other.channels) == (problem.size, problem.channels) else problem
 
 
 def _judged_by(problem: Problem, fitted: Fit, e: Entry) -> Judged:

@@ -90,7 +90,8 @@ def chance_of_order(spread: Spread, records: Records) -> float:
         of, first = [levels[name] for name in lay.sessions if name in levels], lay.unknowns
         names = [() for _ in of]
     driven = [e.driven for e in of]
-    if not of or any(level is None for level in driven):
+    # Where records do not drift within their session nothing can hide in that.
+    if not of or any(level is None for level in driven) or (lay.records and spread.smallest("within")):
         return 1.0
     free = len(of) - len(set(names)) - 1
     start = first + lay.per_session * np.arange(len(of))

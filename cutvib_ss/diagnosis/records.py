@@ -264,7 +264,7 @@ class Records:
         return Records(tuple(out), rough=True, widened=error > 0.0, moving=self.moving)
 
     def for_laws(self, lines: int, error: float) -> Records | None:
-        """Few records that show what depends on the level: some positions, each level once, one blow each, on few lines."""
+        """Few records that show what depends on the level: some positions, each level once, short, on few lines."""
         if len(self.simulable) < len(self.entries):
             return None
         places = sorted({site(e) for e in self.entries})
@@ -277,7 +277,7 @@ class Records:
         for e in (e for e in self.entries if site(e) in chosen):
             step = round(np.log(e.driven or 1.0) / np.log(SETTINGS.level_apart))
             seen.setdefault((*measured_at(e), *block_and_window(e), step) if e.continuous else (e.record,), e)
-        return Records(tuple(one_blow(e) for e in seen.values())).coarse(lines, error)
+        return Records(tuple(in_short(e) for e in seen.values())).coarse(lines, error)
 
 
 def _scatter(row: ComplexArray, same: Sequence[Entry]) -> float:
@@ -342,14 +342,16 @@ def session_of(e: Entry) -> tuple[float | str, ...]:
     return (e.position,) if e.position is not None else (float(e.record), "record")
 
 
-def one_blow(e: Entry) -> Entry:
-    """A record as its first blow alone shows it."""
-    blows = 0 if e.replay is None else len(e.replay.forces)
-    if e.replay is None or e.replay.block or blows < 2:
+def in_short(e: Entry) -> Entry:
+    """A record as its first blow, or its first blocks, alone show it."""
+    if e.replay is None or not e.replay.measured:
         return e
-    first = e.replay.first
-    hits = None if e.hits is None else np.sqrt(blows) * e.hits
-    return replace(e.showing(first.data(first.measured), blows * e.variance), replay=first, hits=hits)
+    first = e.replay.beginning(SETTINGS.search_outlook_blocks)
+    more = e.replay.count / first.count
+    if more == 1.0:
+        return e
+    hits = None if e.hits is None else np.sqrt(more) * e.hits
+    return replace(e.showing(first.data(first.measured), more * e.variance), replay=first, hits=hits)
 
 
 def _group(members: list[Entry], apart: bool) -> Group:

@@ -109,6 +109,22 @@ class Replay:
         """The first blow alone."""
         return replace(self, forces=self.forces[:1], measured=self.measured[:1])
 
+    @property
+    def count(self) -> int:
+        """Blows, or blocks of continuous recordings."""
+        if not self.block:
+            return len(self.forces)
+        return len(self.forces) * ((self.forces[0].size - self.begin - self.block) // (self.block - self.overlap) + 1)
+
+    def beginning(self, blocks: int) -> Replay:
+        """The first blow alone, or some blocks at the beginning of the first recording."""
+        if not self.block:
+            return self.first
+        end = self.begin + self.block + (blocks - 1) * (self.block - self.overlap)
+        return replace(
+            self, forces=tuple(f[:end] for f in self.forces[:1]), measured=tuple(a[:, :end] for a in self.measured[:1])
+        )
+
     def at(self, keep: np.ndarray | slice) -> Replay:
         """Some of the lines."""
         return replace(self, lines=self.lines[keep])

@@ -16,6 +16,7 @@ from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, merged, session_of
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.measurement.records import Campaign, History, Record
 from cutvib_ss.model.machine import published_machine
@@ -181,9 +182,11 @@ def test_drift_that_orders_with_the_level_is_told_from_drift_that_does_not(order
     offsets[layout.first_within : layout.first_nominal] = drift.ravel()
     spread = Spread(layout, Sizes(), offsets, np.eye(layout.size))
     assert (chance_of_order(spread, Records(entries)) < 0.05) is found
-    # One level a session tells nothing.
+    # One level a session tells nothing, nor do records that do not drift.
     apart = tuple(replace(e, session=str(e.record)) for e in entries)
     assert chance_of_order(spread, Records(apart)) == 1.0
+    still = replace(spread, sizes=Sizes(within=SETTINGS.sizes["within"][0][0]))
+    assert chance_of_order(still, Records(entries)) == 1.0
 
 
 @pytest.mark.parametrize(("ordered", "random", "found"), [(1.0, 0.02, True), (0.0, 1.0, False)])

@@ -121,3 +121,19 @@ def test_what_leaks_is_differentiated_with_its_leak() -> None:
             ends.append(np.concatenate([p.ravel() for r in problem.residuals(moved)[1] for p in (r.real, r.imag)]))
         change = (ends[1] - ends[0]) / (2 * size)
         assert np.linalg.norm(change - rows[i]) < 0.02 * np.linalg.norm(change)
+
+
+def test_starts_of_restoring_forces_see_the_first_blocks_alone() -> None:
+    records = Records(observed().entries)
+    few = records.for_laws(1000, 0.0)
+    assert few is not None
+    (short,) = few.entries
+    whole = next(e for e in records.entries if e.record == short.record)
+    assert short.replay is not None
+    assert whole.replay is not None
+    assert whole.replay.count == 2 * SAMPLES // (BLOCK * FS) - 2
+    assert short.replay.count == 2
+    assert short.replay.forces[0].size == round(1.5 * BLOCK * FS) + short.replay.begin
+    # They show the same motion, with as much more noise as there are fewer of them.
+    assert np.abs(short.replay.data(list(short.replay.measured)) - short.data).max() < 1e-12 * np.abs(short.data).max()
+    np.testing.assert_allclose(short.variance, whole.replay.count / 2 * whole.variance)

@@ -19,6 +19,7 @@ class SearchSettings:
     search_coarse_gain: float = of(1e-2, "1", "Relative gain at which their steps end", "rougher", TIME)
     search_outlook_positions: int = of(3, "positions", "On which starts of level-dependent causes are fitted", "longer",
         TIME)
+    search_outlook_blocks: int = of(2, "blocks", "Of a continuous recording on which they are", "longer", TIME)
     search_close: float = of(60.0, "objective", "Behind the best on few lines, up to which a cause is fitted on all",
         "longer", TIME)
     search_most_close: int = of(5, "causes", "So fitted at most: where many are alike, none of them is the cause", "longer",
