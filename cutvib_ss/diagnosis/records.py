@@ -343,15 +343,15 @@ def session_of(e: Entry) -> tuple[float | str, ...]:
 
 
 def in_short(e: Entry) -> Entry:
-    """A record as its first blow, or its first blocks, alone show it."""
-    if e.replay is None or not e.replay.measured:
+    """A record as its first blow, or its loudest blocks, alone show it."""
+    r = e.replay
+    # In a sweep lines take turns.
+    if r is None or not r.measured or (r.block and r.shared <= SETTINGS.record_swept):
         return e
-    first = e.replay.beginning(SETTINGS.search_outlook_blocks)
-    more = e.replay.count / first.count
-    if more == 1.0:
-        return e
+    short = r.short(SETTINGS.search_outlook_blocks)
+    more = r.power / np.maximum(short.power, 1e-12 * np.max(r.power))
     hits = None if e.hits is None else np.sqrt(more) * e.hits
-    return replace(e.showing(first.data(first.measured), more * e.variance), replay=first, hits=hits)
+    return replace(e.showing(short.data(short.measured), more * e.variance), replay=short, hits=hits)
 
 
 def _group(members: list[Entry], apart: bool) -> Group:

@@ -109,21 +109,20 @@ class Replay:
         """The first blow alone."""
         return replace(self, forces=self.forces[:1], measured=self.measured[:1])
 
-    @property
-    def count(self) -> int:
-        """Blows, or blocks of continuous recordings."""
-        if not self.block:
-            return len(self.forces)
-        return len(self.forces) * ((self.forces[0].size - self.begin - self.block) // (self.block - self.overlap) + 1)
+    @cached_property
+    def power(self) -> FloatArray:
+        """Power of the forces at each line, of all blows or blocks together."""
+        return np.asarray(sum(np.sum(np.abs(f) ** 2, axis=0) for f in self._forces), dtype=np.float64)
 
-    def beginning(self, blocks: int) -> Replay:
-        """The first blow alone, or some blocks at the beginning of the first recording."""
+    def short(self, blocks: int) -> Replay:
+        """The first blow alone, or the loudest blocks in succession of the first recording."""
         if not self.block:
             return self.first
-        end = self.begin + self.block + (blocks - 1) * (self.block - self.overlap)
-        return replace(
-            self, forces=tuple(f[:end] for f in self.forces[:1]), measured=tuple(a[:, :end] for a in self.measured[:1])
-        )
+        loud = np.sum(np.abs(self._forces[0]) ** 2, axis=-1)
+        blocks, hop = min(blocks, loud.size), self.block - self.overlap
+        loudest = int(np.argmax(np.convolve(loud, np.ones(blocks), "valid"))) * hop
+        own = slice(loudest, loudest + self.begin + self.block + (blocks - 1) * hop)
+        return replace(self, forces=(self.forces[0][own],), measured=tuple(a[:, own] for a in self.measured[:1]))
 
     def at(self, keep: np.ndarray | slice) -> Replay:
         """Some of the lines."""

@@ -123,7 +123,7 @@ def test_what_leaks_is_differentiated_with_its_leak() -> None:
         assert np.linalg.norm(change - rows[i]) < 0.02 * np.linalg.norm(change)
 
 
-def test_starts_of_restoring_forces_see_the_first_blocks_alone() -> None:
+def test_starts_of_restoring_forces_see_the_loudest_blocks_alone() -> None:
     records = Records(observed().entries)
     few = records.for_laws(1000, 0.0)
     assert few is not None
@@ -131,9 +131,19 @@ def test_starts_of_restoring_forces_see_the_first_blocks_alone() -> None:
     whole = next(e for e in records.entries if e.record == short.record)
     assert short.replay is not None
     assert whole.replay is not None
-    assert whole.replay.count == 2 * SAMPLES // (BLOCK * FS) - 2
-    assert short.replay.count == 2
-    assert short.replay.forces[0].size == round(1.5 * BLOCK * FS) + short.replay.begin
-    # They show the same motion, with as much more noise as there are fewer of them.
+    (force,), (of_all,), hop = short.replay.forces, whole.replay.forces, round(BLOCK * FS) // 2
+    assert force.size == short.replay.begin + 3 * hop
+    begin = next(
+        k for k in range(0, of_all.size - force.size + 1, hop) if np.array_equal(of_all[k : k + force.size], force)
+    )
+    # The record has no louder two blocks.
+    window = np.hanning(2 * hop)
+    each = [
+        np.sum((window * of_all[k : k + 2 * hop]) ** 2)
+        for k in range(whole.replay.begin, of_all.size - 2 * hop + 1, hop)
+    ]
+    loud = np.add(each[:-1], each[1:])
+    assert loud[begin // hop] > 0.98 * loud.max()
+    # They show the same motion, with as much more noise as they have less power.
     assert np.abs(short.replay.data(list(short.replay.measured)) - short.data).max() < 1e-12 * np.abs(short.data).max()
-    np.testing.assert_allclose(short.variance, whole.replay.count / 2 * whole.variance)
+    np.testing.assert_allclose(short.variance, whole.replay.power / short.replay.power * whole.variance)
