@@ -15,6 +15,7 @@ from scipy import linalg
 from cutvib_ss.diagnosis.climb import Beside, Climb
 from cutvib_ss.diagnosis.drifted import problems_of
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.level_trend import evidence_of_trend
 from cutvib_ss.diagnosis.likelihood import Quadratic, solved
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
@@ -152,6 +153,7 @@ def fit(
     if search.at.quadratic is None or not np.isfinite(search.at.objective):
         raise DiagnosisError(f"{hypothesis.effect} at {hypothesis.place} runs away from where it starts")
     made = _finished(problem, search, search.at.quadratic)
+    made = replace(made, log_evidence=made.log_evidence + evidence_of_trend(made.spread, records))
     closest = search.at.x
     if hypothesis.linear:
         closest = _closest(search, search.at.quadratic, made.spread.offsets)

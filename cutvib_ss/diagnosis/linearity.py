@@ -9,6 +9,7 @@ from scipy import signal, stats
 
 from cutvib_ss.diagnosis.comparison import across_grids, with_like_tails
 from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.level_trend import about_sessions
 from cutvib_ss.diagnosis.prediction import moves_as_one
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.records import Entry, Records, merged, session_of
@@ -90,17 +91,14 @@ def chance_of_order(spread: Spread, records: Records) -> float:
         of, first = [levels[name] for name in lay.sessions if name in levels], lay.unknowns
         names = [() for _ in of]
     driven = [e.driven for e in of]
-    # Where records do not drift within their session nothing can hide in that.
-    if not of or any(level is None for level in driven) or (lay.records and spread.smallest("within")):
+    # Where records hardly drift within their session nothing hides in that.
+    small = bool(lay.records) and spread.sizes.within < SETTINGS.level_hiding_within
+    if not of or any(level is None for level in driven) or small:
         return 1.0
     free = len(of) - len(set(names)) - 1
     start = first + lay.per_session * np.arange(len(of))
     drift = np.array([spread.offsets[k : k + lay.per_session] for k in start])
-    level = np.log([[float(level or 1.0)] for level in driven])
-    for name in set(names):
-        same = np.array([n == name for n in names])
-        drift[same] -= drift[same].mean(axis=0)
-        level[same] -= level[same].mean()
+    drift, level = (about_sessions(a, names) for a in (drift, np.log(np.array(driven, dtype=np.float64))[:, None]))
     power = float(np.sum(level**2))
     if free < 1 or power < np.log(SETTINGS.level_apart) ** 2 / 2:
         return 1.0

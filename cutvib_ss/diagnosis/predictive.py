@@ -60,10 +60,6 @@ class Spread:
         """Whether a size is the largest of its prior."""
         return bool(getattr(self.sizes, name) >= SETTINGS.sizes[name][-1][0])
 
-    def smallest(self, name: str) -> bool:
-        """Whether a size is the smallest of its prior."""
-        return bool(getattr(self.sizes, name) <= SETTINGS.sizes[name][0][0])
-
     def drifts(self, sessions: Sequence[tuple[float | str, ...]], records: Sequence[int], count: int) -> FloatArray:
         """Drift of the tuned values of some sessions, then of some records; zero of those that were not fitted."""
         lay = self.layout

@@ -233,6 +233,8 @@ class FitSettings:
         "more searches in vain", TIME)
     level_hiding_drift: float = of(3e-3, "relative std", "Of drift between sessions of a level each, from which it may hide a "
         "restoring force, and these are looked for", "fewer searches", "machines repeat to 0.1-0.3 % in most cases")
+    level_hiding_within: float = of(1e-3, "relative std", "The same of drift from record to record within sessions",
+        "more answers of something unknown beside drift", "what moves resonances by less changes no machine")
     level_trend: float = of(0.25, "probability",
         "That drift within sessions is a trend in time and goes with the level, since all were measured in its order",
         "surer linear answers", "half of all drift is warming; of two orders of the levels half are the same in all sessions")
