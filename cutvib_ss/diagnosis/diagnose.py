@@ -36,6 +36,7 @@ from cutvib_ss.diagnosis.posterior import (
     kind_of,
     probabilities,
     temperature,
+    that_are_means,
     that_drift_by_chance,
     that_may_hide,
 )
@@ -285,6 +286,7 @@ def _odds(searched: _Searched, counts: Counts, variants: dict[tuple[str, str], i
     heat = temperature(judged(max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)))
     odds = judged_on_held_out(ranked, probabilities(ranked, counts, variants, heat), judged, heat)
     odds = of_known_form(ranked, odds, judged)
+    odds = that_are_means(ranked, odds, judged, searched.observed.changes)
     return that_drift_by_chance(ranked, odds, lambda r: chance_of_order(r.fit.spread, searched.records))
 
 

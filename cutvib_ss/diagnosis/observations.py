@@ -6,8 +6,8 @@ Nothing else of the campaign is looked at: no file name, title or order.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import ndimage
@@ -24,9 +24,11 @@ from cutvib_ss.measurement.estimation import measured_response, rounded_part, ro
 from cutvib_ss.measurement.interference import Interference, interference
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
+from cutvib_ss.measurement.steadiness import WORDS as CHANGES
+from cutvib_ss.measurement.steadiness import change_within
 from cutvib_ss.measurement.trigger_jitter import TriggerJitter, aligned, trigger_jitter
 from cutvib_ss.response.modes import modes
-from cutvib_ss.results import ComplexArray, MeasuredFrequencyResponse
+from cutvib_ss.results import ComplexArray, FloatArray, MeasuredFrequencyResponse
 from cutvib_ss.units import STANDARD_GRAVITY
 
 LACKING = {
@@ -60,6 +62,8 @@ class Observations:
     # What tones on lines that are left out, and trigger jitter, add to the mean square of a right model's residual, over the noise
     disturbed: float = 0.0
     jitter: TriggerJitter | None = None  # Of triggers, for which blows are aligned
+    # Of records within which the machine changes, by their index: mean square of how far, shape (channel, line)
+    changes: Mapping[int, FloatArray] = field(default_factory=dict)
 
     def without(self, records: Collection[int], warnings: tuple[str, ...]) -> Observations:
         """The same without some records, by their index in the campaign."""
@@ -114,7 +118,22 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
     if (tones := interference([e.response for e in cut if _steady(e)])) is not None:
         cut, disturbed, lacking = _without_tones(cut, tones), disturbed + tones.excess, (*lacking, tones.words)
     per_unit = STANDARD_GRAVITY if per_newton else 1.0
-    return Observations(tuple(cut), hull, names, unit, per_unit, lacking, beyond, disturbed, jitter)
+    found = {e.record: change_within(e.replay) for e in cut if e.replay is not None and e.continuous and _steady(e)}
+    changes = {record: change for record, change in found.items() if change is not None}
+    lacking = (*lacking, *_words_on_changes(cut, campaign.records, changes))
+    return Observations(tuple(cut), hull, names, unit, per_unit, lacking, beyond, disturbed, jitter, changes)
+
+
+def _words_on_changes(
+    entries: Sequence[Entry], records: Sequence[Record], changes: Mapping[int, FloatArray]
+) -> tuple[str, ...]:
+    """One line for all records within which the machine changes."""
+    sizes = {
+        e.record: float(np.sqrt(np.sum(changes[e.record]) / np.sum(np.abs(e.data) ** 2)))
+        for e in entries
+        if e.record in changes
+    }
+    return (CHANGES.format(", ".join(records[i].name for i in sizes), max(sizes.values())),) if sizes else ()
 
 
 def _steady(e: Entry) -> bool:

@@ -21,6 +21,7 @@ from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.results import FloatArray
 
 UNKNOWN = "unknown"
 
@@ -90,6 +91,30 @@ def that_drift_by_chance(
         if out[r.name] >= SETTINGS.verdict_hardly and (p := chance(r)) < SETTINGS.level_drift:
             ordered = SETTINGS.level_trend + (1.0 - SETTINGS.level_trend) * float(special.entr(p)) * np.e
             out[r.name] *= 1.0 / (1.0 + SETTINGS.priors["unknown"] / (SETTINGS.priors["none"] * ordered))
+    return out
+
+
+def that_are_means(
+    ranked: Sequence[Ranked],
+    odds: Mapping[str, float],
+    held: Callable[[Ranked], HeldOut],
+    changes: Mapping[int, FloatArray],
+) -> dict[str, float]:
+    """
+    Probabilities in which linear causes give way to something unknown where the machine changes within records.
+
+    The mean response of a machine that changes differs from that of the machine in between by no more than what it changes by. What
+    a cause explains is that, or the cause: by the squares of both, over the noise. Together they may sum to less than one.
+    """
+    out, none = dict(odds), ranked[0]
+    linear = [r for r in ranked[1:] if r.fit.hypothesis.linear and kind_of(r.fit.hypothesis) in ("known", "sums")]
+    for r in linear if changes else ():
+        if out[r.name] < SETTINGS.verdict_hardly:
+            continue
+        pairs = list(zip(held(none).records, held(r).records, strict=True))
+        explained = sum(float(np.sum(np.abs(b.predicted - a.predicted) ** 2 * a.entry.precision)) for a, b in pairs)
+        moved = sum(float(np.sum(changes.get(a.entry.record, 0.0) * a.entry.precision)) for a, _ in pairs)
+        out[r.name] *= explained / (explained + moved) if explained > 0.0 else 0.0
     return out
 
 

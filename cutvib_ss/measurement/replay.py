@@ -47,12 +47,12 @@ class Replay:
 
     def ratio(self, under: Sequence[FloatArray], over: Sequence[FloatArray]) -> ComplexArray:
         """H1 of some histories over others."""
-        return self._ratio([self._spectra(x) for x in under], over)
+        return self._ratio([self.transformed(x) for x in under], over)
 
     def _ratio(self, under: Sequence[ComplexArray], over: Sequence[FloatArray]) -> ComplexArray:
         crossed, power = np.zeros(0, dtype=np.complex128), np.zeros(0)
         for x, y in zip(under, over, strict=True):
-            c = np.einsum("bl,...bl->...l", x.conj(), self._spectra(y))
+            c = np.einsum("bl,...bl->...l", x.conj(), self.transformed(y))
             p = np.sum(np.abs(x) ** 2, axis=0)
             crossed, power = (c, p) if not power.size else (crossed + c, power + p)
         floor = 1e-28 * float(np.max(power, initial=0.0))
@@ -60,7 +60,7 @@ class Replay:
             np.where(power > floor, crossed / np.maximum(power, floor + 1e-300), 0.0), dtype=np.complex128
         )
 
-    def _spectra(self, x: FloatArray) -> ComplexArray:
+    def transformed(self, x: FloatArray) -> ComplexArray:
         """Transforms of the blocks of some histories on the kept lines, shape (..., block, line)."""
         if not self.block:
             return np.asarray(fft.rfft(x)[..., None, self.lines])
@@ -69,20 +69,20 @@ class Replay:
         return np.asarray(fft.rfft((blocks - level) * signal.get_window("hann", self.block))[..., self.lines])
 
     @cached_property
-    def _forces(self) -> list[ComplexArray]:
+    def spectra(self) -> list[ComplexArray]:
         """Transforms of the forces."""
-        return [self._spectra(f) for f in self.forces]
+        return [self.transformed(f) for f in self.forces]
 
     @property
     def shared(self) -> float:
         """Part of the blocks that share the force at a line, in the median: all if periodic, half of noise, few of a sweep."""
-        power = np.abs(np.concatenate(self._forces)) ** 2
+        power = np.abs(np.concatenate(self.spectra)) ** 2
         each = np.sum(power, axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300)
         return float(np.median(each)) / len(power)
 
     def data(self, responses: Sequence[FloatArray]) -> ComplexArray:
         """Frequency responses as the record's estimator would show them."""
-        return self._ratio(self._forces, responses)
+        return self._ratio(self.spectra, responses)
 
     @property
     def clock(self) -> float:
@@ -112,13 +112,13 @@ class Replay:
     @cached_property
     def power(self) -> FloatArray:
         """Power of the forces at each line, of all blows or blocks together."""
-        return np.asarray(sum(np.sum(np.abs(f) ** 2, axis=0) for f in self._forces), dtype=np.float64)
+        return np.asarray(sum(np.sum(np.abs(f) ** 2, axis=0) for f in self.spectra), dtype=np.float64)
 
     def short(self, blocks: int) -> Replay:
         """The first blow alone, or the loudest blocks in succession of the first recording."""
         if not self.block:
             return self.first
-        loud = np.sum(np.abs(self._forces[0]) ** 2, axis=-1)
+        loud = np.sum(np.abs(self.spectra[0]) ** 2, axis=-1)
         blocks, hop = min(blocks, loud.size), self.block - self.overlap
         loudest = int(np.argmax(np.convolve(loud, np.ones(blocks), "valid"))) * hop
         own = slice(loudest, loudest + self.begin + self.block + (blocks - 1) * hop)
