@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 
 import numpy as np
-from scipy import linalg
 
+from cutvib_ss.diagnosis.likelihood import Factored, solved
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.records import Records, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -49,8 +49,7 @@ def evidence_of_trend(spread: Spread, records: Records) -> float:
     moved = np.zeros((lay.size, lay.per_session))
     moved[within, np.arange(lay.per_session)] = level[:, None]
     of_data = spread.precision @ moved - moved
-    inner = moved.T @ of_data + np.eye(lay.per_session)
-    inner -= of_data.T @ linalg.solve(spread.precision, of_data, assume_a="pos")
-    gradient = moved.T @ spread.offsets
-    gain = 0.5 * float(gradient @ linalg.solve(inner, gradient, assume_a="pos") - np.linalg.slogdet(inner)[1])
+    inner = moved.T @ of_data + np.eye(lay.per_session) - of_data.T @ solved(spread.precision, of_data)
+    slopes = Factored(inner)
+    gain = 0.5 * (slopes.gain(moved.T @ spread.offsets) - slopes.log_determinant)
     return float(np.logaddexp(np.log1p(-SETTINGS.level_trend), np.log(SETTINGS.level_trend) + gain))

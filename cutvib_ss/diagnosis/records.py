@@ -346,7 +346,7 @@ def in_short(e: Entry) -> Entry:
     """A record as its first blow, or its loudest blocks, alone show it."""
     r = e.replay
     # In a sweep lines take turns.
-    if r is None or not r.measured or (r.block and r.shared <= SETTINGS.record_swept):
+    if r is None or (r.shared <= SETTINGS.record_swept if r.block else len(r.forces) < 2):
         return e
     short = r.short(SETTINGS.search_outlook_blocks)
     more = r.power / np.maximum(short.power, 1e-12 * np.max(r.power))
