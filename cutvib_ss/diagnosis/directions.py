@@ -15,7 +15,7 @@ import numpy as np
 
 from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
 from cutvib_ss.diagnosis.normal_matrix import Alike, Columns, add_products
-from cutvib_ss.diagnosis.records import rounded_share, session_of
+from cutvib_ss.diagnosis.records import Entry, session_of
 from cutvib_ss.diagnosis.residual_modes import ResidualMode
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import NO_PARTS, Parts
@@ -350,7 +350,7 @@ class Directions:
                 sums[lag] = sums.get(lag, 0.0) + power * r.shape[-1] / (r.shape[-1] - lag)
         count = sum(g.data.size for g in self.groups)
         responses = sum(g.data.shape[0] * g.data.shape[1] for g in self.groups)
-        by_steps = rounded_share([e for g in self.groups for same in g.entries for e in same])
+        by_steps = _rounded_share([e for g in self.groups for same in g.entries for e in same])
         alike = 1.0 + (responses - 1.0) * max(1.0 - 1.0 / max(reduced, 1e-300), by_steps)
         total = 1.0
         for lag in range(1, len(sums)):
@@ -381,3 +381,9 @@ class Directions:
 def real_rows(rows: ComplexArray) -> FloatArray:
     """Complex rows as real ones: products are real parts of inner products."""
     return np.ascontiguousarray(rows.reshape(len(rows), -1)).view(np.float64)
+
+
+def _rounded_share(entries: Sequence[Entry]) -> float:
+    """Share of their variance that the steps of converters make: of all data that tell something."""
+    told = [e.rounded[e.precision > 0.0] if e.rounded is not None else np.zeros(e.count // 2) for e in entries]
+    return float(np.mean(np.concatenate(told))) if any(share.size for share in told) else 0.0

@@ -308,12 +308,6 @@ def merged(entries: Sequence[Entry], apart: bool = False, by_session: bool = Fal
     return tuple(_group(members, apart) for members in kinds.values())
 
 
-def rounded_share(entries: Sequence[Entry]) -> float:
-    """Share of their variance that the steps of converters make: of all data that tell something."""
-    told = [e.rounded[e.precision > 0.0] if e.rounded is not None else np.zeros(e.count // 2) for e in entries]
-    return float(np.mean(np.concatenate(told))) if any(share.size for share in told) else 0.0
-
-
 def measured_at(e: Entry) -> tuple[float | None, str]:
     """Position and input: records that share them show the same responses."""
     return e.position, e.input

@@ -37,7 +37,9 @@ def change_within(replay: Replay) -> FloatArray | None:
         blocks, responded = len(force), replay.transformed(responses)
         if blocks < _FEWEST:
             continue
+        # A line that was not driven tells nothing.
         power = np.abs(force) ** 2
+        power += 1e-28 * float(power.max())
         time = np.linspace(-1.0, 1.0, blocks)[:, None]
         time = time - np.sum(time * power, axis=0) / np.sum(power, axis=0)
         moving = np.sum(time**2 * power, axis=0)

@@ -52,6 +52,14 @@ def test_a_change_is_found_of_its_size(softening):
     assert 0.4 * expected < found.sum() < 1.3 * expected
 
 
+def test_a_line_that_is_not_driven_tells_nothing():
+    replay = recorded(0.12)
+    replay.spectra[0][:, 5] = 0.0
+    found = change_within(replay)
+    assert found is not None
+    assert np.isfinite(found).all()
+
+
 def test_too_few_blocks_tell_nothing():
     whole = recorded(0.12)
     end = BLOCK * 2
