@@ -48,6 +48,7 @@ from cutvib_ss.diagnosis.result import Cause, Diagnosis, NextTest, Where
 from cutvib_ss.diagnosis.search import Linear, search, search_linear
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import SmallSize, small_sizes
+from cutvib_ss.diagnosis.stopped import with_what_stops
 from cutvib_ss.diagnosis.unknown_element import ByLevel, unknown_places
 from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
@@ -178,6 +179,7 @@ def _observed(campaign: Campaign, nominal: Model, highest: float = math.inf) -> 
             break
         campaign = without_mean_delays(nominal, campaign, observed, observed.jitter)
         observed = observe(campaign, nominal, highest)
+    observed = with_what_stops(nominal, observed)
     return replace(observed, entries=with_lasting(nominal, observed.entries))
 
 

@@ -34,7 +34,9 @@ def of_one_place(ranked: Sequence[Ranked], leaves: Callable[[Ranked], float]) ->
 
 def shows_gap(ranked: Sequence[Ranked], none: Ranked) -> bool:
     """Whether the re-tuned model leaves more than noise and drift, or some cause does better."""
-    lead = best_of(ranked, none).fit.log_evidence - none.fit.log_evidence
+    best = best_of(ranked, none)
+    # Where what the best leaves is alike over many data, so is what it leads by: the posterior divides by that.
+    lead = (best.fit.log_evidence - none.fit.log_evidence) / best.fit.correlation
     return none.reduced > SETTINGS.search_enough or lead > SETTINGS.search_caught
 
 

@@ -37,6 +37,9 @@ class FitSettings:
         "it is alike in all lines of a mode and in all records, which the likelihood takes for told by each",
         "more lines, and more gaps that a converter made", JUDGEMENT)
     record_lost_over: float = of(20.0, "Hz", "Over which both are averaged", "-", "some widths of a resonance")
+    record_stop_moves: float = of(0.02, "1",
+        "Relative distance within which a resonance of the nominal model is looked for, where a converter's steps end its decay",
+        "more lines count less", "some tolerances of a frequency")
     record_heard: float = of(4.0, "1",
         "Response power over noise power below which a line is left out: noise on the force biases the estimate",
         "fewer lines", JUDGEMENT)
