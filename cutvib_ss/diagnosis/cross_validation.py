@@ -234,7 +234,8 @@ def _by_its_force(model: Model, group: Group, error: ComplexArray, mean: float) 
     for other in others:
         moved = (other - here) * weight
         moved = moved - along * (np.vdot(along, moved).real / (1.0 + np.vdot(along, along).real))
-        spread.append(np.abs(moved / weight) ** 2)
+        # Lines that tell nothing have no weight, and need no variance.
+        spread.append(np.abs(np.divide(moved, weight, out=np.zeros_like(moved), where=weight > 0.0)) ** 2)
     variance = np.asarray(np.mean(spread, axis=0))
     less_known = replace(group, variance=group.variance + variance)
     return Shown(here, variance, replace(seen, group=less_known))

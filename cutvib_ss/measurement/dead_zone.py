@@ -12,12 +12,15 @@ import numpy as np
 
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 
-_BINS = 40  # Into which an impulse response is cut
+_BINS = 160  # Into which an impulse response is cut at the most
+_EACH = 6  # Lines a bin at the least
 _TAPER = 0.1  # Part of the band over which each of its ends is faded in
 _BEFORE = 0.9  # Part of the block up to which what the taper smears ahead of the impulse does not reach
-_SILENT = 6  # Bins that are quiet at the least
-_QUIET = 1e-3  # Of the noise's power: white noise is fifty times likelier to be measured ten times too quiet
-_ABRUPT = 1e-3  # What the power falls to within two bins; a decay that an exponential window makes takes longer
+_SILENT = 0.15  # Part of the block that is quiet at the least
+_QUIET = 1e-3  # Of the noise's power: a mean over six samples of white noise does not get there
+_FALL = 0.05  # Part of the block within which the power falls to the next; an exponential window takes longer
+_ABRUPT = 1e-3
+_SMEARED = 2  # Bins by which the taper makes an end look late: earlier is safer
 
 
 def stops(response: MeasuredFrequencyResponse) -> FloatArray:
@@ -28,7 +31,8 @@ def stops(response: MeasuredFrequencyResponse) -> FloatArray:
     """
     freq, data, variance = response.freq, response.data[0, :, 0], response.variance[0, :, 0]
     never = np.full(len(data), np.inf)
-    if freq.size < 4 * _BINS or not response.estimator.scatter_seen:
+    bins = min(freq.size // _EACH, _BINS)
+    if bins < 1.0 / _FALL or not response.estimator.scatter_seen:
         return never
     spacing = float(np.min(np.diff(freq)))
     at = np.round((freq - freq[0]) / spacing).astype(int)
@@ -38,15 +42,18 @@ def stops(response: MeasuredFrequencyResponse) -> FloatArray:
     full = np.zeros((len(data), at[-1] + 1), dtype=np.complex128)
     full[:, at] = data * taper
     power = np.abs(np.fft.ifft(full, axis=-1)) ** 2
-    each = full.shape[1] // _BINS
+    each = full.shape[1] // bins
     noise = np.sum(variance * taper**2, axis=-1, keepdims=True) / full.shape[1] ** 2
-    level = power[:, : _BINS * each].reshape(len(data), _BINS, each).mean(axis=-1) / np.maximum(noise, 1e-300)
-    last = round(_BEFORE * _BINS)
+    level = power[:, : bins * each].reshape(len(data), bins, each).mean(axis=-1) / np.maximum(noise, 1e-300)
+    last, silent, fall = (round(part * bins) for part in (_BEFORE, _SILENT, _FALL))
     for k, own in enumerate(level):
         loud = np.flatnonzero(own[:last] > _QUIET)
         end = int(loud[-1]) if loud.size else last
-        if end + _SILENT < last and own[end + 1 : end + 3].min() < _ABRUPT * own[max(end - 1, 0) : end + 1].max():
-            never[k] = max(end, 0.5) * each / (full.shape[1] * spacing)  # Somewhere within that bin: earlier is safer
+        if (
+            end + silent < last
+            and own[end + 1 : end + 1 + fall].min() < _ABRUPT * own[max(end - fall, 0) : end + 1].max()
+        ):
+            never[k] = max(end - _SMEARED, 0.5) * each / (full.shape[1] * spacing)
     return never
 
 
