@@ -1,5 +1,6 @@
 """What a fit on few records leaves on others, and how sure it can be of them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,6 +16,7 @@ from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, simulated
+from cutvib_ss.diagnosis.standing import shows_gap
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
@@ -194,3 +196,26 @@ def test_ends_that_are_limits_say_nothing():
 def test_a_resonator_on_the_head_may_be_as_heavy_as_the_head():
     assert LocalResonator.ranges(MACHINE, "head")["mass"].high == MACHINE.head.m1
     assert LocalResonator.ranges(MACHINE, "tool")["mass"].high == 5.0
+
+
+def test_lines_that_tell_nothing_need_no_variance_where_the_force_is_guessed():
+    model = CubicStiffness("joint2", 1e9).apply(MACHINE)
+    (e,) = with_forces(60.0).entries
+    lost = np.zeros(e.data.shape, dtype=bool)
+    lost[0, :5] = True
+    seen = cross_validation.predicted(replace(e, lost=lost), model, 0.05)
+    assert e.replay is not None and e.replay.assumed
+    assert np.all(np.isfinite(seen.variance))
+    assert np.all(seen.variance[lost] == 0.0) and np.all(seen.variance[~lost] > 0.0)
+
+
+def test_a_lead_counts_by_how_many_data_tell_the_same():
+    def ranked(evidence, correlation):
+        return SimpleNamespace(
+            refined=True, reduced=0.9, fit=SimpleNamespace(log_evidence=evidence, correlation=correlation)
+        )
+
+    none = ranked(0.0, 1.0)
+    assert shows_gap([ranked(100.0, 1.0)], none)
+    assert not shows_gap([ranked(100.0, 150.0)], none)
+    assert shows_gap([ranked(100.0 * 150.0, 150.0)], none)
