@@ -204,9 +204,11 @@ def test_lines_that_tell_nothing_need_no_variance_where_the_force_is_guessed():
     lost = np.zeros(e.data.shape, dtype=bool)
     lost[0, :5] = True
     seen = cross_validation.predicted(replace(e, lost=lost), model, 0.05)
-    assert e.replay is not None and e.replay.assumed
+    assert e.replay is not None
+    assert e.replay.assumed
     assert np.all(np.isfinite(seen.variance))
-    assert np.all(seen.variance[lost] == 0.0) and np.all(seen.variance[~lost] > 0.0)
+    assert np.all(seen.variance[lost] == 0.0)
+    assert np.all(seen.variance[~lost] > 0.0)
 
 
 def test_a_lead_counts_by_how_many_data_tell_the_same():
