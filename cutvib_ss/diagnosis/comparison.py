@@ -89,7 +89,7 @@ def with_like_tails(same: Sequence[Entry], model: Model, blow_at: float = 0.0) -
     """Records at one place as if their blocks, whose blows have instants of their own, cut off what they do on average."""
     if any(e.leaks for e in same):
         return list(same)
-    tails = np.array([_tail(Prediction(model, e.group, blow_at)) for e in same])
+    tails = np.array([Prediction(model, e.group, blow_at).tail[0] for e in same])
     tails -= tails.mean(axis=0)
     return [
         e.showing(e.data + t, e.variance + (SETTINGS.comparison_tail_error * np.abs(t)) ** 2)
@@ -100,14 +100,8 @@ def with_like_tails(same: Sequence[Entry], model: Model, blow_at: float = 0.0) -
 def _less(e: Entry, model: Model, blow_at: float) -> Entry:
     """A record less what a model shows of it, the tail that its block cuts off being known to some part."""
     shown = Prediction(model, e.group, blow_at)
-    error = SETTINGS.comparison_tail_error * np.abs(_tail(shown))
+    error = SETTINGS.comparison_tail_error * np.abs(shown.tail[0])
     return e.showing(e.data - shown.data[0], e.variance + error**2)
-
-
-def _tail(shown: Prediction) -> ComplexArray:
-    """What the block cuts off of one record's responses, shape (channel, frequency)."""
-    tail: ComplexArray = (shown.untruncated * shown.window - shown.data)[0]
-    return tail
 
 
 def _spacing(e: Entry) -> float:

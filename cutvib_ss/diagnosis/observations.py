@@ -166,8 +166,12 @@ def _without_force(entries: Sequence[Entry], records: Sequence[Record]) -> tuple
 
 def _without_lost(e: Entry, record: Record) -> Entry:
     """A record of blows without the lines of each channel that the steps of a converter have spoilt."""
-    if record.kind != "impact" or not (by_steps := rounding_variance(record)).any():
-        return e
+    by_steps = rounding_variance(record) if record.kind == "impact" else np.zeros(1)
+    return less_spoilt(e, by_steps) if by_steps.any() else e
+
+
+def less_spoilt(e: Entry, by_steps: FloatArray) -> Entry:
+    """A record of which a part of the variance is by a converter's steps, less the lines that those have spoilt."""
     lost = rounded_part(e.response, by_steps, SETTINGS.record_lost_over) > SETTINGS.record_lost**2
     # Where nothing would be left, the variance that the steps have is all there is to go by.
     return replace(e, rounded=by_steps / e.variance, lost=lost if lost.any() and not lost.all() else None)

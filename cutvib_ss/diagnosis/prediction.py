@@ -106,6 +106,11 @@ class Prediction:
         """What a block without end would show, its window aside; shape (position, channel, frequency)."""
         return self._values[:, :, : self.s.size]
 
+    @property
+    def tail(self) -> ComplexArray:
+        """What the blocks cut off, shape (position, channel, frequency)."""
+        return np.asarray(self.untruncated * self.window - self.data)
+
     def _responses(self, circles: Circles) -> ComplexArray:
         """Responses on the line and on the circles, which become this prediction's; shape (position, channel, s)."""
         g, s = self.group, np.concatenate([self.s, circles.points])

@@ -12,13 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from cutvib_ss.diagnosis.observations import Observations
+from cutvib_ss.diagnosis.observations import Observations, less_spoilt
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Entry
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.measurement.dead_zone import stops
-from cutvib_ss.measurement.estimation import rounded_part
 from cutvib_ss.results import FloatArray
 
 STOPS = (
@@ -36,7 +35,8 @@ With step q and decay rate σ that is q²/12 for ln 6 / σ, over (q/2)²/2 for 1
 
 def with_what_stops(nominal: Model, observed: Observations) -> Observations:
     """The observations, the variance of responses that stop ringing being wider by what they lack."""
-    found = [(e, stops(e.response)) for e in observed.entries]
+    # Time histories tell their steps themselves.
+    found = [(e, np.full(len(e.channels), np.inf) if e.estimator.kind else stops(e.response)) for e in observed.entries]
     ends = np.concatenate([end[np.isfinite(end)] for _, end in found])
     # A window ends all responses at one instant.
     if np.unique(ends).size < 2:
@@ -54,14 +54,11 @@ def _widened(nominal: Model, e: Entry, ends: FloatArray) -> Entry:
         at = SETTINGS.record_blow_at
         cut = replace(e.response, estimator=replace(e.estimator, block=at + end, blow_at=at))
         shown = Prediction(nominal, replace(e, response=cut).group, at)
-        tail = np.abs((shown.untruncated * shown.window - shown.data)[0, ends == end]) ** 2
+        tail = np.abs(shown.tail[0, ends == end]) ** 2
         lacking[ends == end] = _nearby(e.freq, tail) + _ROUNDED * tail.mean(axis=-1, keepdims=True)
     if not lacking.any():
         return e
-    variance = e.variance + lacking
-    lost = rounded_part(e.response, lacking, SETTINGS.record_lost_over) > SETTINGS.record_lost**2
-    some = lost if lost.any() and not lost.all() else None
-    return replace(e.showing(e.data, variance), rounded=lacking / variance, lost=some)
+    return less_spoilt(e.showing(e.data, e.variance + lacking), lacking)
 
 
 def _nearby(freq: FloatArray, squares: FloatArray) -> FloatArray:

@@ -54,7 +54,7 @@ class Rows:
 def rows_of(model: Model, group: Group, sets: np.ndarray, blow_at: float) -> Rows:
     """Records with their weights."""
     shown = Prediction(model, group, blow_at)
-    tail: ComplexArray = shown.untruncated * shown.window - shown.data
+    tail = shown.tail
     error = (
         group.variance
         + (SETTINGS.stiffness_model_error * np.abs(group.data)) ** 2

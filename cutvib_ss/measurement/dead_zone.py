@@ -18,7 +18,9 @@ _TAPER = 0.1  # Part of the band over which each of its ends is faded in
 _BEFORE = 0.9  # Part of the block up to which what the taper smears ahead of the impulse does not reach
 _SILENT = 0.15  # Part of the block that is quiet at the least
 _QUIET = 1e-3  # Of the noise's power: a mean over six samples of white noise does not get there
-_FALL = 0.05  # Part of the block within which the power falls to the next; an exponential window takes longer
+_FALL = (
+    0.05  # Part of the block within which the power falls to the next; exponential windows of usual rates take longer
+)
 _ABRUPT = 1e-3
 _SMEARED = 2  # Bins by which the taper makes an end look late: earlier is safer
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -101,3 +102,13 @@ def test_responses_that_all_stop_at_one_instant_are_left_alone() -> None:
     campaign = Campaign("", Path(), BAR, (record("a", 0.6, 1e-3, 1.0), record("b", 0.6, 1e-3, 1.0)), ())
     plain = observe(campaign, BAR)
     assert with_what_stops(BAR, plain) is plain
+
+
+def test_time_histories_tell_their_steps_themselves() -> None:
+    campaign = Campaign("", Path(), BAR, (record("soft", 0.6, 1e-3, 0.5), record("hard", 0.6, 1e-3, 1.0)), ())
+    plain = observe(campaign, BAR)
+    entries = tuple(
+        replace(e, response=replace(e.response, estimator=replace(e.estimator, kind="H1"))) for e in plain.entries
+    )
+    histories = replace(plain, entries=entries)
+    assert with_what_stops(BAR, histories) is histories
