@@ -62,6 +62,14 @@ def diagnose_command(
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Same input and seed, same output.")] = 0,
     jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes to use.")] = 1,
+    effort: Annotated[
+        float,
+        typer.Option(
+            "--effort",
+            metavar="FACTOR",
+            help="How much may be computed before further steps are left out, times the default.",
+        ),
+    ] = 1.0,
     machine: NominalOption = None,
     save_machine: SaveMachineOption = None,
 ) -> None:
@@ -74,8 +82,8 @@ def diagnose_command(
         raise ParameterError(f"--hold-out {hold_out:g} must lie strictly between 0 and 1")
     lines = None if band is None else limits(band, "150:300")
     check_outputs(json, report, save_machine)
-    found = diagnosis_of(campaign, machine, hold_out, seed, jobs, lines, tuple(records or ()))
-    again = _command(campaign, machine, hold_out, seed, band, records or ())
+    found = diagnosis_of(campaign, machine, hold_out, seed, jobs, lines, tuple(records or ()), effort)
+    again = _command(campaign, machine, hold_out, seed, band, records or (), effort)
     give_diagnosis(found, json, report, save_machine, again)
     if json != "-":
         print_diagnosis(found, results())
@@ -233,6 +241,7 @@ def diagnosis_of(
     jobs: int,
     band: tuple[float, float] | None = None,
     records: Sequence[str] = (),
+    effort: float = 1.0,
 ) -> Diagnosis:
     """The diagnosis of a campaign's files, or of some records and lines, with another nominal model where one is given."""
     with progress() as told:
@@ -242,7 +251,7 @@ def diagnosis_of(
         measured = chosen(measured, band, records)
         from cutvib_ss.diagnosis.diagnose import diagnose
 
-        return diagnose(measured, hold_out=hold_out, seed=seed, jobs=jobs, progress=told)
+        return diagnose(measured, hold_out=hold_out, seed=seed, jobs=jobs, effort=effort, progress=told)
 
 
 def chosen(campaign: Campaign, band: tuple[float, float] | None, records: Sequence[str]) -> Campaign:
@@ -271,13 +280,20 @@ def without_unknown(model: Model) -> tuple[Model, str]:
 
 
 def _command(
-    campaign: Path, machine: Path | None, hold_out: float | None, seed: int, band: str | None, records: Sequence[str]
+    campaign: Path,
+    machine: Path | None,
+    hold_out: float | None,
+    seed: int,
+    band: str | None,
+    records: Sequence[str],
+    effort: float,
 ) -> str:
     """The command that gives the same diagnosis again."""
     parts = ["cutvib", "diagnose", str(campaign)]
     parts += [] if machine is None else ["--machine", str(machine)]
     parts += [] if hold_out is None else ["--hold-out", f"{hold_out:g}"]
     parts += [] if band is None else ["--band", band]
+    parts += [] if effort == 1.0 else ["--effort", f"{effort:g}"]
     for pattern in records:
         parts += ["--records", pattern]
     return shlex.join([*parts, "--seed", str(seed), "--report", "report.html"])

@@ -65,6 +65,8 @@ ORDERED = (
     "is measured from soft to hard; measure one from hard to soft"
 )
 
+LEFT_OUT = "as much was computed as may be, and left out were: {}; for these ask for more effort (--effort 4)"
+
 
 def diagnose(
     campaign: Campaign,
@@ -73,6 +75,7 @@ def diagnose(
     hold_out: float | None = None,
     seed: int = 0,
     jobs: int = 1,
+    effort: float = 1.0,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """
@@ -91,6 +94,9 @@ def diagnose(
     jobs : int
         Processes, among which independent fits are spread; the result does not depend on their number. With more than one a
         script needs its ``if __name__ == "__main__":``, since they are spawned.
+    effort : float
+        How much may be computed before what can be done without is left out: elements of unknown form, and causes that act
+        together. A multiple of what that is by default; ``math.inf`` for no limit. A warning says what was left out.
     progress : callable, optional
         Is called with a line that says what is being done; what follows a colon in it is how far that has come.
 
@@ -114,11 +120,13 @@ def diagnose(
         raise ParameterError(f"hold_out = {hold_out} is a fraction: it must lie between 0 and 1")
     if jobs < 1:
         raise ParameterError(f"jobs = {jobs} must be at least 1")
+    if not effort > 0.0:
+        raise ParameterError(f"effort = {effort} must be above 0")
     nominal: Model = campaign.machine if machine is None else machine
     if not campaign.records:
         raise DiagnosisError("the campaign holds no records")
     # Small matrices in many threads wait for each other.
-    with threadpool_limits(1), Workers(jobs, progress) as workers:
+    with threadpool_limits(1), Workers(jobs, progress, effort * SETTINGS.search_work) as workers:
         return _diagnosed(campaign, nominal, hold_out, seed, workers)
 
 
@@ -253,6 +261,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
         warnings=(
             *campaign.warnings,
             *observed.warnings,
+            *([LEFT_OUT.format("; ".join(workers.left_out))] if workers.left_out else []),
             *([CONFOUNDED] if confounded(records) else []),
             *([ORDERED] if _ordered(chosen, records) else []),
             *at_their_ends(chosen),

@@ -254,7 +254,7 @@ class _HeldOutRules:
         left = self.held(bare).against_stated
         if unknown and left > SETTINGS.verdict_misfit:
             give(self.odds, bare, unknown)
-        elif left > SETTINGS.fit_hopeless:
+        elif left > SETTINGS.verdict_misfit:
             # No element of unknown form was fitted: what this loses lies on something unknown.
             self.odds[bare.name] *= 1.0 - SETTINGS.verdict_form
 

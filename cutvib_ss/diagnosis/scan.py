@@ -86,7 +86,7 @@ class Scan:
         predictions, residuals, _ = problem.residuals(each)
         directions = Directions(problem, each, predictions, spread=not records.widened)
         lay = directions.layout
-        scale = lay.scale(sizes)
+        self.sizes, scale = sizes, lay.scale(sizes)
         self.rows = scale[:, None] * directions.flat()
         self.left = _flat(residuals)
         precision = np.concatenate([problem.prior_precision(), np.ones(lay.size - problem.size)])
@@ -123,6 +123,35 @@ class Scan:
     def each(self, starts: Sequence[Effect]) -> list[tuple[float, float]]:
         """χ² that each start of a linear cause would take away: as it stands, and scaled as it is best."""
         return [found[1:] for found in self._of_starts(starts)]
+
+    def all_free(self, effect: Effect, amplitudes: Sequence[float] = (1.0,)) -> tuple[float, float]:
+        """
+        χ² that a linear cause would take away with all of its parameters free, and twice its log evidence, to first order.
+
+        Of several amplitudes of the prior of those that are scale-free the best.
+        """
+        _, problem, x = self.with_cause(effect)
+        try:
+            each = problem.each(self._each(x))
+            directions = Directions(problem, each, problem.predictions(each), spread=not self.records.widened)
+        except (CutvibError, np.linalg.LinAlgError):
+            return -np.inf, -np.inf
+        own = [problem.first_effect + i for i, p in enumerate(problem.parameters) if p[0] == len(self.effects)]
+        rows = directions.layout.scale(self.sizes)[own, None] * directions.flat()[own]
+        seen = self.rows @ rows.T
+        pulled = self.normal.solved(seen)
+        along = rows @ self.left + pulled.T @ (self.strain - self.of_left)
+        matrix = rows @ rows.T - seen.T @ pulled
+        scaled = ~problem.even[own]
+        # An even prior from 0 to 1 has a variance of 1/12.
+        precision = np.where(scaled, 1.0, 12.0)
+        found = []
+        for amplitude in amplitudes:
+            size = np.where(scaled, amplitude, 1.0)
+            whole = size[:, None] * matrix * size + np.diag(precision)
+            gain = float((size * along) @ np.linalg.solve(whole, size * along))
+            found.append((gain, gain - float(np.linalg.slogdet(whole)[1] - np.log(precision).sum())))
+        return max(found, key=lambda row: row[1])
 
     def refined(self, best: Scanned) -> Scanned:
         """A restoring force with its parameters where it explains most."""

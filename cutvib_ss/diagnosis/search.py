@@ -170,8 +170,8 @@ def search(
     # What drift takes up of each record by itself may fail at records that were held out.
     stands_out = shows_gap(ranked, none) or against_stated(none) > SETTINGS.verdict_misfit
     # A residual that is not white is no noise, however small it is.
-    if (stands_out or none.fit.correlation > 1.0) and (left or not by_law):
-        workers.say("fitting elements of unknown form")
+    lacks = (stands_out or none.fit.correlation > 1.0) and (left or not by_law)
+    if lacks and workers.begin("fitting elements of unknown form"):
         # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
         few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
         noise = best.reduced < SETTINGS.search_enough and (not by_law or leaves(best) <= SETTINGS.verdict_misfit)
@@ -180,7 +180,8 @@ def search(
             ranked += unknown_elements(
                 nominal, records, few, observed, ranked, linear, rival, workers, beside=rival is None and stands_out
             )
-        if tried is not None and left and not of_one_place(ranked, leaves):
+        by_force = tried is not None and left and not of_one_place(ranked, leaves)
+        if by_force and workers.begin("fitting restoring forces of unknown form"):
             ranked += unknown_by_level(nominal, records, few, observed, none, ranked, rival, workers)
     if (
         pairs
@@ -189,8 +190,8 @@ def search(
         and not of_one_place(ranked, leaves)
         # Far from all causes the fits on all lines may stop anywhere, those with a widened noise do not.
         and max(leads, taken) > SETTINGS.search_leads
+        and workers.begin("fitting causes that act together")
     ):
-        workers.say("fitting causes that act together")
         known = [r for r in ranked if "unknown" not in dict(r.fit.hypothesis.causes)]
         seconds = [Second(c, alone.get(c.name)) for c in linear]
         seconds += [Second(c, None) for c in (tried.candidates if tried else ())]

@@ -293,13 +293,17 @@ def unknown_poles(model: Model, element: Any) -> tuple[UnknownPole, ...]:
     )
 
 
+def amplitude_ratios() -> tuple[float, ...]:
+    """Amplitudes of the prior over the middle one."""
+    amplitudes = SETTINGS.unknown_amplitudes
+    return tuple(a / amplitudes[len(amplitudes) // 2] for a in amplitudes)
+
+
 def of_other_amplitudes(element: Any) -> tuple[Any, ...]:
     """The same function under each other amplitude of the prior; of an element of the middle one."""
-    amplitudes = SETTINGS.unknown_amplitudes
-    ratios = [a / amplitudes[len(amplitudes) // 2] for a in amplitudes]
     return tuple(
         replace(element, scale=element.scale * r, **{name: getattr(element, name) / r for name in _NAMES})
-        for r in ratios
+        for r in amplitude_ratios()
         if r != 1.0
     )
 

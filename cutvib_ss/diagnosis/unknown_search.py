@@ -20,6 +20,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import (
     ByLevel,
     UnknownPole,
+    amplitude_ratios,
     of_other_amplitudes,
     unknown_candidates,
     unknown_poles,
@@ -62,7 +63,8 @@ def unknown_elements(
     if not linear:
         return found
     by_evidence = sorted(linear, key=lambda r: -r.fit.log_evidence)
-    if beside and unknown.reduced > SETTINGS.search_enough:
+    further = beside and unknown.reduced > SETTINGS.search_enough
+    if further and workers.begin("fitting elements of unknown form beside a cause"):
         first = by_evidence[0].fit
         both = [_beside(first, h) for h in alone]
         found += best(both, first.x[: first.first_effect], beside=first)
@@ -140,9 +142,14 @@ def best_unknown(
     if there is not None:
         # What does not come close to the rival is left out below: of equal cost it has more unknowns, and a smaller objective.
         later = partial(later, rival=there.objective + SETTINGS.search_close)
-    begun = workers.map(first, hypotheses, [warm] * len(hypotheses))
-    ahead = sorted((f for f in begun if f is not None), key=cost)[: SETTINGS.search_unknown_climbed]
-    tried = workers.map(later, [f.hypothesis for f in ahead], [f.x for f in ahead])
+    if beside is None:
+        begun = workers.map(first, hypotheses, [warm] * len(hypotheses))
+        ahead = sorted((f for f in begun if f is not None), key=cost)[: SETTINGS.search_unknown_climbed]
+        tried = workers.map(later, [f.hypothesis for f in ahead], [f.x for f in ahead])
+    else:
+        # Near what the cause alone reaches first order tells, and that on many sites nothing is gained.
+        promising = _promising(nominal, few, hypotheses, beside, workers)
+        tried = workers.map(later, promising, [warm] * len(promising))
     at: dict[str, Fit] = {}
     for f in sorted((f for f in tried if f is not None), key=cost):
         at.setdefault(_unknown_of(f).site, f)
@@ -173,6 +180,20 @@ def best_unknown(
     sharp.sort(key=cost)
     close = [f for f in sharp if cost(f) - cost(sharp[0]) < SETTINGS.search_close]
     return [Ranked(_name(f), f, True) for f in _refitted(nominal, records, close, workers, near=True, reached=reached)]
+
+
+def _promising(
+    nominal: Model, few: Records, hypotheses: Sequence[Hypothesis], beside: Fit, workers: Workers
+) -> list[Hypothesis]:
+    """Unknown elements beside a cause that promise most to first order; none where none is worth what it costs."""
+    scan = Scan(nominal, few, beside.hypothesis, beside.x, {}, apart=False)
+    ratios = amplitude_ratios()
+    gains = workers.map(partial(scan.all_free, amplitudes=ratios), [h.effects[-1] for h in hypotheses])
+    worth = any(gain >= scan.least and evidence > 0.0 for gain, evidence in gains)
+    if np.isfinite(scan.least) and not worth:
+        return []
+    ordered = sorted(range(len(hypotheses)), key=lambda i: -gains[i][1])
+    return [hypotheses[i] for i in ordered[: SETTINGS.search_unknown_climbed]]
 
 
 def _worth(both: Fit, first: Fit) -> bool:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import copyreg
+import math
 import os
 import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing import get_context, parent_process
 from threading import Thread, current_thread, main_thread
 from types import MappingProxyType, TracebackType
@@ -17,6 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from cutvib_ss.diagnosis.work import count, counted, done
 from cutvib_ss.effects.base import Effect
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.errors import ParameterError
@@ -94,10 +97,14 @@ class Workers:
 
     Processes are spawned, not forked: threads of the numerical libraries would be copied in the middle of their work. A script
     that asks for more than one therefore needs its ``if __name__ == "__main__":``. Results do not depend on their number.
+
+    Steps that can be done without are left out once as much has been computed as the limit says.
     """
 
-    def __init__(self, jobs: int = 1, progress: Callable[[str], None] | None = None) -> None:
+    def __init__(self, jobs: int = 1, progress: Callable[[str], None] | None = None, limit: float = math.inf) -> None:
         self.jobs = jobs
+        self.left_out: dict[str, None] = {}  # Steps, in order
+        self._end = done() + limit
         self._progress = progress
         self._step = ""
         self._pool: ProcessPoolExecutor | None = None
@@ -123,6 +130,14 @@ class Workers:
         if self._progress is not None:
             self._progress(step)
 
+    def begin(self, step: str) -> bool:
+        """Tell what is done from here on, unless the limit is reached: then it is to be left out."""
+        if done() > self._end:
+            self.left_out[step] = None
+            return False
+        self.say(step)
+        return True
+
     def _counted(self, results: Iterable[ResultT], total: int) -> list[ResultT]:
         """Results as they come, each told."""
         out = []
@@ -143,5 +158,8 @@ class Workers:
             )
         # What the work shares goes along with every chunk: few chunks, yet some to even out.
         with _not_interrupted():
-            results = self._pool.map(work, *zip(*rows, strict=True), chunksize=max(1, len(rows) // (3 * self.jobs)))
-        return self._counted(results, len(rows))
+            chunk = max(1, len(rows) // (3 * self.jobs))
+            found = self._pool.map(partial(counted, work), *zip(*rows, strict=True), chunksize=chunk)
+        out = self._counted(found, len(rows))
+        count(sum(values for _, values in out))
+        return [result for result, _ in out]

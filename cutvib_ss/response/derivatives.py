@@ -95,9 +95,12 @@ class ResponseDerivatives:
         return out
 
     def _core_alone(self, path: Path) -> Changes | None:
-        """How a value moves the core of a small head, where it moves nothing else."""
+        """How a value moves the core of a small head, or of a structure, where it moves nothing else."""
         receptance = self.receptance
-        if not receptance.interface or len(receptance.system.dofs) > _FEW or path[0] != "head":
+        if receptance.interface:
+            if len(receptance.system.dofs) > _FEW or path[0] != "head":
+                return None
+        elif receptance.shaken(self.input):
             return None
         changes = receptance.core_changes(path)
         if changes is None or any(a.moved(changes.rows) is not None for a in receptance.assembly.elements):
@@ -139,7 +142,9 @@ class ResponseDerivatives:
     @cached_property
     def _moving(self) -> ComplexArray:
         """X of the outputs, with their factors, shape (n, position, output, frequency)."""
-        out = self._held[:, None] + self.receptance.following[:, 0, None, None] * self._motion[0]
+        out: ComplexArray = self._held[:, None]
+        if len(self._motion):
+            out = out + self.receptance.following[:, 0, None, None] * self._motion[0]
         for i in range(1, len(self._motion)):
             out += self.receptance.following[:, i, None, None] * self._motion[i]
         return np.asarray(out)

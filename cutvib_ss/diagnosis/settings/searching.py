@@ -13,6 +13,8 @@ class SearchSettings:
     """Of the search, and of records that were held out."""
 
     # Search
+    search_work: float = of(4e8, "derivatives", "Of values of a response, or what takes as long, after which further "
+        "steps are left out", "longer", TIME)
     search_coarse_lines: int = of(120, "lines", "Of a group, on which starts are fitted", "longer", TIME)
     search_coarse_error: float = of(0.03, "1", "Relative error by which their noise is widened",
         "weak causes are passed over", JUDGEMENT)
