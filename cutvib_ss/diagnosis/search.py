@@ -304,7 +304,9 @@ def _moving(
 ) -> list[Ranked]:
     """The best linear causes fitted to every record by itself, as long as they lead to what another hypothesis has reached."""
     workers.say("following linear causes from record to record")
-    best = sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence)[: SETTINGS.search_moving]
+    # Of a machine that moves within its sessions the order of fits that are not followed means little.
+    known = ranked if _moves(reached) else [r for r in ranked if r.refined]
+    best = sorted(known, key=lambda r: -r.fit.log_evidence)[: SETTINGS.search_moving]
     # Beside a restoring force few steps tell whether a linear cause leads there, beside drift alone it may take many.
     alone = reached.fit.hypothesis.linear
     steps = SETTINGS.search_most_steps if alone else SETTINGS.search_later_steps
@@ -312,7 +314,7 @@ def _moving(
     # What the best reaches the others have to come up to.
     for some_of in (slice(1), slice(1, None)):
         follow = partial(_followed, nominal, records, steps=steps, rival=rival)
-        again += workers.map(follow, best[some_of])
+        again += [r for r in workers.map(follow, best[some_of]) if r.refined]
         rival = min([reached.fit.objective, *(r.fit.objective for r in again)])
     return [*again, *(r for r in ranked if r not in best)]
 
@@ -321,7 +323,20 @@ def _followed(
     nominal: Model, records: Records, r: Ranked, steps: int = SETTINGS.search_most_steps, rival: float = np.inf
 ) -> Ranked:
     again = refit(nominal, records, r.fit.hypothesis, r.fit.x, steps, near=r.fit, rival=rival)
-    return r if again is None else replace(r, fit=again)
+    if again is None:
+        return r
+    followed = Ranked(r.name, again, True)
+    if not _moves(followed):
+        return followed
+    # Resonances that move by more than they are wide are followed from afar.
+    afar = refit(nominal, records, r.fit.hypothesis, r.fit.x, steps, rival=rival)
+    return followed if afar is None or afar.log_evidence < again.log_evidence else replace(followed, fit=afar)
+
+
+def _moves(r: Ranked) -> bool:
+    """Whether a linear fit that was followed leaves far more than noise, on a machine that moves within its sessions."""
+    moves = r.fit.spread.sizes.within > SETTINGS.sizes["within"][0][0]
+    return r.fit.hypothesis.linear and moves and r.reduced > SETTINGS.search_small
 
 
 def _other_instants(nominal: Model, records: Records, r: Ranked) -> Ranked:
