@@ -44,6 +44,7 @@ from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import SmallSize
 from cutvib_ss.diagnosis.standing import (
     best_of,
+    forces_come_close,
     is_enough,
     lacks_a_form,
     linear_of,
@@ -180,8 +181,8 @@ def search(
             ranked += unknown_elements(
                 nominal, records, few, observed, ranked, linear, rival, workers, beside=rival is None and stands_out
             )
-        by_force = tried is not None and left and not of_one_place(ranked, leaves)
-        if by_force and workers.begin("fitting restoring forces of unknown form"):
+        by_force = tried is not None and left and forces_come_close([none, *ranked])
+        if by_force and not of_one_place(ranked, leaves) and workers.begin("fitting restoring forces of unknown form"):
             ranked += unknown_by_level(nominal, records, few, observed, none, ranked, rival, workers)
     if (
         pairs

@@ -58,6 +58,14 @@ def is_enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked],
     return left < SETTINGS.search_left + SETTINGS.search_left_of_gap * max(none.reduced - 1.0, 0.0)
 
 
+def forces_come_close(ranked: Sequence[Ranked]) -> bool:
+    """Whether some restoring force comes close to the best linear hypothesis: where none does, none of unknown form will."""
+    refined = [r for r in ranked if r.refined]
+    forces = [r.fit.log_evidence for r in refined if not r.fit.hypothesis.linear]
+    linear = max((r.fit.log_evidence for r in refined if r.fit.hypothesis.linear), default=-np.inf)
+    return not forces or max(forces) > linear - SETTINGS.search_far / 2.0
+
+
 def linear_of(ranked: Sequence[Ranked]) -> list[Ranked]:
     """Causes that are the same at every level."""
     return [r for r in ranked if r.fit.hypothesis.linear]

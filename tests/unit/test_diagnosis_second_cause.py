@@ -21,7 +21,7 @@ from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked, once
 from cutvib_ss.diagnosis.search import _better
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.standing import is_enough, lacks_a_form, of_one_place
+from cutvib_ss.diagnosis.standing import forces_come_close, is_enough, lacks_a_form, of_one_place
 from cutvib_ss.diagnosis.unknown_element import UnknownChannelError, UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect
@@ -564,6 +564,16 @@ def test_a_form_is_missing_where_something_unknown_leads_all_known_causes(eviden
     assert lacks_a_form([MAIN, OTHER, ranked("unknown", evidence, UNKNOWN)]) == lacks
     # What was not fitted on all lines leads nothing.
     assert not lacks_a_form([MAIN, replace(ranked("unknown", evidence, UNKNOWN), refined=False)])
+
+
+@pytest.mark.parametrize(("evidence", "close"), [(-90.0, True), (-110.0, False)])
+def test_no_unknown_force_is_fitted_where_linear_causes_lead_all_known_ones_by_far(
+    evidence: float, close: bool
+) -> None:
+    force = ranked("force", evidence, CUBIC)
+    assert forces_come_close([NONE, MAIN, force]) == close
+    # Where none was fitted on all lines, nothing tells how close they come.
+    assert forces_come_close([NONE, MAIN, replace(force, refined=False)])
 
 
 def test_what_has_passed_all_of_its_probability_on_has_none_to_share() -> None:
