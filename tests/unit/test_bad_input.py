@@ -213,6 +213,7 @@ def test_frequencies_that_make_no_sense(freq: str, tmp_path: Path, capsys: pytes
         (["identify", str(DEMO), "--band", "300:150"], "300:150"),
         (["diagnose", "absent"], "absent"),
         (["diagnose", str(DEMO), "--hold-out", "1.5"], "--hold-out 1.5"),
+        (["diagnose", str(DEMO), "--effort", "0"], "effort = 0.0 must be above 0"),
         (["diagnose", str(DEMO), "--seed", "-1"], "--seed"),
         (["diagnose", str(DEMO), "--jobs", "0"], "--jobs"),
         (["diagnose"], "CAMPAIGN"),
