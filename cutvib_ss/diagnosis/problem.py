@@ -22,7 +22,7 @@ from cutvib_ss.diagnosis.records import Group, session_of
 from cutvib_ss.diagnosis.residual_modes import ResidualMode, residual_modes
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import calibration_shapes, from_unknown, parts_among, to_unknown, tuning_paths
-from cutvib_ss.diagnosis.work import RESPONSE, SMALL, count
+from cutvib_ss.diagnosis.work import count
 from cutvib_ss.effects.base import Carried, Effect, Model
 from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
@@ -52,7 +52,7 @@ class Problem:
             # What is not given, or infinite, is not fitted.
             if getattr(e, name) is not None and np.isfinite(getattr(e, name))
         ]
-        self._large = max(1.0, len(nominal.assembly.core.dofs) / SMALL)
+        self._large = max(1.0, len(nominal.assembly.core.dofs) / SETTINGS.search_small_order)
         self.n_tuning = len(self.tuning)
         self.parts = parts_among(nominal, self.tuning)
         """Unknowns that are errors of single parts of a structure's matrices, and of the losses of its modes."""
@@ -196,7 +196,7 @@ class Problem:
         """The model seen through the estimator of each group."""
         each = self.each(x)
         models = self._models(each)
-        count(self._large * RESPONSE * sum(g.data.size for g in self.groups))
+        count(self._large * SETTINGS.search_response * sum(g.data.size for g in self.groups))
         out = [
             Prediction(model, g, self.blow_at(own), c)
             for model, g, own, c in zip(models, self.groups, each, self._circles, strict=True)

@@ -27,7 +27,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.sweeps import SweptRecord, swept
 from cutvib_ss.diagnosis.unknown_by_level import ByLevelProblem
 from cutvib_ss.diagnosis.unknown_element import ByLevel
-from cutvib_ss.diagnosis.work import RESPONSE, count
+from cutvib_ss.diagnosis.work import count
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.replay import Replay
@@ -130,7 +130,7 @@ def simulated(
         )
         # An unstable model runs away: it leaves no finite residual, and no step is taken there.
         with np.errstate(all="ignore"):
-            count(RESPONSE * forces.size)
+            count(SETTINGS.search_response * forces.size)
             run = step(form, forces, replays[0].fs, elements, dynamic_below=still, steps=steps)
         if windows:
             for part in (run.responses, run.motions, run.forces):

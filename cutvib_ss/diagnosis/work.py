@@ -8,12 +8,6 @@ from typing import Any, TypeVar
 
 ResultT = TypeVar("ResultT")
 
-RESPONSE = 6.0
-"""What a value of a response, or a sample of a simulated one, takes: as long as so many derivatives of it."""
-
-SMALL = 8
-"""Degrees of freedom up to which none takes longer than another; beyond, it goes with their number."""
-
 # One count for each thread, and for each process.
 _DONE: ContextVar[float] = ContextVar("work", default=0.0)
 

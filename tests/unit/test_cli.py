@@ -262,7 +262,7 @@ def test_diagnose_writes_json_report_and_machine(
         patch.setattr("cutvib_ss.model_files.write_machine", lambda model, path: Path(path).write_text("machine"))
         status = main([*asked, "--report", str(files["out.html"]), "--save-machine", str(files["out.toml"])])
     assert status == 0
-    assert diagnosed == [(DEMO, None, 0.4, 3, 2, None, ())]
+    assert diagnosed == [(DEMO, None, 0.4, 3, 2, None, (), 1.0)]
     data = _json(files["out.json"].read_text())
     assert data["schema"] == "cutvib-diagnosis/1"
     assert data["causes"][1]["parameters"]["damping"]["std"] is None

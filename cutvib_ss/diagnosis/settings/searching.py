@@ -15,6 +15,10 @@ class SearchSettings:
     # Search
     search_work: float = of(4e8, "derivatives", "Of values of a response, or what takes as long, after which further "
         "steps are left out", "longer", TIME)
+    search_response: float = of(6.0, "derivatives", "What a value of a response, or a sample of a simulated one, counts as, by the "
+        "time it takes", "-", TIME)
+    search_small_order: int = of(8, "degrees of freedom", "From which what is computed counts in proportion to their number", "-",
+        TIME)
     search_coarse_lines: int = of(120, "lines", "Of a group, on which starts are fitted", "longer", TIME)
     search_coarse_error: float = of(0.03, "1", "Relative error by which their noise is widened",
         "weak causes are passed over", JUDGEMENT)
