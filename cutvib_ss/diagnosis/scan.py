@@ -126,9 +126,9 @@ class Scan:
 
     def all_free(self, effect: Effect, amplitudes: Sequence[float] = (1.0,)) -> tuple[float, float]:
         """
-        χ² that a linear cause would take away with all of its parameters free, and twice its log evidence, to first order.
+        χ² that a linear cause would take away to first order, all of its parameters free, and twice the log evidence that it gains.
 
-        Of several amplitudes of the prior of those that are scale-free the best.
+        Normal priors are tried with each of the standard deviations given; that of most evidence counts.
         """
         _, problem, x = self.with_cause(effect)
         try:

@@ -305,7 +305,7 @@ def _moving(
 ) -> list[Ranked]:
     """The best linear causes fitted to every record by itself, as long as they lead to what another hypothesis has reached."""
     workers.say("following linear causes from record to record")
-    # Of a machine that moves within its sessions the order of fits that are not followed means little.
+    # Where the machine moves within its sessions, fits that do not follow it are in no order.
     known = ranked if _moves(reached) else [r for r in ranked if r.refined]
     best = sorted(known, key=lambda r: -r.fit.log_evidence)[: SETTINGS.search_moving]
     # Beside a restoring force few steps tell whether a linear cause leads there, beside drift alone it may take many.

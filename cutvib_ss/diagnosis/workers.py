@@ -131,7 +131,7 @@ class Workers:
             self._progress(step)
 
     def begin(self, step: str) -> bool:
-        """Tell what is done from here on, unless the limit is reached: then it is to be left out."""
+        """Begin a step that can be done without, and tell of it; false, and noted as left out, once the limit is reached."""
         if done() > self._end:
             self.left_out[step] = None
             return False

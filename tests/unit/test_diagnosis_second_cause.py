@@ -246,7 +246,7 @@ def test_a_model_alone_that_leaves_far_more_than_noise_gives_way_to_something_un
             [none, other], {"none": 0.7, "unknown": 0.3}, held(none=Leaves(against_stated=left), unknown=Leaves()), 1.0
         )
         assert max(found, key=lambda name: found[name]) == best
-    # Where no unknown element was fitted, as the limit of what is computed was reached, what it loses is named nothing.
+    # Without a fit of an unknown element, what it loses goes to no hypothesis: it is the probability of something unknown.
     alone = judged_on_held_out([none], {"none": 1.0}, held(none=Leaves(against_stated=3.0)), 1.0)
     assert alone == pytest.approx({"none": 1.0 - SETTINGS.verdict_form})
 
