@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
 
 from threadpoolctl import threadpool_limits
 
 from cutvib_ss.diagnosis import answer, cross_validation, where
 from cutvib_ss.diagnosis.answer import Shown
-from cutvib_ss.diagnosis.blocks import longer_blocks
+from cutvib_ss.diagnosis.campaign_search import Searched, observe_campaign, search_campaign, without_odd
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of, out_of_tolerance
 from cutvib_ss.diagnosis.compared_responses import compared_responses
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.directions import Sizes
 from cutvib_ss.diagnosis.fit import Fit
-from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.held_out_rules import judged_on_held_out
 from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.known_form import of_known_form
-from cutvib_ss.diagnosis.lasting import with_lasting
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import chance_of_order, confounded, level_stands_out
-from cutvib_ss.diagnosis.mean_delays import without_mean_delays
-from cutvib_ss.diagnosis.modes_beyond import BEYOND
 from cutvib_ss.diagnosis.next_test import next_test
-from cutvib_ss.diagnosis.observations import Observations, observe
-from cutvib_ss.diagnosis.odd_records import ODD, odd_records
+from cutvib_ss.diagnosis.odd_records import odd_records
 from cutvib_ss.diagnosis.place import Located, at_measurement, locate
 from cutvib_ss.diagnosis.posterior import (
     Counts,
@@ -45,10 +37,7 @@ from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Diagnosis, NextTest, Where
-from cutvib_ss.diagnosis.search import Linear, search, search_linear
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.small_sizes import SmallSize, small_sizes
-from cutvib_ss.diagnosis.stopped import with_what_stops
 from cutvib_ss.diagnosis.unknown_element import ByLevel, unknown_places
 from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
@@ -130,94 +119,16 @@ def diagnose(
         return _diagnosed(campaign, nominal, hold_out, seed, workers)
 
 
-class _Searched(NamedTuple):
-    """What a search found, and on which records."""
-
-    observed: Observations
-    records: Records  # Of these, those to fit on
-    judged: Callable[[Ranked], HeldOut]  # Any hypothesis on held-out records
-    sizes: Callable[[Fit], Sequence[Sequence[SmallSize]]]  # Of linear causes beside any fit
-    ranked: tuple[Ranked, ...]  # The tuned nominal model, then causes by evidence
-
-
-def _searched(
-    campaign: Campaign, nominal: Model, observed: Observations, hold_out: float | None, seed: int, workers: Workers
-) -> _Searched:
-    """All hypotheses on all records but those that fit with no others."""
-    linear = search_linear(nominal, _to_fit(observed), observed, workers)
-    if linear.best.reduced > SETTINGS.verdict_misfit and (longer := longer_blocks(nominal, observed)) is not None:
-        other = search_linear(nominal, _to_fit(longer), longer, workers)
-        if other.best.fit.log_evidence > linear.best.fit.log_evidence:
-            observed, linear = longer, other
-    if (below := _below_modes_beyond(campaign, nominal, observed, linear)) is not None:
-        observed = below
-        linear = search_linear(nominal, _to_fit(observed), observed, workers)
-    odd = odd_records(nominal, linear.records, linear.none, linear.ranked)
-    if odd:
-        observed = _without(campaign, observed, odd)
-        linear = search_linear(nominal, _to_fit(observed), observed, workers)
-    folds = cross_validation.folds(observed, hold_out, seed)
-    judgements: dict[str, HeldOut] = {}
-
-    def judged(r: Ranked) -> HeldOut:
-        if r.name not in judgements:
-            judgements[r.name] = HeldOut(
-                r, cross_validation.judge(nominal, folds, r.fit, workers), all(f.held_out for f in folds)
-            )
-        return judgements[r.name]
-
-    beside: list[tuple[Fit, Sequence[Sequence[SmallSize]]]] = []
-
-    def sizes(fit: Fit) -> Sequence[Sequence[SmallSize]]:
-        if not any(known is fit for known, _ in beside):
-            beside.append((fit, small_sizes(nominal, fit, linear.records, observed)))
-        return next(found for known, found in beside if known is fit)
-
-    ranked = search(
-        nominal, observed, linear, lambda r: judged(r).reduced, lambda r: judged(r).against_stated, sizes, workers
-    )
-    return _Searched(observed, linear.records, judged, sizes, ranked)
-
-
-def _observed(campaign: Campaign, nominal: Model, highest: float = math.inf) -> Observations:
-    """The campaign's responses, with what drifts within a record."""
-    observed = observe(campaign, nominal, highest)
-    for _ in range(SETTINGS.record_late_passes):
-        if observed.jitter is None:
-            break
-        campaign = without_mean_delays(nominal, campaign, observed, observed.jitter)
-        observed = observe(campaign, nominal, highest)
-    observed = with_what_stops(nominal, observed)
-    return replace(observed, entries=with_lasting(nominal, observed.entries))
-
-
-def _below_modes_beyond(
-    campaign: Campaign, nominal: Model, observed: Observations, linear: Linear
-) -> Observations | None:
-    """The responses below a resonance that the model lacks and no linear cause explains; None where there is none."""
-    if observed.beyond is None or nominal.highest_mode is None or linear.best.reduced <= SETTINGS.verdict_misfit:
-        return None
-    end = observed.beyond / SETTINGS.record_below_resonance
-    if observed.band[1] <= end:
-        return None
-    below = _observed(campaign, nominal, end)
-    return replace(below, warnings=(*below.warnings, BEYOND.format(nominal.highest_mode[0], observed.beyond, end)))
-
-
-def _without(campaign: Campaign, observed: Observations, odd: Mapping[int, float]) -> Observations:
-    """The observations without records that fit with no others."""
-    return observed.without(odd, tuple(ODD.format(campaign.records[i].name, left) for i, left in odd.items()))
-
-
 def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed: int, workers: Workers) -> Diagnosis:
-    searched = _searched(campaign, nominal, _observed(campaign, nominal), hold_out, seed, workers)
+    searched = search_campaign(campaign, nominal, observe_campaign(campaign, nominal), hold_out, seed, workers)
     linear = [r for r in searched.ranked[1:] if r.fit.hypothesis.linear]
     # Where some cause, a restoring force too, leaves noise of all records, none is odd.
     explained = any(r.refined and r.reduced < SETTINGS.search_enough for r in searched.ranked)
     odd = {} if explained else odd_records(nominal, searched.records, searched.ranked[0], linear)
     if odd:
         # No single known cause left noise of the others, but two together do, or something unknown.
-        searched = _searched(campaign, nominal, _without(campaign, searched.observed, odd), hold_out, seed, workers)
+        without = without_odd(campaign, searched.observed, odd)
+        searched = search_campaign(campaign, nominal, without, hold_out, seed, workers)
     observed, records, ranked = searched.observed, searched.records, searched.ranked
     none, fitted = ranked[0], list(records.entries)
     problem = Problem(nominal, records.merged, Hypothesis())
@@ -280,7 +191,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     )
 
 
-def _considered(nominal: Model, searched: _Searched) -> tuple[Counts, dict[tuple[str, str], int]]:
+def _considered(nominal: Model, searched: Searched) -> tuple[Counts, dict[tuple[str, str], int]]:
     """How many causes and places share the priors, and how many variants each cause has."""
     observed = searched.observed
     known = considered(nominal, observed.band, observed.channels)
@@ -291,7 +202,7 @@ def _considered(nominal: Model, searched: _Searched) -> tuple[Counts, dict[tuple
     return Counts(len(known), len(set(sites))), {**known, **unknown}
 
 
-def _odds(searched: _Searched, counts: Counts, variants: dict[tuple[str, str], int]) -> dict[str, float]:
+def _odds(searched: Searched, counts: Counts, variants: dict[tuple[str, str], int]) -> dict[str, float]:
     """Probability of every hypothesis by name, each held against records that its fit has not seen."""
     ranked, judged = searched.ranked, searched.judged
     heat = temperature(judged(max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)))
@@ -302,7 +213,7 @@ def _odds(searched: _Searched, counts: Counts, variants: dict[tuple[str, str], i
 
 
 def _hidden(
-    searched: _Searched, odds: dict[str, float], counts: Counts
+    searched: Searched, odds: dict[str, float], counts: Counts
 ) -> tuple[dict[str, float], dict[tuple[str, str], float]]:
     """Probabilities where causes may be too small to be seen, and theirs by effect and place: none where something is."""
     none = searched.ranked[0]
@@ -319,7 +230,7 @@ def _hidden(
     return that_may_hide(odds, none.name, known, evidence, counts)
 
 
-def _shown(nominal: Model, searched: _Searched, odds: Mapping[str, float]) -> Shown:
+def _shown(nominal: Model, searched: Searched, odds: Mapping[str, float]) -> Shown:
     """The answer and its rivals on held-out records."""
     none, *causes = searched.ranked
     judged = searched.judged
@@ -351,7 +262,7 @@ def _shown(nominal: Model, searched: _Searched, odds: Mapping[str, float]) -> Sh
 
 
 def _located(
-    nominal: Model, searched: _Searched, problem: Problem, odds: Mapping[str, float], workers: Workers
+    nominal: Model, searched: Searched, problem: Problem, odds: Mapping[str, float], workers: Workers
 ) -> tuple[bool, Located]:
     """Whether the level matters, and where the fault lies without a hypothesis."""
     records, none = searched.records, searched.ranked[0]
@@ -365,7 +276,7 @@ def _located(
     return by_level, locate(nominal, none.fit, fitted, blow_at, by_level)
 
 
-def _next_test(searched: _Searched, odds: Mapping[str, float]) -> NextTest | None:
+def _next_test(searched: Searched, odds: Mapping[str, float]) -> NextTest | None:
     """The record that would tell the likeliest hypotheses apart best."""
     remaining = [r for r in searched.ranked if odds[r.name] > 0.02][:4]
     if len(remaining) < 2:
@@ -378,11 +289,6 @@ def _next_test(searched: _Searched, odds: Mapping[str, float]) -> NextTest | Non
 def _ordered(fit: Fit, records: Records) -> bool:
     """Whether a linear answer leaves drift that goes with the level."""
     return fit.hypothesis.linear and chance_of_order(fit.spread, records) < SETTINGS.level_drift
-
-
-def _to_fit(observed: Observations) -> Records:
-    """The records that are not only for judging; all, where there are no others."""
-    return Records(tuple(e for e in observed.entries if not e.check) or observed.entries)
 
 
 def _same_cause(one: Ranked, two: Ranked) -> bool:
