@@ -14,10 +14,8 @@ from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.odd_records import odd_records
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.search import search_linear
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import unknown_candidates
-from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.measurement.records import Campaign
 from tests.unit.test_diagnosis_drift import MACHINE, campaign
@@ -39,21 +37,24 @@ def with_gain(found: Campaign, records: tuple[int, ...], gain: float) -> Campaig
 
 
 def found_odd(measured: Campaign) -> dict[int, float]:
-    observed = observe(measured, MACHINE)
-    linear = search_linear(MACHINE, Records(observed.entries), observed, Workers(1))
-    assert linear.none.fit.hypothesis == Hypothesis()
-    return odd_records(MACHINE, linear.records, linear.none, linear.ranked)
+    """Odd records beside the tuned model alone."""
+    records = Records(observe(measured, MACHINE).entries)
+    return odd_records(MACHINE, records, Ranked("none", fit(MACHINE, records, Hypothesis()), True), [])
 
 
 # At 0.95 both channels together leave eight times their noise.
 @pytest.mark.parametrize("gain", [0.7, 0.95])
-def test_a_record_on_a_wrong_range_is_left_out_and_named(tmp_path: Path, gain: float) -> None:
+def test_a_record_on_a_wrong_range_is_odd(tmp_path: Path, gain: float) -> None:
     right = campaign(tmp_path, {"Monday": PLACES, "Tuesday": PLACES}, 3)
     wrong = with_gain(right, (5,), gain)
     odd = found_odd(wrong)
     assert list(odd) == [5]
     assert odd[5] > 10.0
-    found = diagnose(wrong)
+
+
+def test_a_diagnosis_says_which_record_it_left_out(tmp_path: Path) -> None:
+    right = campaign(tmp_path, {"Monday": PLACES, "Tuesday": PLACES}, 3)
+    found = diagnose(with_gain(right, (5,), 0.95))
     assert found.verdict == "no_gap"
     assert any(w.startswith("r5: left out") for w in found.warnings)
 
@@ -67,9 +68,13 @@ def test_what_shows_in_several_records_is_not_left_out(tmp_path: Path, records: 
 def test_a_cause_that_all_records_show_leaves_none_out(tmp_path: Path) -> None:
     right = campaign(tmp_path, {"Monday": PLACES, "Tuesday": PLACES}, 3)
     heavier = replace(right, machine=AddedMass("tool", -0.4).apply(MACHINE))
-    observed = observe(heavier, heavier.machine)
-    linear = search_linear(heavier.machine, Records(observed.entries), observed, Workers(1))
-    assert odd_records(heavier.machine, linear.records, linear.none, linear.ranked) == {}
+    records = Records(observe(heavier, heavier.machine).entries)
+    none, cause = (
+        Ranked(name, fit(heavier.machine, records, Hypothesis(effects)), True)
+        for name, effects in (("none", ()), ("added_mass", (AddedMass("tool", 0.3),)))
+    )
+    assert cause.reduced < 1.5 < none.reduced
+    assert odd_records(heavier.machine, records, none, [cause]) == {}
 
 
 def test_a_record_whose_position_no_other_has_stays(tmp_path: Path) -> None:
