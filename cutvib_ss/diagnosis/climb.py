@@ -218,8 +218,8 @@ class Climb:
         marginal = Marginal(*at.quadratic.system(self.sizes), np.arange(at.x.size))
         prior = self._prior(at.x)
         at.chi2 = at.quadratic.at(self.sizes) - prior - marginal.taken
-        # What errors of parts take has to pay, as what drifts and discrepancies do: their size moves with the evidence.
-        paid = marginal.log_determinant + marginal.of_own(self.parts)
+        # What errors of parts take has to pay, as what drifts and discrepancies do, where their size moves with the evidence.
+        paid = marginal.log_determinant + marginal.of_own(self.parts) if self.spread else 0.0
         at.objective = at.chi2 + paid + self.count * float(np.log(self.sizes.noise)) + prior
 
     def _prior(self, x: FloatArray) -> float:
