@@ -249,14 +249,18 @@ class _HeldOutRules:
 
     def no_cause_leaves_noise(self, bare: Ranked) -> None:
         """Where the re-tuned model leaves far more than noise, something unknown is there."""
-        unknown = best(x for x in self.fitted if kind_of(x.fit.hypothesis) == UNKNOWN)
+        unknown, known = (best(x for x in self.fitted if kind_of(x.fit.hypothesis) == k) for k in (UNKNOWN, "known"))
         # Held against the noise as stated: the model's own factor on the noise takes up what is not the machine's.
-        left = self.held(bare).against_stated
-        if unknown and left > SETTINGS.verdict_misfit:
-            give(self.odds, bare, unknown)
-        elif left > SETTINGS.verdict_misfit:
+        if self.held(bare).against_stated <= SETTINGS.verdict_misfit:
+            return
+        if unknown is None:
             # No element of unknown form was fitted: what this loses lies on something unknown.
             self.odds[bare.name] *= 1.0 - SETTINGS.verdict_form
+        elif known is None or self.held(unknown).log_density >= self.held(known).log_density:
+            give(self.odds, bare, unknown)
+        else:
+            # An element that predicts less than a known cause does is not what is there.
+            self.odds[bare.name] = 0.0
 
 
 def _by_chance(parameters: int) -> float:
