@@ -60,9 +60,9 @@ def is_enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked],
 
 def forces_come_close(ranked: Sequence[Ranked]) -> bool:
     """Whether some restoring force comes close to the best linear hypothesis: where none does, none of unknown form will."""
-    refined = [r for r in ranked if r.refined]
-    forces = [r.fit.log_evidence for r in refined if not r.fit.hypothesis.linear]
-    linear = max((r.fit.log_evidence for r in refined if r.fit.hypothesis.linear), default=-np.inf)
+    # Few lines say how close those come at the most that were not fitted on all.
+    forces = [r.fit.log_evidence for r in ranked if not r.fit.hypothesis.linear]
+    linear = max((r.fit.log_evidence for r in ranked if r.refined and r.fit.hypothesis.linear), default=-np.inf)
     return not forces or max(forces) > linear - SETTINGS.search_far / 2.0
 
 
