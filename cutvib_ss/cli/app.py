@@ -13,7 +13,13 @@ import typer
 
 from cutvib_ss.cli.absorber_design import absorber_design_command
 from cutvib_ss.cli.absorbers import absorber_check_command
-from cutvib_ss.cli.blind import blind_measured_command, blind_real_command, blind_run_command, blind_score_command
+from cutvib_ss.cli.blind import (
+    blind_measured_command,
+    blind_ranks_command,
+    blind_real_command,
+    blind_run_command,
+    blind_score_command,
+)
 from cutvib_ss.cli.campaign_files import campaign_init_command, campaign_show_command
 from cutvib_ss.cli.campaigns import diagnose_command, identify_command
 from cutvib_ss.cli.control import control_check_command, control_design_command
@@ -106,6 +112,7 @@ _COMMANDS: tuple[tuple[typer.Typer, str, Callable[..., None], str], ...] = (
     (blind, "blind score", blind_score_command, "my-trial --json score.json --report score.html"),
     (blind, "blind measured", blind_measured_command, "measured-rigs --out added --seed 1 --jobs 2"),
     (blind, "blind real", blind_real_command, "measured-rigs --json table.json"),
+    (blind, "blind ranks", blind_ranks_command, "--cases 60 --seed 1 --jobs 2"),
     (app, "serve", serve_command, "my-campaign --port 8080 --no-open"),
 )
 """The commands: what each stands under, its name, what it runs, and the arguments of the example in its help."""

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from cutvib_ss.validation.score import Score
     from cutvib_ss.validation.seal import Trial
+    from cutvib_ss.validation.statistics import Estimate
 
 _TrialOption = Annotated[
     Path, typer.Option("--out", metavar="DIR", help="Folder of the trial; the labels go to DIR.sealed beside it.")
@@ -182,6 +183,40 @@ def blind_real_command(
     for row in rows:
         if row.error is not None:
             say(console, f"{row.campaign}: {row.error}")
+
+
+def blind_ranks_command(
+    cases: Annotated[int, typer.Option("--cases", min=1, metavar="N", help="Number of cases.")],
+    seed: Annotated[int, typer.Option("--seed", min=0, metavar="S", help="Seed of all cases.")],
+    causes: Annotated[
+        list[str] | None,
+        typer.Option("--cause", metavar="EFFECT", help="Draw this cause; may be repeated. Default: all linear ones."),
+    ] = None,
+    severity: Annotated[
+        str, typer.Option("--severity", metavar="LO:HI", help="Range of severities, relative to the rig's usual ones.")
+    ] = "0.3:2",
+    small: Annotated[
+        bool, typer.Option("--small", help="Campaigns of four positions, two levels and two channels.")
+    ] = False,
+    json: JsonOption = None,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Cases at a time.")] = 1,
+) -> None:
+    """Draw causes on a virtual machine, fit each by its own name: how often do intervals of a fit hold the true values?"""
+    check_outputs(json)
+    from cutvib_ss.validation.plan import SMALL
+    from cutvib_ss.validation.ranks import CENTRAL, LINEAR, coverage, draw_ranks, to_dict
+
+    with working("drawing and fitting"):
+        ranks = draw_ranks(cases, seed, causes or LINEAR, _range(severity), SMALL if small else None, jobs)
+    if give_json(to_dict(ranks), json):
+        return
+    columns = ["", "values", *(f"{of} {part:.0%}" for of in ("posterior", "stated") for part in CENTRAL)]
+    rows = [(c.name, str(c.values), *map(_covered, (*c.posterior, *c.stated))) for c in coverage(ranks)]
+    show(results(), "True values within central intervals", columns, rows, "lrrrrr")
+
+
+def _covered(found: Estimate) -> str:
+    return f"{found.value:.0%} ({found.low:.0%}-{found.high:.0%})" if found.cases else "-"
 
 
 def _say_sealed(trial: Trial, cases: int) -> None:
