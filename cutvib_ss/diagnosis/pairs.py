@@ -64,6 +64,9 @@ class _Family:
                 not tried or (not self.linear and tried[0][1].reduced > SETTINGS.pairs_astray)
             ):
                 break
+            # Every round of simulations takes as long as a step of the search.
+            if round_ and not self.linear and not self.workers.begin("fitting more pairs with a restoring force"):
+                break
             base = bases[round_] if round_ < len(bases) else _second_of(*tried[0])
             tried += self._with_second(base, seconds)
             tried.sort(key=lambda pair: pair[1].objective)

@@ -28,7 +28,7 @@ DEMO = Path(campaigns.__file__).parents[1] / "data" / "demo"
 COMMANDS = [
     "demo", "diagnose", "fleet", "plan", "identify", "paper", "figures", "modes", "frf", "bode", "schedule", "simulate",
     "absorber check",
-    "absorber design", "control design", "control check", "blind run", "blind score", "blind real",
+    "absorber design", "control design", "control check", "blind run", "blind score", "blind real", "blind ranks",
     "campaign init", "campaign show", "serve",
 ]  # fmt: skip
 
