@@ -168,7 +168,7 @@ def fit_pairs(
             break
         if linear and not alike:
             continue
-        if not linear and not workers.begin("fitting pairs with a restoring force"):
+        if not linear and not workers.begin("fitting pairs with a restoring force", SETTINGS.search_work_pairs):
             break
         tried = _Family(nominal, wide, sharp, linear, motion, workers, seen).around(bases, seconds)
         # On few lines no single cause is a rival, for none is enough.

@@ -172,18 +172,13 @@ def search(
     stands_out = shows_gap(ranked, none) or against_stated(none) > SETTINGS.verdict_misfit
     # A residual that is not white is no noise, however small it is.
     lacks = (stands_out or none.fit.correlation > 1.0) and (left or not by_law)
-    if lacks and workers.begin("fitting elements of unknown form"):
-        # A known cause that leaves nothing needs none beside it, but has to do better than any of unknown form.
-        few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
-        noise = best.reduced < SETTINGS.search_enough and (not by_law or leaves(best) <= SETTINGS.verdict_misfit)
-        rival = best if noise else None
-        if alike:
-            ranked += unknown_elements(
-                nominal, records, few, observed, ranked, linear, rival, workers, beside=rival is None and stands_out
-            )
-        by_force = tried is not None and left and forces_come_close([none, *ranked])
-        if by_force and not of_one_place(ranked, leaves) and workers.begin("fitting restoring forces of unknown form"):
-            ranked += unknown_by_level(nominal, records, few, observed, none, ranked, rival, workers)
+    # A known cause that leaves nothing needs none of unknown form beside it, but has to do better than any.
+    few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
+    noise = lacks and best.reduced < SETTINGS.search_enough and (not by_law or leaves(best) <= SETTINGS.verdict_misfit)
+    rival = best if noise else None
+    if lacks and alike and workers.begin("fitting elements of unknown form"):
+        beside = rival is None and stands_out
+        ranked += unknown_elements(nominal, records, few, observed, ranked, linear, rival, workers, beside)
     if (
         pairs
         and left
@@ -191,12 +186,17 @@ def search(
         and not of_one_place(ranked, leaves)
         # Far from all causes the fits on all lines may stop anywhere, those with a widened noise do not.
         and max(leads, taken) > SETTINGS.search_leads
-        and workers.begin("fitting causes that act together")
+        # Those that are in the catalogue come before restoring forces of unknown form.
+        and workers.begin("fitting causes that act together", SETTINGS.search_work_pairs)
     ):
         known = [r for r in ranked if "unknown" not in dict(r.fit.hypothesis.causes)]
         seconds = [Second(c, alone.get(c.name)) for c in linear]
         seconds += [Second(c, None) for c in (tried.candidates if tried else ())]
         ranked += fit_pairs(nominal, records, known, seconds, tried.motion if tried else {}, workers, alike)
+        left = not is_enough(ranked, none, leaves)
+    by_force = lacks and left and tried is not None and forces_come_close([none, *ranked])
+    if by_force and not of_one_place(ranked, leaves) and workers.begin("fitting restoring forces of unknown form"):
+        ranked += unknown_by_level(nominal, records, few, observed, none, ranked, rival, workers)
     ranked += relieved(nominal, records, best_of(ranked, none), linear, workers)
     if forces is not None and tried is None and compared and lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.

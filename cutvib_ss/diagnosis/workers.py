@@ -104,7 +104,7 @@ class Workers:
     def __init__(self, jobs: int = 1, progress: Callable[[str], None] | None = None, limit: float = math.inf) -> None:
         self.jobs = jobs
         self.left_out: dict[str, None] = {}  # Steps, in order
-        self._end = done() + limit
+        self._begun, self._limit = done(), limit
         self._progress = progress
         self._step = ""
         self._pool: ProcessPoolExecutor | None = None
@@ -130,9 +130,13 @@ class Workers:
         if self._progress is not None:
             self._progress(step)
 
-    def begin(self, step: str) -> bool:
-        """Begin a step that can be done without, and tell of it; false, and noted as left out, once the limit is reached."""
-        if done() > self._end:
+    def begin(self, step: str, of_limit: float = 1.0) -> bool:
+        """
+        Begin a step that can be done without, and tell of it.
+
+        False, and noted as left out, once this part of the limit is done.
+        """
+        if done() - self._begun > of_limit * self._limit:
             self.left_out[step] = None
             return False
         self.say(step)

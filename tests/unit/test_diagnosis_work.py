@@ -71,8 +71,10 @@ def test_steps_are_left_out_once_the_limit_is_reached() -> None:
         assert workers.begin("first")
         fitted(records(MACHINE), 1.0)
         assert not workers.begin("second")
-        assert not workers.begin("third")
-    assert said == ["first"]
+        assert not workers.begin("third", 10.0)
+        # What matters more may begin when more is done.
+        assert workers.begin("fourth", 1e12)
+    assert said == ["first", "fourth"]
     assert list(workers.left_out) == ["second", "third"]
 
 

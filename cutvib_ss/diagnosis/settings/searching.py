@@ -15,6 +15,7 @@ class SearchSettings:
     # Search
     search_work: float = of(4e8, "derivatives", "Of values of a response, or what takes as long, after which further "
         "steps are left out", "longer", TIME)
+    search_work_pairs: float = of(1.5, "1", "Of `search_work`, after which causes that act together are left out", "longer", TIME)
     search_response: float = of(6.0, "derivatives", "What a value of a response, or a sample of a simulated one, counts as, by the "
         "time it takes", "-", TIME)
     search_small_order: int = of(8, "degrees of freedom", "From which what is computed counts in proportion to their number", "-",
