@@ -302,7 +302,8 @@ class Climb:
                 # Not as far as the quadratic says: the next ones will shrink likewise.
                 trail.add(here, there - here)
                 return tried
-            tried *= harder
+            # Far below where damping begins all steps are alike.
+            tried = max(tried, 1e-3) * harder
         return tried
 
     def _moved_to(self, there: FloatArray) -> bool:

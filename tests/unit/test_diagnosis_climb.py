@@ -1,9 +1,14 @@
 """Steps that are extrapolated, against a linear iteration."""
 
 import numpy as np
+import pytest
 
-from cutvib_ss.diagnosis.climb import Trail, _step
+from cutvib_ss.diagnosis.climb import Beside, Climb, Trail, _step
+from cutvib_ss.diagnosis.drifted import problems_of
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.marginal import Marginal
+from cutvib_ss.effects.rail_added_mass import RailAddedMass
+from tests.unit.test_diagnosis_work import MACHINE, records
 
 
 def test_a_linear_iteration_is_followed_to_its_end() -> None:
@@ -66,3 +71,23 @@ def test_a_step_gains_what_is_left_once_the_directions_have_followed() -> None:
     np.testing.assert_allclose(marginal.taken, residual @ residual - least(np.zeros(3)), rtol=1e-9)
     np.testing.assert_allclose(marginal.gain(step), least(np.zeros(3)) - least(step), rtol=1e-9)
     np.testing.assert_allclose(marginal.log_determinant, np.linalg.slogdet(matrix[3:, 3:])[1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("before", [1e-9, 1e-7, 1e-3])
+def test_a_step_that_gains_nothing_is_damped_far_enough_whatever_good_steps_came_before(
+    monkeypatch: pytest.MonkeyPatch, before: float
+) -> None:
+    problems = problems_of(MACHINE, records(RailAddedMass("rail", 0.37, 1.5, 0.0).apply(MACHINE)), Hypothesis(), False)
+    search = Climb(problems, problems[0].start(None), False, Beside(0.0, 0, True))
+    search._linearise(search.at)
+    tried: list[float] = []
+
+    def step(matrix: np.ndarray, gradient: np.ndarray, damping: float, *rest: np.ndarray) -> np.ndarray:
+        tried.append(damping)
+        return _step(matrix, gradient, damping, *rest)
+
+    monkeypatch.setattr("cutvib_ss.diagnosis.climb._step", step)
+    monkeypatch.setattr(Climb, "_moved_to", lambda self, there: False)
+    assert search.at.quadratic is not None
+    search._step(before, search.at.quadratic, Trail(), 0.1)
+    assert tried == pytest.approx([before, 1e-2, 1.0, 1e3])
