@@ -37,7 +37,7 @@ def of_known_form(
     strained = [
         r
         for r in likely
-        if kind_of(r.fit.hypothesis) != UNKNOWN
+        if not _is_unknown(r)
         and r.refined
         and (of_another_form(r, held) or r.fit.at_end or (bare is not None and _leaves_more(held(r), held(bare))))
     ]
@@ -52,7 +52,32 @@ def of_known_form(
         known, part = _another_form(r, named, out, held)
         if known:
             give(out, r, known, part)
+    _by_one_name(likely, out)
     return out
+
+
+def _by_one_name(likely: Sequence[Ranked], odds: dict[str, float]) -> None:
+    """The likeliest known cause, alone and beside something unknown, in one where another answer would come between the two."""
+    groups: dict[frozenset[tuple[str, str]], list[Ranked]] = {}
+    for r in likely:
+        if known := frozenset(c for c in r.fit.hypothesis.causes if c[0] != UNKNOWN):
+            groups.setdefault(known, []).append(r)
+    if not groups:
+        return
+    total = {known: sum(odds[r.name] for r in same) for known, same in groups.items()}
+    likeliest = max(groups, key=lambda known: total[known])
+    first, *others = sorted(groups.pop(likeliest), key=lambda r: -odds[r.name])
+    named = [odds[r.name] for same in groups.values() for r in same]
+    # What an unknown element has, and what nothing here has.
+    nameless = 1.0 - sum(p for name, p in odds.items() if name not in {r.name for r in likely if _is_unknown(r)})
+    if odds[first.name] < max([nameless, *named]) < total[likeliest]:
+        for r in others:
+            give(odds, r, first)
+
+
+def _is_unknown(r: Ranked) -> bool:
+    """Whether a hypothesis is something unknown alone."""
+    return kind_of(r.fit.hypothesis) == UNKNOWN
 
 
 def _another_form(

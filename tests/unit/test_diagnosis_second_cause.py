@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -15,7 +15,7 @@ from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.held_out_rules import judged_on_held_out
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.known_form import of_known_form
+from cutvib_ss.diagnosis.known_form import _by_one_name, of_known_form
 from cutvib_ss.diagnosis.posterior import kind_of, that_drift_by_chance
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked, once
@@ -499,6 +499,36 @@ def test_something_unknown_beside_a_cause_may_be_a_second_known_one_that_leaves_
     odds = {"beside": 1.0, "pair": 0.0, "other": 0.0, "main": 0.0}
     found = of_known_form([main, pair, other, beside], odds, held(pair=Leaves(reduced=left), beside=Leaves()))
     assert found == pytest.approx({"beside": kept, "pair": 1.0 - kept, "other": 0.0, "main": 0.0})
+
+
+@pytest.mark.parametrize(
+    ("alone", "beside", "other", "kept"),
+    [
+        (0.3, 0.3, 0.0, 0.6),
+        (0.25, 0.35, 0.0, 0.0),  # The likelier has both
+        (0.45, 0.15, 0.0, 0.45),  # It comes first as it is
+        (0.3, 0.05, 0.2, 0.3),  # Something unknown is likelier
+        (0.3, 0.3, 0.4, 0.6),  # Another cause would come first
+        (0.2, 0.1, 0.5, 0.2),
+    ],
+)
+def test_something_unknown_is_no_likelier_than_a_cause_that_stands_alone_and_beside_it(
+    alone: float, beside: float, other: float, kept: float
+) -> None:
+    main, both = sized("main", 3e-5, 1e-3, MASS), sized("both", 3e-5, 1e-3, MASS, UNKNOWN)
+    spring = sized("spring", 3e-5, 1e-3, CUBIC)
+    # What is missing to one lies on something unknown.
+    odds = {"main": alone, "both": beside, "spring": other}
+    found = _by_one_name_of([main, both, spring], odds)
+    assert found["main"] == pytest.approx(kept)
+    assert found["main"] + found["both"] == pytest.approx(alone + beside)
+    assert found["spring"] == other
+
+
+def _by_one_name_of(every: Sequence[Ranked], odds: Mapping[str, float]) -> dict[str, float]:
+    out = dict(odds)
+    _by_one_name(every, out)
+    return out
 
 
 def test_a_cause_that_stands_in_for_others_is_not_enough() -> None:
