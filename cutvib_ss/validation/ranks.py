@@ -34,10 +34,12 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.campaign import read_campaign
 from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import FloatArray
-from cutvib_ss.validation.rig import draw_case, write_campaign
+from cutvib_ss.validation.rig import Case, draw_case, write_campaign
 from cutvib_ss.validation.rig.causes import FORMS
+from cutvib_ss.validation.rig.motion import NotConvergedError
 from cutvib_ss.validation.rig.structure import Rig
 from cutvib_ss.validation.statistics import Estimate, proportion
+from cutvib_ss.validation.trial import REDRAWS
 
 CENTRAL = (0.5, 0.9)
 """Central intervals whose coverage is counted."""
@@ -101,7 +103,7 @@ def draw_ranks(
     Raises
     ------
     ParameterError
-        If a cause is not known, or there are no cases.
+        If a cause is not known, there are no cases, or the rig can integrate the motion of no machine with a cause.
     """
     if cases < 1:
         raise ParameterError(f"{cases} cases: there must be at least one")
@@ -156,13 +158,12 @@ def to_dict(ranks: Sequence[Rank]) -> dict[str, Any]:
 def _ranks_of_case(
     seed: int, cause: str, severity: tuple[float, float], small: Mapping[str, Any] | None
 ) -> tuple[Rank, ...]:
-    case = draw_case(seed, "single", cause, severity, small, form=FORMS[cause][0].name)
-    (fault,) = case.faults
     with tempfile.TemporaryDirectory(prefix="cutvib-") as folder:
-        write_campaign(case, Path(folder) / "campaign")
-        campaign = read_campaign(Path(folder) / "campaign")
+        case = _written(seed, cause, severity, small, Path(folder))
+        campaign = read_campaign(Path(folder))
         nominal: Model = campaign.machine
         observed = observe_campaign(campaign, nominal)
+    (fault,) = case.faults
     records = Records(observed.entries)
     variants = _variants(nominal, observed.band, observed.channels, cause, fault.place, fault.parameters)
     made = max((fit(nominal, records, Hypothesis((e,))) for e in variants), key=lambda f: f.log_evidence)
@@ -181,6 +182,21 @@ def _ranks_of_case(
         Rank(cause, name, tuned, _below(value, made, made.x, k), _below(value, made, made.corrected.x, k))
         for k, (name, tuned, value) in true.items()
     )
+
+
+def _written(
+    seed: int, cause: str, severity: tuple[float, float], small: Mapping[str, Any] | None, folder: Path
+) -> Case:
+    """A case and its campaign; drawn anew with the next seed, as in a trial, where the rig's integrator refuses a motion."""
+    for again in range(REDRAWS + 1):
+        case = draw_case(seed + again, "single", cause, severity, small, form=FORMS[cause][0].name)
+        try:
+            write_campaign(case, folder)
+        except NotConvergedError as error:
+            refused = error
+        else:
+            return case
+    raise ParameterError(f"{cause}: the rig could integrate none of {REDRAWS + 1} draws ({refused})")
 
 
 def _below(true: float, made: Fit, x: FloatArray, k: int) -> float:

@@ -1,6 +1,7 @@
 """Ranks of true values in posteriors: coverage of intervals, and one case drawn and fitted."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,11 @@ from scipy import stats
 
 from cutvib_ss.cli.app import main
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.validation import ranks
 from cutvib_ss.validation.plan import SMALL
 from cutvib_ss.validation.ranks import Rank, coverage, draw_ranks, to_dict
+from cutvib_ss.validation.rig import Case
+from cutvib_ss.validation.rig.motion import NotConvergedError
 
 
 def drawn(narrowed: float) -> tuple[Rank, ...]:
@@ -28,15 +32,36 @@ def test_coverage_is_the_part_of_values_within_the_central_interval(narrowed: fl
 
 
 def test_true_values_are_ranked_in_the_fit_of_the_true_cause() -> None:
-    ranks = draw_ranks(2, 3, ("added_mass", "guide_compliance"), small=SMALL)
-    assert [(r.cause, r.parameter) for r in ranks if not r.tuned] == [
+    found = draw_ranks(2, 3, ("added_mass", "guide_compliance"), small=SMALL)
+    assert [(r.cause, r.parameter) for r in found if not r.tuned] == [
         ("added_mass", "mass"),
         ("guide_compliance", "stiffness"),
         ("guide_compliance", "damping"),
     ]
-    assert {r.parameter for r in ranks if r.tuned} >= {"k1", "k2", "m2"}
+    assert {r.parameter for r in found if r.tuned} >= {"k1", "k2", "m2"}
     # Five standard deviations: the model that is fitted is the one that was drawn, whichever side its sensor sits on.
-    assert all(3e-7 < r.posterior < 1.0 - 3e-7 for r in ranks)
+    assert all(3e-7 < r.posterior < 1.0 - 3e-7 for r in found)
+
+
+def test_a_motion_that_the_rig_cannot_integrate_is_drawn_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    seeds: list[int] = []
+
+    def refusing(below: int) -> Callable[[Case, Path], None]:
+        def write(case: Case, folder: Path) -> None:
+            seeds.append(case.seed)
+            if case.seed < below:
+                raise NotConvergedError("freeplay: half of the noise is still wrong")
+
+        return write
+
+    monkeypatch.setattr(ranks, "write_campaign", refusing(5))
+    assert ranks._written(3, "added_mass", (0.3, 2.0), SMALL, tmp_path).seed == 5
+    assert seeds == [3, 4, 5]
+    monkeypatch.setattr(ranks, "write_campaign", refusing(1000))
+    with pytest.raises(
+        ParameterError, match=r"added_mass: the rig could integrate none of 21 draws .*half of the noise"
+    ):
+        ranks._written(3, "added_mass", (0.3, 2.0), SMALL, tmp_path)
 
 
 def test_ranks_are_written_as_json(tmp_path: Path) -> None:
