@@ -60,6 +60,10 @@ class Spread:
         """Whether a size is the largest of its prior."""
         return bool(getattr(self.sizes, name) >= SETTINGS.sizes[name][-1][0])
 
+    def is_large(self, name: str) -> bool:
+        """Whether a size is larger than the median of its prior."""
+        return sum(p for size, p in SETTINGS.sizes[name] if size < getattr(self.sizes, name)) > 0.5
+
     def drifts(self, sessions: Sequence[tuple[float | str, ...]], records: Sequence[int], count: int) -> FloatArray:
         """Drift of the tuned values of some sessions, then of some records; zero of those that were not fitted."""
         lay = self.layout

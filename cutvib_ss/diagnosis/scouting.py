@@ -79,7 +79,12 @@ def beside_tuned(
 def relieved(
     nominal: Model, records: Records, best: Ranked, linear: Sequence[Candidate], workers: Workers
 ) -> list[Ranked]:
-    """The best linear cause beside others that move what its fit has far out of its tolerance: no residual shows those."""
+    """
+    The best linear cause beside others that no residual shows.
+
+    Those are what moves a value that its fit has far out of its tolerance, and all others where it leaves noise by an error of its
+    own that is larger than most: that may be a second cause.
+    """
     # Beside a restoring force tuning and gains may make up for its form.
     if kind_of(best.fit.hypothesis) != "known" or not best.fit.hypothesis.linear:
         return []
@@ -87,8 +92,24 @@ def relieved(
     others = [c for c in linear if first.get(c.starts[0].effect) != c.starts[0].place]
     # As a lever's length or a damping the first cause's own form may appear.
     named = [c for c in others if not is_alias(c.starts[0].effect, vars(c.starts[0]))]
-    missed = [c for c in named if tuned_away(nominal, best.fit, c.starts[0])]
-    return beside_tuned(nominal, records, best, missed, workers) if missed else []
+    moved = [c for c in named if tuned_away(nominal, best.fit, c.starts[0])]
+    errs = best.reduced < SETTINGS.search_enough and best.fit.spread.is_large("cause")
+    missed = named if errs else moved
+    if not missed:
+        return []
+    found = beside_tuned(nominal, records, best, missed, workers)
+    leading = max(found, key=lambda r: r.fit.log_evidence, default=None)
+    if leading is None or leading.fit.log_evidence < best.fit.log_evidence + SETTINGS.search_caught:
+        return found
+    if errs and len({place for _, place in leading.fit.hypothesis.causes}) == 1:
+        # What makes up for an error best at the cause's own place is the cause in another form.
+        shifted = {f"{best.name} + {c.name}" for c in moved}
+        return [r for r in found if r.name in shifted]
+    # It began so weak that the first fit's error, which becomes smaller step by step, has held most of it.
+    further = refit(nominal, records, leading.fit.hypothesis, leading.fit.x, SETTINGS.search_most_steps)
+    if further is None or further.log_evidence < leading.fit.log_evidence:
+        return found
+    return [replace(r, fit=further) if r is leading else r for r in found]
 
 
 def _from_tuning(nominal: Model, scan: Scan, there: Fit, effect: Effect) -> tuple[Effect, FloatArray]:

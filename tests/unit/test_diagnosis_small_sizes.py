@@ -140,6 +140,47 @@ def test_a_cause_starts_with_all_that_a_value_is_out_of_its_tolerance_by(wrong: 
     assert found.fit.log_evidence > none.log_evidence + SETTINGS.search_caught
 
 
+def test_a_second_cause_is_looked_for_beside_one_that_errs_by_more_than_most() -> None:
+    """A shear ratio with an error of 0.1 held a resonator of 0.12 kg at the tool, and was named alone with 1.00."""
+    steady = replace(MACHINE, tolerance=replace(MACHINE.tolerance, drift=1e-4))
+    late = ChannelDelay("measurement", channel="all", delay=2e-5)
+    both = late.apply(AddedMass("tool", 0.3).apply(steady))
+    records, _ = measured(3e-3, model=both)
+    linear = candidates(steady, (16.0, 300.0), CHANNELS)
+    alone = fit(steady, records, Hypothesis((AddedMass("tool", 0.3),)))
+    assert alone.reduced < SETTINGS.search_enough
+
+    def seconds(size: float) -> dict[str, float]:
+        spread = replace(alone.spread, sizes=replace(alone.spread.sizes, cause=size))
+        erring = Ranked("added_mass tool", replace(alone, spread=spread), True)
+        return {r.name: r.fit.log_evidence for r in relieved(steady, records, erring, linear, Workers(1))}
+
+    assert "added_mass tool + channel_delay all" not in seconds(0.01)
+    found = seconds(0.1)
+    assert max(found, key=lambda name: found[name]) == "added_mass tool + channel_delay all"
+    assert found["added_mass tool + channel_delay all"] > alone.log_evidence + SETTINGS.search_caught
+
+
+def test_what_makes_up_for_an_error_at_the_place_of_a_cause_is_its_form(monkeypatch: pytest.MonkeyPatch) -> None:
+    records, _ = measured(3e-3, 0.3)
+    alone = fit(MACHINE, records, Hypothesis((AddedMass("tool", 0.3),)))
+    spread = replace(alone.spread, sizes=replace(alone.spread.sizes, cause=0.1))
+    erring = Ranked("added_mass tool", replace(alone, spread=spread), True)
+
+    def ahead(place: str, by: float) -> Ranked:
+        both = Hypothesis((AddedMass("tool", 0.3), LocalResonator(place, 0.1, 100.0, 0.02)))
+        fitted = replace(alone, hypothesis=both, log_evidence=alone.log_evidence + by)
+        return Ranked(f"added_mass tool + local_resonator {place}", fitted, True)
+
+    linear = candidates(MACHINE, (16.0, 300.0), CHANNELS)
+    for here, named in ((160.0, []), (60.0, ["tool", "head"])):
+        beside = [ahead("tool", here), ahead("head", 80.0)]
+        monkeypatch.setattr("cutvib_ss.diagnosis.scouting.beside_tuned", lambda *args, beside=beside: beside)
+        monkeypatch.setattr("cutvib_ss.diagnosis.scouting.refit", lambda *args: None)
+        found = relieved(MACHINE, records, erring, linear, Workers(1))
+        assert [r.name.split()[-1] for r in found] == named
+
+
 def test_neither_a_length_nor_what_stands_beside_a_restoring_force_is_a_second_cause_in_the_tuning() -> None:
     steady = replace(MACHINE, tolerance=replace(MACHINE.tolerance, drift=1e-4))
     longer = ParameterShift("head", "l1", 1.03).apply(steady)
