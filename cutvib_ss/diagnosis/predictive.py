@@ -62,7 +62,7 @@ class Spread:
 
     def is_large(self, name: str) -> bool:
         """Whether a size is larger than the median of its prior."""
-        return sum(p for size, p in SETTINGS.sizes[name] if size < getattr(self.sizes, name)) > 0.5
+        return sum(p for size, p in SETTINGS.sizes[name] if size <= getattr(self.sizes, name)) > 0.5 + 1e-9
 
     def drifts(self, sessions: Sequence[tuple[float | str, ...]], records: Sequence[int], count: int) -> FloatArray:
         """Drift of the tuned values of some sessions, then of some records; zero of those that were not fitted."""

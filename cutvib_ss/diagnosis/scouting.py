@@ -80,20 +80,27 @@ def relieved(
     nominal: Model, records: Records, best: Ranked, linear: Sequence[Candidate], workers: Workers
 ) -> list[Ranked]:
     """
-    The best linear cause beside others that no residual shows.
+    The best cause beside linear ones that no residual shows.
 
-    Those are what moves a value that its fit has far out of its tolerance, and all others where it leaves noise by an error of its
-    own that is larger than most: that may be a second cause.
+    Those are what moves a value that its fit has far out of its tolerance, and, beside a linear cause, all others where it leaves
+    noise by an error of its own that is larger than most: that may be a second cause.
     """
-    # Beside a restoring force tuning and gains may make up for its form.
-    if kind_of(best.fit.hypothesis) != "known" or not best.fit.hypothesis.linear:
+    if kind_of(best.fit.hypothesis) != "known":
         return []
     first = dict(best.fit.hypothesis.causes)
     others = [c for c in linear if first.get(c.starts[0].effect) != c.starts[0].place]
     # As a lever's length or a damping the first cause's own form may appear.
     named = [c for c in others if not is_alias(c.starts[0].effect, vars(c.starts[0]))]
     moved = [c for c in named if tuned_away(nominal, best.fit, c.starts[0])]
-    errs = best.reduced < SETTINGS.search_enough and best.fit.spread.is_large("cause")
+    errs = best.fit.spread.is_large("cause")
+    if not best.fit.hypothesis.linear:
+        # For the form of a restoring force that errs tuning and gains may make up.
+        return (
+            []
+            if errs or best.reduced >= SETTINGS.search_enough
+            else _in_place_of_tuning(nominal, records, best, moved, workers)
+        )
+    errs = errs and best.reduced < SETTINGS.search_enough
     missed = named if errs else moved
     if not missed:
         return []
@@ -112,8 +119,29 @@ def relieved(
     return [replace(r, fit=further) if r is leading else r for r in found]
 
 
+def _in_place_of_tuning(
+    nominal: Model, records: Records, best: Ranked, moved: Sequence[Candidate], workers: Workers
+) -> list[Ranked]:
+    """A restoring force beside linear causes that take over what its fit has far out of its tolerance, the farthest first."""
+    there = best.fit
+    # At its own place it is the force's form.
+    elsewhere = [c for c in moved if c.starts[0].place != there.hypothesis.place]
+    taken = [(c, started) for c in elsewhere if (started := _taking_over(nominal, there, c.starts[0])) is not None]
+    chosen = sorted(taken, key=lambda row: float(np.sum(row[1][1] ** 2)))[: SETTINGS.pairs_law_seconds]
+    again = partial(refit, nominal, records, steps=SETTINGS.search_most_law_steps, near=there, rival=there.objective)
+    hypotheses = [replace(there.hypothesis, effects=(*there.hypothesis.effects, e)) for _, (e, _) in chosen]
+    fits = workers.map(again, hypotheses, [x for _, (_, x) in chosen])
+    return [Ranked(f"{best.name} + {c.name}", f, True) for (c, _), f in zip(chosen, fits, strict=True) if f is not None]
+
+
 def _from_tuning(nominal: Model, scan: Scan, there: Fit, effect: Effect) -> tuple[Effect, FloatArray]:
     """A cause as it starts beside a fit, and the tuning there: with all of what a value is far out of its tolerance by, or weak."""
+    taken = _taking_over(nominal, there, effect)
+    return (weak(nominal, scan, effect), there.x[: there.first_effect].copy()) if taken is None else taken
+
+
+def _taking_over(nominal: Model, there: Fit, effect: Effect) -> tuple[Effect, FloatArray] | None:
+    """A cause with all that a value of a fit is far out of its tolerance by, and the tuning with that value in its middle."""
     x = there.x[: there.first_effect].copy()
     values = {path: (i, tolerance) for i, (path, tolerance) in enumerate(tuning_paths(nominal))}
     applied = effect.apply(nominal)
@@ -129,7 +157,7 @@ def _from_tuning(nominal: Model, scan: Scan, there: Fit, effect: Effect) -> tupl
             taken = effect.changed({name: size})
             x[i] = 0.0
             return taken, x
-    return weak(nominal, scan, effect), x
+    return None
 
 
 def scouted(

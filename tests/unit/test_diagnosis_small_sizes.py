@@ -19,6 +19,7 @@ from cutvib_ss.diagnosis.scouting import _from_tuning, beside_tuned, relieved, t
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import scan_beside, small_sizes, weak
+from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect
@@ -181,7 +182,7 @@ def test_what_makes_up_for_an_error_at_the_place_of_a_cause_is_its_form(monkeypa
         assert [r.name.split()[-1] for r in found] == named
 
 
-def test_neither_a_length_nor_what_stands_beside_a_restoring_force_is_a_second_cause_in_the_tuning() -> None:
+def test_neither_a_length_nor_what_stands_beside_a_force_that_errs_is_a_second_cause_in_the_tuning() -> None:
     steady = replace(MACHINE, tolerance=replace(MACHINE.tolerance, drift=1e-4))
     longer = ParameterShift("head", "l1", 1.03).apply(steady)
     records, _ = measured(3e-3, 0.3, longer)
@@ -191,7 +192,9 @@ def test_neither_a_length_nor_what_stands_beside_a_restoring_force_is_a_second_c
     assert tuned_away(steady, alone, ParameterShift("head", "l1", 1.0))
     found = relieved(steady, records, Ranked("added_mass tool", alone, True), linear, Workers(1))
     assert all("l1" not in r.name for r in found)
-    spring = replace(alone, hypothesis=Hypothesis((CubicStiffness("joint2", 1e9),)))
+    # For the form of a restoring force that errs tuning may make up.
+    erring = replace(alone.spread, sizes=replace(alone.spread.sizes, cause=0.1))
+    spring = replace(alone, hypothesis=Hypothesis((CubicStiffness("joint2", 1e9),)), spread=erring)
     assert relieved(steady, records, Ranked("cubic_stiffness joint2", spring, True), linear, Workers(1)) == []
 
 
@@ -203,6 +206,35 @@ def test_a_weak_cause_has_the_sign_of_its_estimate_where_it_may() -> None:
     # The machine lacks mass, and a resonator's cannot be negative.
     assert -0.1 < weak(MACHINE, scan, AddedMass("tool", 0.1)).mass < 0.0
     assert weak(MACHINE, scan, LocalResonator("tool", 0.1, 400.0, 0.02)).mass > 0.0
+
+
+@pytest.mark.parametrize(
+    ("place", "error", "tried"),
+    [("joint2", 0.01, ["added_mass head"]), ("joint2", 0.03, []), ("head", 0.01, [])],
+)
+def test_beside_a_restoring_force_of_the_right_form_a_cause_takes_over_what_tuning_stands_for(
+    monkeypatch: pytest.MonkeyPatch, place: str, error: float, tried: list[str]
+) -> None:
+    """A mass of 1.3 kg on the head was 7.6 tolerances of the head's own, beside a quadratic damper with 0.60."""
+    records, _ = measured(3e-3)
+    none = fit(MACHINE, records, Hypothesis())
+    (m1,) = [i for i, (path, _) in enumerate(tuning_paths(MACHINE)) if path == ("head", "m1")]
+    x = none.x.copy()
+    x[m1] = 4.0
+    spread = replace(none.spread, sizes=replace(none.spread.sizes, cause=error))
+    strained = replace(none, x=x, hypothesis=Hypothesis((CubicStiffness(place, 1e9),)), spread=spread)
+    asked: list[tuple[Hypothesis, np.ndarray]] = []
+    monkeypatch.setattr(
+        "cutvib_ss.diagnosis.scouting.refit", lambda nominal, records, h, x, **rest: asked.append((h, x))
+    )
+    linear = candidates(MACHINE, (16.0, 300.0), CHANNELS)
+    assert relieved(MACHINE, records, Ranked("cubic_stiffness", strained, True), linear, Workers(1)) == []
+    assert [f"{h.effects[1].effect} {h.effects[1].place}" for h, _ in asked] == tried
+    for h, start in asked:
+        # The same model under another name, with the value itself in the middle of its prior.
+        assert start[m1] == 0.0
+        tolerance = dict(tuning_paths(MACHINE))["head", "m1"]
+        assert h.effects[1].mass == pytest.approx(MACHINE.head.m1 * (np.exp(4.0 * tolerance) - 1.0))
 
 
 def test_all_lines_tell_no_less_than_a_part_of_them() -> None:
