@@ -92,23 +92,19 @@ def relieved(
     # As a lever's length or a damping the first cause's own form may appear.
     named = [c for c in others if not is_alias(c.starts[0].effect, vars(c.starts[0]))]
     moved = [c for c in named if tuned_away(nominal, best.fit, c.starts[0])]
-    errs = best.fit.spread.is_large("cause")
+    errs, enough = best.fit.spread.is_large("cause"), best.reduced < SETTINGS.search_enough
     if not best.fit.hypothesis.linear:
         # For the form of a restoring force that errs tuning and gains may make up.
-        return (
-            []
-            if errs or best.reduced >= SETTINGS.search_enough
-            else _in_place_of_tuning(nominal, records, best, moved, workers)
-        )
-    errs = errs and best.reduced < SETTINGS.search_enough
-    missed = named if errs else moved
+        return _in_place_of_tuning(nominal, records, best, moved, workers) if enough and not errs else []
+    in_error = errs and enough
+    missed = named if in_error else moved
     if not missed:
         return []
     found = beside_tuned(nominal, records, best, missed, workers)
     leading = max(found, key=lambda r: r.fit.log_evidence, default=None)
     if leading is None or leading.fit.log_evidence < best.fit.log_evidence + SETTINGS.search_caught:
         return found
-    if errs and len({place for _, place in leading.fit.hypothesis.causes}) == 1:
+    if in_error and len({place for _, place in leading.fit.hypothesis.causes}) == 1:
         # What makes up for an error best at the cause's own place is the cause in another form.
         shifted = {f"{best.name} + {c.name}" for c in moved}
         return [r for r in found if r.name in shifted]
