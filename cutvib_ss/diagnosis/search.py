@@ -305,9 +305,11 @@ def _moving(
 ) -> list[Ranked]:
     """The best linear causes fitted to every record by itself, as long as they lead to what another hypothesis has reached."""
     workers.say("following linear causes from record to record")
-    # Where the machine moves within its sessions, fits that do not follow it are in no order.
-    known = ranked if _moves(reached) else [r for r in ranked if r.refined]
-    best = sorted(known, key=lambda r: -r.fit.log_evidence)[: SETTINGS.search_moving]
+    # Where the machine moves within its sessions, fits that do not follow it are in no order, and few were fitted on all lines.
+    moves = reached.fit.hypothesis.linear and _is_moving(reached)
+    known = ranked if moves else [r for r in ranked if r.refined]
+    count = SETTINGS.search_scouted if moves else SETTINGS.search_moving
+    best = sorted(known, key=lambda r: -r.fit.log_evidence)[:count]
     # Beside a restoring force few steps tell whether a linear cause leads there, beside drift alone it may take many.
     alone = reached.fit.hypothesis.linear
     steps = SETTINGS.search_most_steps if alone else SETTINGS.search_later_steps
@@ -336,8 +338,12 @@ def _followed(
 
 def _moves(r: Ranked) -> bool:
     """Whether a linear fit that was followed leaves far more than noise, on a machine that moves within its sessions."""
-    moves = r.fit.spread.sizes.within > SETTINGS.sizes["within"][0][0]
-    return r.fit.hypothesis.linear and moves and r.reduced > SETTINGS.search_small
+    return r.fit.hypothesis.linear and _is_moving(r) and r.reduced > SETTINGS.search_small
+
+
+def _is_moving(r: Ranked) -> bool:
+    """Whether a fit that was followed moves within its sessions."""
+    return r.fit.spread.sizes.within > SETTINGS.sizes["within"][0][0]
 
 
 def _other_instants(nominal: Model, records: Records, r: Ranked) -> Ranked:

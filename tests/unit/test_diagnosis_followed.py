@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
+import pytest
 
-from cutvib_ss.diagnosis.fit import fit
+from cutvib_ss.diagnosis.directions import Sizes
+from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked, refit
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.search import _followed, _moves
+from cutvib_ss.diagnosis.search import _followed, _moves, _moving
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.workers import Workers
+from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
 from tests.unit.record_example import entry_of
@@ -54,3 +60,28 @@ def test_a_machine_that_moves_far_is_followed_from_afar() -> None:
     assert found.refined
     assert not _moves(found)
     assert _moves(Ranked("none", beside, True))
+
+
+@pytest.mark.parametrize(("within", "linear", "followed"), [(3e-3, True, 9), (1e-6, True, 2), (3e-3, False, 2)])
+def test_on_a_machine_that_moves_within_its_sessions_causes_are_followed_that_few_lines_alone_know(
+    monkeypatch: pytest.MonkeyPatch, within: float, linear: bool, followed: int
+) -> None:
+    """A joint that relaxes, on a machine that warms, was the fifth on few lines, and followed leads by 459 nats."""
+    hypothesis = Hypothesis() if linear else Hypothesis((CubicStiffness("joint2", 1e9),))
+
+    def ranked(name: str, evidence: float, refined: bool) -> Ranked:
+        spread = SimpleNamespace(sizes=Sizes(within=within))
+        found = SimpleNamespace(hypothesis=hypothesis, spread=spread, log_evidence=evidence, objective=0.0, reduced=1.1)
+        return Ranked(name, cast(Fit, found), refined)
+
+    known = [ranked(str(k), -float(k), k < 2) for k in range(12)]
+    asked: list[str] = []
+
+    def follow(nominal: object, records: object, r: Ranked, **rest: object) -> Ranked:
+        asked.append(r.name)
+        return r
+
+    monkeypatch.setattr("cutvib_ss.diagnosis.search._followed", follow)
+    out = _moving(MACHINE, records(0.0), ranked("none", 0.0, True), known, Workers(1))
+    assert asked == [str(k) for k in range(followed)]
+    assert {r.name for r in out} >= {str(k) for k in range(followed, 12)}
