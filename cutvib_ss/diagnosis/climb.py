@@ -242,7 +242,7 @@ class Climb:
 
     def climb(self, max_iterations: int, tolerance: float) -> None:
         """Steps until they gain little."""
-        damping, trail, pace, gained = 1e-3, Trail(), np.inf, 0.0
+        damping, trail, pace, gained = SETTINGS.fit_damping, Trail(), np.inf, 0.0
         for k in range(max_iterations):
             if self.at.quadratic is None:
                 self._linearise(self.at)
@@ -303,7 +303,7 @@ class Climb:
                 trail.add(here, there - here)
                 return tried
             # Far below where damping begins all steps are alike.
-            tried = max(tried, 1e-3) * harder
+            tried = max(tried, SETTINGS.fit_damping) * harder
         return tried
 
     def _moved_to(self, there: FloatArray) -> bool:

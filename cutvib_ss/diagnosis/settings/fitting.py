@@ -154,6 +154,8 @@ class FitSettings:
     fit_rough_gain: float = of(1e-3, "of all gained before", "Gain at which steps end where records are simulated or drift "
         "by themselves", "rougher", TIME)
     fit_passes: int = of(3, "climbs", "Times that a fit climbs at most", "longer", TIME)
+    fit_damping: float = of(1e-3, "curvature", "Damping at which steps begin, and from which one that gains nothing is damped more",
+        "smaller first steps", NUMERICAL)
     fit_promise: float = of(0.1, "needed gain", "That a whole step has to promise to be tried",
         "starts far from the truth are given up", TIME)
     fit_trail: int = of(3, "steps", "By which the next one is extrapolated", "longer memory", NUMERICAL)
