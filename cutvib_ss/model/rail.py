@@ -64,7 +64,10 @@ class _EquivalentSupports(EndSupports):
 
 
 LOSSY_MODES = 4
-"""Modes of the rail whose dampings may differ one by one, the lowest: those of a band of some hundred hertz."""
+"""
+Modes of the rail whose dampings may differ one by one, the lowest: those of a band of some hundred hertz. The highest of a model
+has the rail's damping ratio, as have those that it leaves out.
+"""
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,7 @@ class Rail:
 
     def __post_init__(self) -> None:
         if all(f == 1.0 for f in self.losses):
-            object.__setattr__(self, "losses", (1.0,) * min(self.parameters.n_modes, LOSSY_MODES))
+            object.__setattr__(self, "losses", (1.0,) * min(self.parameters.n_modes - 1, LOSSY_MODES))
 
     @property
     def modes(self) -> PinnedModes:
@@ -149,9 +152,9 @@ class Rail:
     @property
     def as_written(self) -> Rail:
         """The factors on the damping of single modes are written into its parameters."""
-        if all(f == 1.0 for f in self.losses):
-            return self
         p = self.parameters
+        if all(f == 1.0 for f in self.losses) and not p.damping_profile:
+            return self
         own = tuple(r * f for r, f in zip(p.damping_ratios, (*self.losses, *[1.0] * p.n_modes), strict=False))
         mean = sum(own) / len(own)
         damped = replace(p, damping_ratio=mean, damping_profile=tuple(r / mean for r in own))
