@@ -6,7 +6,7 @@ What drifts by more than its direction tells is followed: sessions, and records 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ from scipy import linalg
 
 from cutvib_ss.diagnosis.directions import Directions, Layout, Sizes, deviations
 from cutvib_ss.diagnosis.drifted import Drifted
+from cutvib_ss.diagnosis.form_errors import Form, that_tell
 from cutvib_ss.diagnosis.likelihood import Known, Quadratic
 from cutvib_ss.diagnosis.marginal import Marginal
 from cutvib_ss.diagnosis.prediction import Predicted
@@ -106,6 +107,7 @@ class Climb:
         self.precision = problem.prior_precision()
         self.parts = np.array(problem.parts.all, dtype=np.intp)
         self.low, self.high = problem.bounds()
+        self.form: tuple[Form, Mapping[int, ComplexArray]] = ((), {})
         still = self.drifted.none
         drift = self.drifted.of(near) if near is not None and spread else still
         # Drifts of another fit, to first order, may lead nowhere, or be more than the model takes.
@@ -142,6 +144,16 @@ class Climb:
             return
         if there.objective < self.at.objective:
             self.at = there
+
+    def take_form(self, form: Form | None = None) -> None:
+        """Take errors of a restoring force's form into the discrepancy: given ones, or those where it stands."""
+        problem, x, predictions = self.at.problem, self.at.x, self.at.predictions
+        given = problem.form_at(predictions) if form is None else form
+        errors = problem.form_errors(x, predictions, given)
+        if form is None:
+            given, errors = that_tell(given, errors, [p.group for p in predictions])
+        self.form = (given, errors)
+        self.at = self.evaluated(self.at.x, self.at.drift)
 
     def redraw(self) -> None:
         """Evaluate where it stands, with new circles around the slow poles."""
@@ -190,7 +202,7 @@ class Climb:
         if at.squares > SETTINGS.fit_run_away * self.count:
             return
         x = at.x
-        directions = Directions(at.problem, at.each, at.predictions, self.spread)
+        directions = Directions(at.problem, at.each, at.predictions, self.spread, form=self.form)
         matrix, gradient = directions.normal(at.residuals)
         if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
             return

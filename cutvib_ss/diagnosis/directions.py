@@ -6,7 +6,7 @@ Each is a column over all data beside the unknowns; `likelihood` says what they 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
+from cutvib_ss.diagnosis.form_errors import Form
 from cutvib_ss.diagnosis.normal_matrix import Alike, Columns, add_products
 from cutvib_ss.diagnosis.records import Entry, session_of
 from cutvib_ss.diagnosis.residual_modes import ResidualMode
@@ -70,6 +71,7 @@ class Layout:
     hits: tuple[tuple[int, int], ...] = ()  # What the hits of a record do: its index, and the number of the direction
     parts: Parts = NO_PARTS  # Unknowns that are errors of single parts of a structure
     residual_modes: tuple[ResidualMode, ...] = ()  # That the model leaves out
+    form: Form = ()  # Errors of a restoring force's form
 
     @cached_property
     def per_session(self) -> int:
@@ -92,9 +94,14 @@ class Layout:
         return self.first_nominal + 2 * self.shapes * len(self.nominal)
 
     @cached_property
+    def first_form(self) -> int:
+        """First column of the errors of a restoring force's form, which are the causes' discrepancy too."""
+        return self.first_cause + 2 * len(self.pivots)
+
+    @cached_property
     def first_residual(self) -> int:
         """First column of the residual modes."""
-        return self.first_cause + 2 * len(self.pivots)
+        return self.first_form + len(self.form)
 
     @cached_property
     def first_hit(self) -> int:
@@ -140,8 +147,9 @@ class Directions:
         predictions: Sequence[Predicted],
         spread: bool = True,
         like: Layout | None = None,
+        form: tuple[Form, Mapping[int, ComplexArray]] = ((), {}),
     ) -> None:
-        self.problem = problem
+        self.problem, self.form_errors = problem, form[1]
         self.groups = [p.group for p in predictions]
         band = problem.band
         self.smooth = [smooth_shapes(g.freq, band) for g in self.groups]
@@ -162,6 +170,7 @@ class Directions:
             hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
             parts=problem.parts,
             residual_modes=problem.residual_modes if spread else (),
+            form=form[0] if spread else (),
         )
         self.shared = [problem.jacobian(own, p) for own, p in zip(each, predictions, strict=True)]
         self.plain = [p.data * g.weight for p, g in zip(predictions, self.groups, strict=True)]
@@ -297,7 +306,7 @@ class Directions:
             problem.own(name, shapes) if name in problem.channels else np.full(2 * shapes, lay.size + 1)
             for name in channels
         ]
-        return Columns(of_one, np.concatenate([*own, np.arange(lay.first_nominal, lay.first_residual)]))
+        return Columns(of_one, np.concatenate([*own, np.arange(lay.first_nominal, lay.first_form)]))
 
     def _rows_of(self, which: Sequence[int]) -> list[tuple[int, int]]:
         """Rows of some groups."""
@@ -314,7 +323,7 @@ class Directions:
         return out
 
     def _added(self, group: int, row: int) -> list[tuple[int, ComplexArray]]:
-        """What is added to a row by residual modes and by its hits: columns, and shapes (channel, frequency)."""
+        """What is added to a row by errors of form, residual modes and its hits: columns, and shapes (channel, frequency)."""
         if (group, row) not in self._found:
             lay, g = self.layout, self.groups[group]
             hits = g.hits[row] if g.hits else {}
@@ -325,6 +334,8 @@ class Directions:
                     shown = np.zeros(g.data.shape[1:], dtype=np.complex128)
                     shown[c] = mode.receptance(g.freq) * (2j * np.pi * g.freq) ** DERIVATIVE_ORDER[g.quantities[c]]
                     own.append((lay.first_residual + k, shown))
+            errors = self.form_errors.get(g.entries[row][0].record, ())
+            own += [(lay.first_form + k, shown) for k, shown in enumerate(errors)]
             self._found[group, row] = [(column, shown * g.weight[row]) for column, shown in own]
         return self._found[group, row]
 

@@ -99,8 +99,8 @@ class _HeldOutRules:
 
     def may_be_its_form(self, both: Ranked, first: Ranked) -> bool:
         """Whether a restoring force leaves no more to a second cause than the largest error of a cause that is believed."""
-        # The discrepancy of a restoring force is one of its describing function: it holds no other dependence on amplitude, and no
-        # harmonics. Pairs with so small a second cause are as rare as causes in another form that some second cause fits.
+        # The discrepancy of a restoring force holds small errors of its form. Pairs with so small a second cause are as rare as
+        # causes in another form that some second cause fits.
         return not first.fit.hypothesis.linear and 1.0 - self.closed(first, both) <= SETTINGS.sizes["cause"][-1][0] ** 2
 
     def closed(self, first: Ranked, both: Ranked) -> float:

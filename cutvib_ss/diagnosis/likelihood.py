@@ -6,8 +6,9 @@ Repeatability and discrepancy: the residual of a right model beyond sensor noise
 `D_s` moves the stiffnesses, dampings and gains of session s, and the size of the cause (repeatability); where records of one
 session differ, those of each record beside them. `Q` multiplies the dynamic stiffness of an element by
 1 + δ(ω), with δ a smooth complex Gaussian process over log frequency that all sessions share (discrepancy): of the nominal
-model's elements, and of the cause itself; and it adds to the receptance between two ports of a structure what modes do that its
-model leaves out (`residual_modes`). `B_r` is what the hits of record r do that a hand places (`blow_noise.hit_directions`).
+model's elements, and of the cause itself, of a restoring force with errors of its form besides (`form_errors`); and it adds to the
+receptance between two ports of a structure what modes do that its model leaves out (`residual_modes`). `B_r` is what the hits of
+record r do that a hand places (`blow_noise.hit_directions`).
 All are linear, so they are integrated out: with U = [D, Q] in whitened data the
 covariance is 1 + U Uᵀ. Sizes are hyperparameters with priors; the evidence decides, and they are summed over in every hypothesis.
 References: Kennedy and O'Hagan (2001) for the discrepancy; Rasmussen and Williams (2006), section 8.1, for the process.

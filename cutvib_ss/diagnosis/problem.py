@@ -16,6 +16,7 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from cutvib_ss.diagnosis.form_errors import Form
 from cutvib_ss.diagnosis.hypothesis import Hypothesis, carried_on, stages_of
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction, gained
 from cutvib_ss.diagnosis.records import Group, session_of
@@ -270,6 +271,14 @@ class Problem:
         slopes = np.array(self._slopes(x, p)).reshape(-1, *g.data.shape)
         count(self._large * slopes.size)
         return np.asarray(weight * slopes)
+
+    def form_at(self, predictions: Sequence[Predicted]) -> Form:
+        """Errors of the form of restoring forces: of a linear hypothesis none."""
+        return ()
+
+    def form_errors(self, x: FloatArray, predictions: Sequence[Predicted], form: Form) -> dict[int, ComplexArray]:
+        """What errors of a restoring force's form do to records, by these: nothing where there is none."""
+        return {}
 
     def own(self, channel: str, count: int) -> IndexArray:
         """Unknowns of a channel's calibration."""

@@ -315,7 +315,10 @@ def _moving(
     steps = SETTINGS.search_most_steps if alone else SETTINGS.search_later_steps
     rival, again = np.inf if alone else reached.fit.objective, []
     # What the best reaches the others have to come up to.
-    for some_of in (slice(1), slice(1, None)):
+    for some_of in (slice(1), slice(1, SETTINGS.search_moving), slice(SETTINGS.search_moving, None)):
+        if len(best) > SETTINGS.search_moving == some_of.start and not workers.begin("following more linear causes"):
+            best = best[: SETTINGS.search_moving]
+            break
         follow = partial(_followed, nominal, records, steps=steps, rival=rival)
         again += [r for r in workers.map(follow, best[some_of]) if r.refined]
         rival = min([reached.fit.objective, *(r.fit.objective for r in again)])

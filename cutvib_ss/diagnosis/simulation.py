@@ -12,12 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
 
 from cutvib_ss.diagnosis.equivalent_forces import EquivalentForces
+from cutvib_ss.diagnosis.form_errors import Form, form_of, scaled
 from cutvib_ss.diagnosis.hypothesis import Hypothesis, stages_of
 from cutvib_ss.diagnosis.leakage import Leakage, wanders
 from cutvib_ss.diagnosis.prediction import Circles, Predicted, Prediction
@@ -240,6 +241,34 @@ class SimulatedProblem(Problem):
         out = [np.ones(len(g.data)) for g in self.groups]
         for (i, row), unknown in zip(self.force_scaled, self.force_unknowns(x), strict=True):
             out[i][row] = np.exp(SETTINGS.simulation_force_scale * unknown)
+        return out
+
+    def form_at(self, predictions: Sequence[Predicted]) -> Form:
+        return form_of([p for p in predictions if isinstance(p, Simulated)])
+
+    def form_errors(self, x: FloatArray, predictions: Sequence[Predicted], form: Form) -> dict[int, ComplexArray]:
+        """What errors of a restoring force's form do to records, by these: shape (error, channel, frequency)."""
+        step, out = SETTINGS.simulation_form_step, {}
+        for p in predictions if form else ():
+            assert isinstance(p, Simulated)
+            index = self._fitted(p)
+            scales = None if index is None else self._force_scales(x)[index]
+            # A difference needs no exact ends, but for the instants at which a force jumps.
+            jumps = any(e.restoring_force.jumps for e in p.model.nonlinear)
+            run = partial(
+                simulated,
+                group=p.group,
+                steps=self.steps if jumps else SETTINGS.simulation_rough_steps,
+                force_scale=scales,
+                offset=self.offset_of(x),
+                first_blow=True,
+            )
+            here = run(p.model).data
+            models = [replace(p.model, nonlinear=(*p.model.nonlinear, scaled(e, step))) for e in form]
+            each = np.array([(run(m).data - here) / step for m in models])
+            # Of a sweep the level is known line by line: that is in the errors of the equivalent stiffness.
+            each[:, list(p.sweeps)] = 0.0
+            out.update({same[0].record: each[:, row] for row, same in enumerate(p.group.entries)})
         return out
 
     def _slopes(self, x: FloatArray, p: Simulated) -> list[ComplexArray]:

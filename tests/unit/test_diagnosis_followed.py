@@ -62,9 +62,12 @@ def test_a_machine_that_moves_far_is_followed_from_afar() -> None:
     assert _moves(Ranked("none", beside, True))
 
 
-@pytest.mark.parametrize(("within", "linear", "followed"), [(3e-3, True, 9), (1e-6, True, 2), (3e-3, False, 2)])
+@pytest.mark.parametrize(
+    ("within", "linear", "limit", "followed"),
+    [(3e-3, True, 1.0, 9), (3e-3, True, -1.0, 3), (1e-6, True, -1.0, 2), (3e-3, False, 1.0, 2)],
+)
 def test_on_a_machine_that_moves_within_its_sessions_causes_are_followed_that_few_lines_alone_know(
-    monkeypatch: pytest.MonkeyPatch, within: float, linear: bool, followed: int
+    monkeypatch: pytest.MonkeyPatch, within: float, linear: bool, limit: float, followed: int
 ) -> None:
     """A joint that relaxes, on a machine that warms, was the fifth on few lines, and followed leads by 459 nats."""
     hypothesis = Hypothesis() if linear else Hypothesis((CubicStiffness("joint2", 1e9),))
@@ -82,6 +85,8 @@ def test_on_a_machine_that_moves_within_its_sessions_causes_are_followed_that_fe
         return r
 
     monkeypatch.setattr("cutvib_ss.diagnosis.search._followed", follow)
-    out = _moving(MACHINE, records(0.0), ranked("none", 0.0, True), known, Workers(1))
+    workers = Workers(1, None, limit)
+    out = _moving(MACHINE, records(0.0), ranked("none", 0.0, True), known, workers)
     assert asked == [str(k) for k in range(followed)]
+    assert list(workers.left_out) == (["following more linear causes"] if followed == 3 else [])
     assert {r.name for r in out} >= {str(k) for k in range(followed, 12)}

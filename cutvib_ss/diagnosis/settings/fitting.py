@@ -119,6 +119,9 @@ class FitSettings:
     discrepancy_amplitude_length: float = of(1.0, "ln(amplitude)",
         "The same of a restoring force over the amplitude of its motion", "smoother discrepancies",
         "as over frequency, wider since amplitude spans decades")
+    discrepancy_amplitudes: int = of(4, "amplitudes",
+        "About which a restoring force's form may err, from the largest motion downwards", "errors at smaller amplitudes",
+        "two decades, in which a response decays to its noise")
     discrepancy_position_length: float = of(0.3, "rail length", "The same of a cause along the rail over the head's position",
         "smoother discrepancies", "mode shapes of the first two bending or torsional modes differ so by their end conditions")
     discrepancy_modes_drift: float = of(0.5, "drift of a stiffness",
@@ -214,6 +217,9 @@ class FitSettings:
     simulation_force_scale: float = of(0.2, "1", "Relative error of a force that no record holds",
         "looser fits of such records", "hands scatter, and the blow's length is a guess")
     simulation_force_scale_step: float = of(0.02, "std", "Its step in a difference of two simulations", "-", NUMERICAL)
+    simulation_form_step: float = of(0.1, "describing function",
+        "Error of a restoring force's form in a difference of two simulations: where a force jumps, its instants round", "-",
+        NUMERICAL)
     simulation_force_offset: float = of(0.1, "rms force",
         "Standard deviation of a constant force beside that of a continuous recording", "friction and clearance fit more",
         "weights, cables and amplifiers' zeros are some percent of what excites")

@@ -194,7 +194,16 @@ def mean_size(a: float, b: float) -> float:
     return 0.5 * (a * a + b * b) / (abs(a) + abs(b))
 
 
-HELPERS = (mean_size,)
+def around(x: float, middle: float) -> tuple[float, float]:
+    """exp(-u²/2) with u = ln(x/middle), and u; nothing where x is negative, or too small for a number."""
+    ratio = x / middle
+    if ratio < 1e-12:
+        return 0.0, 0.0
+    u = math.log(ratio)
+    return math.exp(-0.5 * u * u), u
+
+
+HELPERS = (mean_size, around)
 """Functions that kernels may call."""
 
 
