@@ -141,11 +141,9 @@ def fit(
     # From beside the optimum once is enough.
     redrawn = not problem.apart and near is None
     passes = SETTINGS.fit_passes if redrawn and max_iterations > SETTINGS.fit_scout_steps else 1
-    errs = not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps
-    if errs:
-        search.take_form(
-            near.spread.layout.form if near is not None and near.hypothesis.causes == hypothesis.causes else None
-        )
+    if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
+        known = near is not None and near.hypothesis.causes == hypothesis.causes
+        search.take_form(near.spread.layout.form if near is not None and known else None)
     for _ in range(passes):
         before = search.at.objective
         search.climb(max_iterations, tolerance)

@@ -79,9 +79,8 @@ def that_tell(
 ) -> tuple[Form, dict[int, ComplexArray]]:
     """Those errors of which records tell anything: of others the largest that is believed does no more than noise."""
     squares = np.zeros(len(form))
-    for g in groups:
+    for g in groups if form else ():
         for weight, (entry, *_) in zip(g.weight, g.entries, strict=True):
-            if form:
-                squares += np.sum(np.abs(weight * errors[entry.record]) ** 2, axis=(1, 2))
+            squares += np.sum(np.abs(weight * errors[entry.record]) ** 2, axis=(1, 2))
     told = np.flatnonzero(SETTINGS.sizes["cause"][-1][0] ** 2 * squares > 1.0).tolist()
     return tuple(form[k] for k in told), {record: own[told] for record, own in errors.items()}

@@ -268,6 +268,8 @@ class SimulatedProblem(Problem):
             each = np.array([(run(m).data - here) / step for m in models])
             # Of a sweep the level is known line by line: that is in the errors of the equivalent stiffness.
             each[:, list(p.sweeps)] = 0.0
+            # Where a spring that softens lets the motion run away, small errors do not lead anywhere.
+            each[~np.isfinite(each)] = 0.0
             out.update({same[0].record: each[:, row] for row, same in enumerate(p.group.entries)})
         return out
 
