@@ -69,9 +69,7 @@ def _stiffness(element: NonlinearElement, amplitude: float, omega: float) -> flo
 
 def scaled(element: NonlinearElement, factor: float) -> NonlinearElement:
     """The element with a part of its force."""
-    names = element.restoring_force.strength
-    changed = {name: factor * v if name in names else v for name, v in element.parameters.items()}
-    return replace(element, parameters=changed)
+    return replace(element, parameters=element.restoring_force.scaled(factor).parameters)
 
 
 def that_tell(
