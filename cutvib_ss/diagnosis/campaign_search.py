@@ -69,7 +69,8 @@ def search_campaign(
     judgements: dict[str, HeldOut] = {}
 
     def judged(r: Ranked) -> HeldOut:
-        if r.name not in judgements:
+        # What was fitted on goes by the same name.
+        if r.name not in judgements or judgements[r.name].ranked.fit is not r.fit:
             judgements[r.name] = HeldOut(
                 r, cross_validation.judge(nominal, folds, r.fit, workers), all(f.held_out for f in folds)
             )

@@ -22,7 +22,8 @@ from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Entry, Group, Records, merged, session_of
 from cutvib_ss.diagnosis.residual_modes import residual_modes
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.simulation import Simulated, SimulatedProblem, problem_for, simulated
+from cutvib_ss.diagnosis.simulated import Simulated, simulated
+from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
@@ -118,6 +119,7 @@ def _one_fold(nominal: Model, start: Fit, fold: Fold) -> list[Judged]:
     except CutvibError:
         return [_not_predicted(e) for e in fold.judged]
     problem = problem_for(nominal, records, again.hypothesis)
+    problem.by_simulation = start.derivatives
     others = {simulate: _other_way(nominal, records, problem, simulate) for simulate in {e.leaks for e in fold.judged}}
     return [_judged_by(others[e.leaks], again, e) for e in fold.judged]
 

@@ -13,12 +13,13 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.climb import Beside, Climb
+from cutvib_ss.diagnosis.closest import closest_simulated, closest_to_second_order
 from cutvib_ss.diagnosis.drifted import problems_of
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.level_trend import evidence_of_trend
 from cutvib_ss.diagnosis.likelihood import Quadratic, solved
 from cutvib_ss.diagnosis.predictive import Spread
-from cutvib_ss.diagnosis.problem import Problem
+from cutvib_ss.diagnosis.problem import Derivatives, Problem
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulation import problem_for
@@ -51,8 +52,9 @@ class Fit:
     at_end: tuple[str, ...]
     correlation: float  # Number of residuals that tell the same thing; 1 where they are white
     spread: Spread  # Drift and discrepancy: their sizes, and what the records say of them
-    # Of each channel the constant part of its calibration error, real or imaginary, in tolerances
-    gains: Mapping[str, float] = field(default_factory=dict)
+    # Unknowns that are the constant part of each channel's calibration error, real and imaginary, in tolerances
+    constant: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    derivatives: Derivatives = "no"  # By simulation beside a restoring force; those of fits near it are as good
     # The same at unknowns of the model that is closest to the records without the discrepancy inferred beside it
     closest: Fit | None = None
 
@@ -101,6 +103,11 @@ class Fit:
         return self.spread.largest("drift") or self.spread.largest("parts")
 
     @property
+    def gains(self) -> dict[str, float]:
+        """Of each channel the constant part of its calibration error, the larger of real and imaginary, in tolerances."""
+        return {c: float(np.abs(self.x[list(own)]).max()) for c, own in self.constant.items()}
+
+    @property
     def calibrated_away(self) -> frozenset[str]:
         """Channels whose gain or phase lies far out of its tolerance."""
         return frozenset(c for c, size in self.gains.items() if size > SETTINGS.fit_tuned_away)
@@ -143,6 +150,8 @@ def fit(
     passes = SETTINGS.fit_passes if redrawn and max_iterations > SETTINGS.fit_scout_steps else 1
     if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
         known = near is not None and near.hypothesis.causes == hypothesis.causes
+        for own in search.drifted.problems:
+            own.by_simulation = _by_simulation(hypothesis, near)
         search.take_form(near.spread.layout.form if near is not None and known else None)
     for _ in range(passes):
         before = search.at.objective
@@ -159,9 +168,9 @@ def fit(
     made = replace(made, log_evidence=made.log_evidence + evidence_of_trend(made.spread, records))
     closest = search.at.x
     if hypothesis.linear:
-        closest = _closest(search, search.at.quadratic, made.spread.offsets)
+        closest = closest_to_second_order(search, search.at.quadratic, made.spread.offsets)
     elif search.spread and alone is not None and not search.beaten:
-        closest = _closest_simulated(search, alone, max_iterations, tolerance)
+        closest = closest_simulated(search, alone, max_iterations, tolerance)
     return made if np.array_equal(closest, made.x) else _with_closest(made, problem, closest)
 
 
@@ -231,20 +240,29 @@ def _started(
         plain = Climb(fewer, search.at.x, False, _beside(fewer[0], few))
         plain.climb(steps, tolerance)
         if near is None and hypothesis.touches and not records.leaking:
-            plain = _by_simulation(fewer, few, plain, steps, tolerance)
+            plain = _again_by_simulation(fewer, few, plain, steps, tolerance)
         search.start_from(plain)
         alone = plain.at.x
     return search, alone
 
 
-def _by_simulation(problems: Sequence[Problem], records: Records, start: Climb, steps: int, tolerance: float) -> Climb:
+def _again_by_simulation(
+    problems: Sequence[Problem], records: Records, start: Climb, steps: int, tolerance: float
+) -> Climb:
     """The same climb with all derivatives by simulation, from where those of the equivalent stiffness lead no further."""
     # That of a clearance changes with what is tuned by as much as with the gap: the steps end beside the valley of the two.
     for problem in problems:
-        problem.exact = True
+        problem.by_simulation = "of all blows"
     search = Climb(problems, start.at.x, False, _beside(problems[0], records))
     search.climb(steps, tolerance)
     return search
+
+
+def _by_simulation(hypothesis: Hypothesis, near: Fit | None) -> Derivatives:
+    """How derivatives are taken: two restoring forces together would take ten times as long as one."""
+    if not hypothesis.one_force:
+        return "no"
+    return "of one blow" if near is None or near.derivatives == "no" else near.derivatives
 
 
 def _beside(problem: Problem, records: Records) -> Beside:
@@ -335,7 +353,8 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         stds_beside=stds_beside,
         at_end=at_end,
         correlation=correlation,
-        gains=_gains(problem, x),
+        constant=problem.constant_gains,
+        derivatives=problem.by_simulation,
         spread=Spread(quadratic.layout, search.sizes, offsets, own),
     )
 
@@ -355,39 +374,3 @@ def _with_closest(made: Fit, problem: Problem, x: FloatArray) -> Fit:
         )
     except CutvibError:
         return made
-
-
-def _closest(search: Climb, quadratic: Quadratic, offsets: FloatArray) -> FloatArray:
-    """Unknowns of the model that is closest to the records without a discrepancy: to first order, within priors and bounds."""
-    # The posterior shares what is measured between the unknowns and the discrepancy. Here that which it infers is residual
-    # again, and the mean square of the whole residual stands for the noise, drift and hits held where they are: the calibration in
-    # mean square of Tuo and Wu (2015), Annals of Statistics 43, 2331-2352.
-    lay, x = quadratic.layout, search.at.x
-    own, inferred = slice(0, lay.unknowns), slice(lay.first_nominal, lay.first_hit)
-    scale = lay.scale(search.sizes)
-    drift = offsets - quadratic.offsets / scale
-    drift[inferred] = 0.0
-    of_data = quadratic.matrix * (scale * scale[:, None] / search.sizes.noise)
-    gradient = quadratic.gradient * (scale / search.sizes.noise)
-    squares = quadratic.squares / search.sizes.noise - 2.0 * float(gradient @ drift) + float(drift @ of_data @ drift)
-    heat = max(squares / search.count, 1.0)
-    prior = np.diag(quadratic.precision + SETTINGS.likelihood_precision_floor)
-    step, free = np.zeros(x.size), quadratic.free
-    pulled = of_data[own, inferred] @ offsets[inferred]
-    step[free] = solved((of_data[own, own] / heat + prior)[np.ix_(free, free)], pulled[free] / heat)
-    return search.towards(x + scale[own] * step) if np.any(step) else x
-
-
-def _closest_simulated(search: Climb, start: FloatArray, steps: int, tolerance: float) -> FloatArray:
-    """The same of a restoring force, which may lie far from the posterior's maximum: climbed to, without drift."""
-    alone = Climb(search.drifted.problems, search.at.x, False, search.beside)
-    least = alone.at.squares
-    alone.try_from(start)
-    alone.climb(steps, tolerance)
-    return alone.at.x if alone.at.squares < least else search.at.x
-
-
-def _gains(problem: Problem, x: FloatArray) -> dict[str, float]:
-    """Of each channel the larger of the constant parts of its calibration error, in tolerances."""
-    shapes = problem.n_calibration // (2 * max(len(problem.channels), 1))
-    return {c: float(np.abs(x[problem.own(c, shapes)[[0, shapes]]]).max()) for c in problem.channels if shapes}

@@ -23,7 +23,7 @@ from cutvib_ss.results import ComplexArray
 
 if TYPE_CHECKING:
     from cutvib_ss.diagnosis.records import Group
-    from cutvib_ss.diagnosis.simulation import Simulated
+    from cutvib_ss.diagnosis.simulated import Simulated
 
 
 _SAMPLES = 128

@@ -42,6 +42,11 @@ class Hypothesis:
         return any(e.touches for e in self.effects)
 
     @property
+    def one_force(self) -> bool:
+        """Whether it has one restoring force and no more."""
+        return sum(not e.linear for e in self.effects) == 1
+
+    @property
     def linear(self) -> bool:
         """Whether the frequency response alone carries it."""
         return all(e.linear for e in self.effects)

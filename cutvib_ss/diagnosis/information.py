@@ -16,7 +16,7 @@ from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Group, merged
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.severity import Run
-from cutvib_ss.diagnosis.simulation import simulated
+from cutvib_ss.diagnosis.simulated import simulated
 from cutvib_ss.diagnosis.unknowns import calibration_shapes, parts_among, tuning_paths
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError

@@ -18,7 +18,7 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.simulation import simulated
+from cutvib_ss.diagnosis.simulated import simulated
 from cutvib_ss.effects.base import Model
 from cutvib_ss.results import ComplexArray, FloatArray
 

@@ -10,7 +10,7 @@ import numpy as np
 from cutvib_ss.diagnosis.records import Entry, merged, thinned
 from cutvib_ss.diagnosis.result import NextTest
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.simulation import simulated
+from cutvib_ss.diagnosis.simulated import simulated
 from cutvib_ss.effects.base import Model
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray, FloatArray

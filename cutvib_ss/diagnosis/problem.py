@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,8 @@ from cutvib_ss.model.paths import value_at, with_values
 from cutvib_ss.results import ComplexArray, FloatArray
 
 IndexArray: TypeAlias = NDArray[np.intp]
+Derivatives: TypeAlias = Literal["no", "of one blow", "of all blows"]
+"""By what derivatives by simulation are: the blow of middle size of each record tells the way to the optimum, all where it is."""
 _KEPT = 64
 """Tuned models, and calibration errors, that a problem keeps: of as many groups as move apart."""
 
@@ -59,8 +61,8 @@ class Problem:
         """Unknowns that are errors of single parts of a structure's matrices, and of the losses of its modes."""
         self.parts_held = False
         """Whether they are left at the middle of their priors."""
-        self.exact = False
-        """Whether all derivatives beside a restoring force are by simulation, not those of its equivalent stiffness."""
+        self.by_simulation: Derivatives = "no"
+        """Whether derivatives beside a restoring force, but to a structure's parts, are by simulation, not by its equivalent."""
         shapes = SETTINGS.calibration_shapes if self.calibration > 0 else 0
         self.n_calibration = 2 * shapes * len(self.channels)
         self.n_blow = int(self.free_blow)
@@ -283,6 +285,12 @@ class Problem:
     def own(self, channel: str, count: int) -> IndexArray:
         """Unknowns of a channel's calibration."""
         return self.n_tuning + 2 * count * self.channels.index(channel) + np.arange(2 * count)
+
+    @property
+    def constant_gains(self) -> dict[str, tuple[int, int]]:
+        """Unknowns that are the constant part of each channel's calibration error, real and imaginary."""
+        firsts = {c: int(self.own(c, self._n_shapes)[0]) for c in self.channels if self._n_shapes}
+        return {c: (first, first + self._n_shapes) for c, first in firsts.items()}
 
     @property
     def shared(self) -> IndexArray:

@@ -94,6 +94,18 @@ def refit(
         return None
 
 
+def sharpened(nominal: Model, records: Records, ranked: Sequence[Ranked]) -> list[Ranked]:
+    """Causes, of which the best is fitted on with derivatives of all blows, if it is a restoring force."""
+    best = max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence, default=None)
+    if best is None or best.fit.derivatives != "of one blow":
+        return list(ranked)
+    near = replace(best.fit, derivatives="of all blows")
+    again = refit(nominal, records, near.hypothesis, near.x, SETTINGS.search_most_law_steps, near=near)
+    if again is None or again.log_evidence < best.fit.log_evidence:
+        return list(ranked)
+    return [replace(r, fit=again) if r is best else r for r in ranked]
+
+
 def once(ranked: Sequence[Ranked]) -> tuple[Ranked, ...]:
     """Every hypothesis by its best fit, best first: two causes are one pair, whichever of them was found first."""
     best: dict[frozenset[str], Ranked] = {}

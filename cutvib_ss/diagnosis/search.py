@@ -28,7 +28,7 @@ from cutvib_ss.diagnosis.linearity import (
 )
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, fit_pairs
-from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, once, refit
+from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, once, refit, sharpened
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scouting import (
     beside_parts,
@@ -160,7 +160,9 @@ def search(
         ranked += _moving(nominal, records, best_of(ranked, none), unfollowed, workers)
     if not shows_gap(ranked, none):
         ranked += _favoured(nominal, records, none.fit, ranked, sizes(none.fit), workers)
-    left = not is_enough(ranked, none, leaves)
+    if left := not is_enough(ranked, none, leaves):
+        ranked = sharpened(nominal, records, ranked)
+        left = not is_enough(ranked, none, leaves)
     best = best_of(ranked, none)
     by_law, taken = not best.fit.hypothesis.linear, taken_away(none.fit, best.fit)
     # What changes with the level no element that is the same at all explains, nor do two.

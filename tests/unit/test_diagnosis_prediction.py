@@ -8,7 +8,7 @@ from scipy import signal
 
 from cutvib_ss.diagnosis.prediction import Prediction, gained, light_poles
 from cutvib_ss.diagnosis.records import Group, merged
-from cutvib_ss.diagnosis.simulation import simulated as stepped_in_time
+from cutvib_ss.diagnosis.simulated import simulated as stepped_in_time
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.window_damping import WindowDamping
 from cutvib_ss.measurement.replay import Replay

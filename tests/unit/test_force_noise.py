@@ -6,7 +6,7 @@ from scipy import ndimage, signal
 
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.records import merged
-from cutvib_ss.diagnosis.simulation import simulated
+from cutvib_ss.diagnosis.simulated import simulated
 from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.measurement.blow_noise import pretrigger_noise
 from cutvib_ss.measurement.force_window import windowed
