@@ -34,6 +34,9 @@ from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import FloatArray
 
+_GAIN = ("gain", "phase")
+"""Values of a channel in the measurement chain that its calibration error moves."""
+
 
 def tuned_scout(nominal: Model, few: Records) -> Fit:
     """The model without a cause on few lines, from its stiffness as given, or as looked through where that leads elsewhere."""
@@ -137,16 +140,22 @@ def _from_tuning(nominal: Model, scan: Scan, there: Fit, effect: Effect) -> tupl
 
 
 def _taking_over(nominal: Model, there: Fit, effect: Effect) -> tuple[Effect, FloatArray] | None:
-    """A cause with all that a value of a fit is far out of its tolerance by, and the tuning with that value in its middle."""
+    """A cause with all that a value or gain of a fit is far out of its tolerance by, and the tuning with that in its middle."""
     x = there.x[: there.first_effect].copy()
     values = {path: (i, tolerance) for i, (path, tolerance) in enumerate(tuning_paths(nominal))}
+    for c, own in there.constant.items():
+        # To first order the real part of an error is that of the gain's logarithm, the imaginary one the phase.
+        values |= {
+            ("chain", "channels", c, n): (i, nominal.tolerance.calibration) for n, i in zip(_GAIN, own, strict=True)
+        }
     applied = effect.apply(nominal)
     moved = [(name, *own) for name, carried in effect.moved_by(nominal, applied).items() for own in carried]
     for name, path, slope in moved:
         i, tolerance = values.get(path, (None, 0.0))
         if i is None or slope == 0.0 or abs(x[i]) <= SETTINGS.fit_tuned_away:
             continue
-        tuned = value_at(nominal, path) * np.exp(tolerance * x[i])
+        given = value_at(nominal, path)
+        tuned = given + tolerance * x[i] if path[-1] == "phase" else given * np.exp(tolerance * x[i])
         size = float(getattr(effect, name)) + (tuned - value_at(applied, path)) / slope
         with suppress(ParameterError):
             # Along the valley from one to the other the steps would be small.

@@ -237,6 +237,34 @@ def test_beside_a_restoring_force_of_the_right_form_a_cause_takes_over_what_tuni
         assert h.effects[1].mass == pytest.approx(MACHINE.head.m1 * (np.exp(4.0 * tolerance) - 1.0))
 
 
+@pytest.mark.parametrize(("part", "name"), [(0, "gain"), (1, "phase")])
+def test_beside_a_restoring_force_a_gain_takes_over_what_calibration_stands_for(
+    monkeypatch: pytest.MonkeyPatch, part: int, name: str
+) -> None:
+    """A gain 13 % off was 6.5 tolerances of calibration beside a joint that slips, which was named alone, as dry friction, 0.96."""
+    records, _ = measured(3e-3)
+    none = fit(MACHINE, records, Hypothesis())
+    x = none.x.copy()
+    own = none.constant["tool_x"]
+    x[list(own)] = 0.0
+    x[own[part]] = 6.5
+    strained = replace(none, x=x, hypothesis=Hypothesis((CubicStiffness("joint2", 1e9),)))
+    asked: list[tuple[Hypothesis, np.ndarray]] = []
+    monkeypatch.setattr(
+        "cutvib_ss.diagnosis.scouting.refit", lambda nominal, records, h, x, **rest: asked.append((h, x))
+    )
+    linear = candidates(MACHINE, (16.0, 300.0), CHANNELS)
+    assert relieved(MACHINE, records, Ranked("cubic_stiffness", strained, True), linear, Workers(1)) == []
+    found = {
+        h.effects[1].channel: (h.effects[1], start) for h, start in asked if h.effects[1].effect == "calibration_error"
+    }
+    assert set(found) == {"tool_x", "all"}
+    shift = MACHINE.tolerance.calibration * 6.5
+    for effect, start in found.values():
+        assert (start[own[0]], start[own[1]]) == (0.0, 0.0)
+        assert getattr(effect, name) == pytest.approx(np.exp(shift) if name == "gain" else shift)
+
+
 def test_all_lines_tell_no_less_than_a_part_of_them() -> None:
     # a difference of large numbers: of a channel's delay, which the calibration takes up, rounding may leave less than nothing
     records, _ = measured(3e-3)
