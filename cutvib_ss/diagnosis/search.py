@@ -160,7 +160,8 @@ def search(
         ranked += _moving(nominal, records, best_of(ranked, none), unfollowed, workers)
     if not shows_gap(ranked, none):
         ranked += _favoured(nominal, records, none.fit, ranked, sizes(none.fit), workers)
-    if left := not is_enough(ranked, none, leaves):
+    left = not is_enough(ranked, none, leaves)
+    if left and not best_of(ranked, none).fit.hypothesis.linear and workers.begin("following all blows"):
         ranked = sharpened(nominal, records, ranked)
         left = not is_enough(ranked, none, leaves)
     best = best_of(ranked, none)
