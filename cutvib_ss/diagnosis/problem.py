@@ -30,7 +30,7 @@ from cutvib_ss.results import ComplexArray, FloatArray
 
 IndexArray: TypeAlias = NDArray[np.intp]
 Derivatives: TypeAlias = Literal["no", "of one blow", "of all blows"]
-"""By what derivatives by simulation are: the blow of middle size of each record tells the way to the optimum, all where it is."""
+"""Of what simulation is asked beside a restoring force: a record's blow of middle size tells the way, all blows the optimum."""
 _KEPT = 64
 """Tuned models, and calibration errors, that a problem keeps: of as many groups as move apart."""
 
@@ -62,7 +62,7 @@ class Problem:
         self.parts_held = False
         """Whether they are left at the middle of their priors."""
         self.by_simulation: Derivatives = "no"
-        """Whether derivatives beside a restoring force, but to a structure's parts, are by simulation, not by its equivalent."""
+        """Derivatives by simulation beside a restoring force, but to a structure's parts; else by its equivalent stiffness."""
         shapes = SETTINGS.calibration_shapes if self.calibration > 0 else 0
         self.n_calibration = 2 * shapes * len(self.channels)
         self.n_blow = int(self.free_blow)
