@@ -98,10 +98,11 @@ class _HeldOutRules:
         return self.held(both).reduced > SETTINGS.verdict_noise or of_another_form(both, self.held)
 
     def may_be_its_form(self, both: Ranked, first: Ranked) -> bool:
-        """Whether a restoring force leaves no more to a second cause than the largest error of a cause that is believed."""
+        """Whether a first cause leaves no more to a second than the largest error of a cause that is believed."""
         # The discrepancy of a restoring force holds small errors of its form. Pairs with so small a second cause are as rare as
-        # causes in another form that some second cause fits.
-        return not first.fit.hypothesis.linear and 1.0 - self.closed(first, both) <= SETTINGS.sizes["cause"][-1][0] ** 2
+        # causes in another form that some second cause fits. Linear causes that still err by more than most beside it are in one.
+        errs = not first.fit.hypothesis.linear or both.fit.spread.is_large("cause")
+        return errs and 1.0 - self.closed(first, both) <= SETTINGS.sizes["cause"][-1][0] ** 2
 
     def closed(self, first: Ranked, both: Ranked) -> float:
         """Part of the excess that the first of two parts closes alone."""
