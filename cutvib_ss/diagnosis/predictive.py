@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -149,8 +149,7 @@ class Spread:
         columns = _drifts(own.layout, name, record, own.sizes)
         seen = (name in self.layout.sessions, record in self.layout.records)
         new = any(not seen[k] and size > SETTINGS.predictive_small_drift for k, _, size in columns)
-        errors = problem.form_errors(x, [show(x)[0]], own.layout.form)
-        seeing = _Seeing(own, problem, x, [(at, size) for _, at, size in columns], show, errors)
+        seeing = _Seeing(own, problem, x, [(at, size) for _, at, size in columns], show)
         best = seeing.at(np.zeros(own.layout.size))
         if new and best.left > SETTINGS.fit_hopeless * 2 * best.residual.size:
             # Of sharp resonances far from where they are expected first order tells little: a widened noise has no side minima.
@@ -181,7 +180,6 @@ class _Seeing:
     x: FloatArray
     drifts: list[tuple[np.ndarray, float]]  # Columns of session and record, and the size of their drift
     show: Show
-    form_errors: Mapping[int, ComplexArray]  # What errors of a restoring force's form do to the record
 
     @property
     def followed(self) -> np.ndarray:
@@ -209,7 +207,7 @@ class _Seeing:
             there[tuned] += weight[tuned] * size * (own.offsets[at] + moved[at])
             mean[at] = 0.0
         shown, residual = self.show(there)
-        directions = Directions(self.problem, there, [shown], like=lay, form=(lay.form, self.form_errors))
+        directions = Directions(self.problem, there, [shown], like=lay)
         gram, inner = directions.normal([residual[None]])
         gram *= scale * scale[:, None] / noise
         inner *= scale / noise
