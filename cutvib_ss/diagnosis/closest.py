@@ -10,7 +10,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import FloatArray
 
 
-def closest_to_second_order(search: Climb, quadratic: Quadratic, offsets: FloatArray) -> FloatArray:
+def closest_by_quadratic(search: Climb, quadratic: Quadratic, offsets: FloatArray) -> FloatArray:
     """Unknowns of the model that is closest to the records without a discrepancy: to first order, within priors and bounds."""
     # The posterior shares what is measured between the unknowns and the discrepancy. Here that which it infers is residual
     # again, and the mean square of the whole residual stands for the noise, drift and hits held where they are: the calibration in

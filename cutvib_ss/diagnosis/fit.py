@@ -13,7 +13,7 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.climb import Beside, Climb
-from cutvib_ss.diagnosis.closest import closest_simulated, closest_to_second_order
+from cutvib_ss.diagnosis.closest import closest_by_quadratic, closest_simulated
 from cutvib_ss.diagnosis.drifted import problems_of
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.level_trend import evidence_of_trend
@@ -151,7 +151,7 @@ def fit(
     if not hypothesis.linear and search.spread and max_iterations > SETTINGS.fit_scout_steps:
         known = near is not None and near.hypothesis.causes == hypothesis.causes
         for own in search.drifted.problems:
-            own.by_simulation = _by_simulation(hypothesis, near)
+            own.by_simulation = _derivatives(hypothesis, near)
         search.take_form(near.spread.layout.form if near is not None and known else None)
     for _ in range(passes):
         before = search.at.objective
@@ -168,7 +168,7 @@ def fit(
     made = replace(made, log_evidence=made.log_evidence + evidence_of_trend(made.spread, records))
     closest = search.at.x
     if hypothesis.linear:
-        closest = closest_to_second_order(search, search.at.quadratic, made.spread.offsets)
+        closest = closest_by_quadratic(search, search.at.quadratic, made.spread.offsets)
     elif search.spread and alone is not None and not search.beaten:
         closest = closest_simulated(search, alone, max_iterations, tolerance)
     return made if np.array_equal(closest, made.x) else _with_closest(made, problem, closest)
@@ -240,15 +240,13 @@ def _started(
         plain = Climb(fewer, search.at.x, False, _beside(fewer[0], few))
         plain.climb(steps, tolerance)
         if near is None and hypothesis.touches and not records.leaking:
-            plain = _again_by_simulation(fewer, few, plain, steps, tolerance)
+            plain = _by_simulation(fewer, few, plain, steps, tolerance)
         search.start_from(plain)
         alone = plain.at.x
     return search, alone
 
 
-def _again_by_simulation(
-    problems: Sequence[Problem], records: Records, start: Climb, steps: int, tolerance: float
-) -> Climb:
+def _by_simulation(problems: Sequence[Problem], records: Records, start: Climb, steps: int, tolerance: float) -> Climb:
     """The same climb with all derivatives by simulation, from where those of the equivalent stiffness lead no further."""
     # That of a clearance changes with what is tuned by as much as with the gap: the steps end beside the valley of the two.
     for problem in problems:
@@ -258,7 +256,7 @@ def _again_by_simulation(
     return search
 
 
-def _by_simulation(hypothesis: Hypothesis, near: Fit | None) -> Derivatives:
+def _derivatives(hypothesis: Hypothesis, near: Fit | None) -> Derivatives:
     """How derivatives are taken: two restoring forces together would take ten times as long as one."""
     if not hypothesis.one_force:
         return "no"

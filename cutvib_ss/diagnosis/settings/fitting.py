@@ -210,8 +210,8 @@ class FitSettings:
     simulation_linear_step: float = of(2e-6, "range", "The same of a linear cause's, which moves it smoothly", "-",
         NUMERICAL)
     simulation_blow_steps: tuple[float, float] = of((0.2, 6e-3), "std and range",
-        "The same two where something touches in blows: contact begins and ends between samples, and what that rounds of a "
-        "single motion is as much as a smaller step changes it",
+        "The same two in blows where something touches, and on all lines of any restoring force: contact begins and ends, and "
+        "friction turns, between samples, and what that rounds of a single motion is as much as a smaller step changes it",
         "rougher derivatives", NUMERICAL)
     simulation_harmonics: int = of(3, "harmonics", "Balanced in sine sweeps; the first is compared", "longer", NUMERICAL)
     simulation_force_scale: float = of(0.2, "1", "Relative error of a force that no record holds",
