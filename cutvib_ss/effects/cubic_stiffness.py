@@ -32,8 +32,10 @@ class CubicStiffness(LawElement):
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
         unit = s.stiffness / s.motion**2
-        softening = (-0.01, -0.05, -0.2) if s.held else ()
-        return ({"stiffness3": float(r) * unit} for r in (*np.geomspace(0.01 if s.held else 1e-4, 3.0, 6), *softening))
+        # The loudest record may move ten times as far, and a light damping shows a stiffness that changes by a percent.
+        hardening = np.geomspace(1e-3, 3.0, 8) if s.held else np.geomspace(1e-4, 3.0, 6)
+        softening = (-0.001, -0.01, -0.05, -0.2) if s.held else ()
+        return ({"stiffness3": float(r) * unit} for r in (*hardening, *softening))
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:

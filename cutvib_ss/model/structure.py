@@ -231,7 +231,8 @@ class Structure(BaseModel):
         own = max(float(row @ row), 1e-30)
         element, loss = (float(abs(row @ m @ row)) / own**2 for m in (system.stiffness, system.damping))
         mass, static = system.at_port(self.port_at(place))
-        stiffness = static if spring is None else float(spring[0])
+        # Of a reduced model a row's sum is no spring, and may be far stiffer than what holds the point.
+        stiffness = static if spring is None else min(float(spring[0]), static)
         return mass, stiffness, loss * (stiffness / element if element > 0.0 else 1.0)
 
     def _plant_outputs(self) -> tuple[str, ...]:

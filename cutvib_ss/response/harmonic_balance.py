@@ -224,7 +224,7 @@ class SineSweep:
 
     @property
     def folds(self) -> bool:
-        """Whether a curve that was followed folds: else there is one motion at each line, whatever the direction."""
+        """Whether a curve that was followed folds, or does farther on: else there is one motion at each line."""
         return any(folds for *_, folds in self._solved)
 
     @property

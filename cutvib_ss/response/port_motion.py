@@ -28,6 +28,8 @@ _SMOOTHED = 2.0
 """Lines over which the force is smoothed where a curve is followed."""
 _SHORTEST_RAMP = 1e-4
 """Shortest part of the force by which the first line's motion is ramped up."""
+_ANOTHER = 0.2
+"""Difference of two motions at a line, over one of them, from which they are two: a force that is smoothed moves one by less."""
 _RAMP = tuple(np.geomspace(0.02, 1.0, 18).tolist())
 """Parts of a held amplitude by which it is come to, where nothing else leads there."""
 _HELD_STEPS, _HELD, _HELD_DAMPED = 40, 1e-9, 1e-3
@@ -67,7 +69,7 @@ class PortMotion:
 
     def sweep(self, omegas: FloatArray, force: FloatArray) -> tuple[FloatArray, bool]:
         """
-        Motion along a sweep under a force line by line, and whether its curve folds.
+        Motion along a sweep under a force line by line, and whether its curve folds, among the lines or beyond the last.
 
         Fewer lines where the curve is lost, or a softening spring lets go.
         """
@@ -84,7 +86,14 @@ class PortMotion:
             start, omegas, np.ascontiguousarray(force), path, self._system, self._laws, self._tables, _REACH * spacing
         )
         found = np.asarray(motions[:done])
-        return found[: self._held(found)], bool(folds)
+        return found[: self._held(found)], bool(folds) or self._has_another(found, omegas, path)
+
+    def _has_another(self, motions: FloatArray, omegas: FloatArray, path: FloatArray) -> bool:
+        """Whether from rest another motion is reached at the last line than along the sweep: its curve folds farther on."""
+        if len(motions) < omegas.size:
+            return False
+        rest = self._ramped(omegas[-1], float(path[-1]), by_law=False)
+        return rest is None or bool(np.linalg.norm(rest - motions[-1]) > _ANOTHER * np.linalg.norm(motions[-1]))
 
     def _held(self, motions: FloatArray) -> int:
         """Lines before the first whose motion passes the top of a softening spring's potential, beyond which nothing holds it."""

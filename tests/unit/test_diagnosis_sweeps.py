@@ -117,15 +117,26 @@ def test_the_lines_behind_a_jump_are_told_apart():
     assert fitted(record(upper(force, early), SineTest(force, "up"))).reduced < 1.5
 
 
+def test_a_jump_is_told_where_the_curve_folds_beyond_the_last_line():
+    force = np.full(FREQ.size, 30.0)
+    assert roots(force)[-1].size == 3
+    model = CubicStiffness("x", K3).apply(oscillator())
+    entry = record(upper(force, 57.5), SineTest(force, "up"))
+    (group,) = merged([entry])
+    shown = swept(model, group, 0)
+    assert shown.which.tolist() == (FREQ >= 57.5).astype(int).tolist()
+    assert np.mean(np.abs(shown.data - entry.data) ** 2 / entry.variance) < 2.0
+
+
 def test_branches_between_folds():
     apart = np.array([0, 1, 1, 1, 1, 1, 1, 1, 1, 0], dtype=bool)
     up, down = np.where(apart, 0.0, 1.0), np.where(apart, 9.0, 1.0)
     assert not branches("up", apart, up, down).any()
     up[7:9], down[7:9] = 9.0, 0.0
     assert branches("up", apart, up, down).tolist() == [0, 0, 0, 0, 0, 0, 0, 1, 1, 0]
-    # Far before the fold a sweep does not jump.
+    # Nearer to the other fold a sweep does not jump.
     up[3:9], down[3:9] = 9.0, 0.0
-    assert branches("up", apart, up, down).tolist() == [0, 0, 0, 0, 0, 0, 0, 1, 1, 0]
+    assert branches("up", apart, up, down).tolist() == [0, 0, 0, 0, 0, 1, 1, 1, 1, 0]
     which = branches("down", apart, up, down)
     assert which[1:9].tolist() == [0, 0, 1, 1, 1, 1, 1, 1]
     assert branches(None, apart, up, down)[1:9].tolist() == which[1:9].tolist()

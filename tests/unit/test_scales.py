@@ -130,6 +130,17 @@ def test_a_point_of_finite_elements_carries_what_holds_it() -> None:
     assert model.system.stiffness[model.system.port("tip") == 1.0].max() > 100 * stiffness
 
 
+def test_the_sum_of_a_row_of_a_reduced_stiffness_is_no_spring() -> None:
+    """The cantilever by three of its points: the rows' sums are far from what holds them."""
+    model, freed = cantilever(), np.linalg.inv(cantilever().system.stiffness)
+    kept = [int(np.flatnonzero(model.system.port(p))[0]) for p in ("middle", "tip")]
+    kept = [kept[0] // 2, *kept]
+    held = np.linalg.inv(freed[np.ix_(kept, kept)])
+    reduced = structure(np.eye(3), 1e-5 * held, held, b=[0.0, 1.0, 0.0], c=[0.0, 0.0, 1.0])
+    assert reduced.spring_at("c")[0] > 3.0 / freed[kept[2], kept[2]]
+    assert reduced.carried_at("c")[1] == pytest.approx(1.0 / freed[kept[2], kept[2]])
+
+
 def test_starts_lie_in_their_ranges_on_finite_elements() -> None:
     model = cantilever()
     motion = Motion(1e-6, 2e-5, 5e-3, 50.0)

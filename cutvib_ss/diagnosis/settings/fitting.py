@@ -223,8 +223,8 @@ class FitSettings:
     simulation_force_offset: float = of(0.1, "rms force",
         "Standard deviation of a constant force beside that of a continuous recording", "friction and clearance fit more",
         "weights, cables and amplifiers' zeros are some percent of what excites")
-    simulation_early_jump: float = of(0.25, "1",
-        "Part of the lines between two folds by which a sweep may jump before the one to which it goes",
+    simulation_early_jump: float = of(0.5, "1",
+        "Part of the lines between two folds by which a sweep may jump before the one to which it goes, which is the nearer then",
         "less is learnt from where a sweep jumps", JUDGEMENT)
     simulation_branches_apart: float = of(1e-3, "1",
         "Difference of two branches, of the largest response, from which a line lies between folds", "-", NUMERICAL)
