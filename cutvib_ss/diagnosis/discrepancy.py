@@ -79,13 +79,25 @@ def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
 
 
 def cause_weights(problem: Problem, x: FloatArray) -> FloatArray:
-    """By how much each row of the effects' parameters is a relative error of the cause's dynamic stiffness."""
-    effects = problem.effects(x)
+    """
+    By how much each row of the effects' parameters is a relative error of the cause's dynamic stiffness.
+
+    Beside a linear cause along the rail, whose error varies over the head's position, others have none: of a joint's damper, which
+    drifts between sessions, it would make another one at each position.
+    """
+    effects, along = problem.effects(x), _along_the_rail(problem)
     out = np.zeros(len(problem.parameters))
     for i, (which, name, r) in enumerate(problem.parameters):
-        slope = from_unknown(float(x[problem.first_effect + i]), r)[1]
-        out[i] = effects[which].by_size().get(name, 0.0) / slope
+        if not along or effects[which].place in ALONG_THE_RAIL:
+            slope = from_unknown(float(x[problem.first_effect + i]), r)[1]
+            out[i] = effects[which].by_size().get(name, 0.0) / slope
     return out
+
+
+def _along_the_rail(problem: Problem) -> bool:
+    """Whether the error of what is linear varies over the head's position."""
+    h = problem.hypothesis
+    return h.linear and any(e.place in ALONG_THE_RAIL for e in h.effects)
 
 
 def features(g: Group, row: int, problem: Problem) -> tuple[FloatArray, FloatArray]:
@@ -97,8 +109,7 @@ def features(g: Group, row: int, problem: Problem) -> tuple[FloatArray, FloatArr
     """
     u = np.log(g.freq) / SETTINGS.discrepancy_length
     if problem.hypothesis.linear:
-        along = any(e.place in ALONG_THE_RAIL for e in problem.hypothesis.effects)
-        at = float(g.positions[row]) / SETTINGS.discrepancy_position_length if along else 0.0
+        at = float(g.positions[row]) / SETTINGS.discrepancy_position_length if _along_the_rail(problem) else 0.0
         return u, np.full(u.size, np.nan_to_num(at))
     return u, level_of(g, row) / SETTINGS.discrepancy_amplitude_length
 

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis.diagnose import diagnose
+from cutvib_ss.diagnosis.discrepancy import cause_weights, features
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.effects.end_fixity import EndFixity
+from cutvib_ss.effects.parameter_shift import ParameterShift
 from cutvib_ss.effects.tool_contact import ToolContact
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.model.machine import Machine, published_machine
@@ -101,6 +105,21 @@ def test_a_machine_that_moves_between_sessions_has_no_gap(
     assert diagnosis.causes[0].effect == diagnosis.where.place == "none"
     assert 0.9 < diagnosis.causes[0].reduced_chi2 < 1.1
     assert not diagnosis.where.level_dependent
+
+
+def test_what_stands_beside_a_cause_along_the_rail_has_no_error_that_varies_over_the_position(tmp_path: Path) -> None:
+    """Else a joint's damper that drifts between sessions, one at each position, would be an error of a pair's form."""
+    records = Records(observe(campaign(tmp_path, {None: (0.1, 0.4, 0.8)}, 6), MACHINE).entries)
+    ends, damper = EndFixity("rail_ends", k_left=1e3, k_right=1e3), ParameterShift("joint2", "c2", 1.1)
+    for causes, count, err in (
+        ((ends,), 3, [True] * 2),
+        ((damper,), 1, [True]),
+        ((damper, ends), 3, [False, True, True]),
+    ):
+        problem = Problem(MACHINE, records.merged, Hypothesis(causes))
+        (group,) = problem.groups
+        assert len({float(features(group, row, problem)[1][0]) for row in range(3)}) == count
+        assert (cause_weights(problem, problem.start()) != 0.0).tolist() == err
 
 
 def test_the_fault_drifts_like_the_machine(tmp_path: Path) -> None:
