@@ -146,7 +146,7 @@ def values_text(effect: Effect) -> str:
     units = {f.name: f.metadata["range"].unit for f in parameter_fields(type(effect))}
     for f in fields(effect):
         value: Any = getattr(effect, f.name)
-        if f.name == "place" or value is None:
+        if f.name == "place" or value is None or value is False:
             continue
         text = f"{value:.3g}" if isinstance(value, float) else str(value)
         unit = units.get(f.name, f.metadata.get("unit", ""))

@@ -98,7 +98,7 @@ def _parameters(fit: Fit) -> dict[str, FittedParameter]:
             out[name] = FittedParameter(float(getattr(e, f.name)), float(fit.stds[f"{k}.{f.name}"]), units[f.name])
         continuous = {f.name for f in parameter_fields(type(e))}
         for f in fields(e):
-            if f.name not in continuous | {"place"}:
+            if f.name not in continuous | {"place"} and getattr(e, f.name) is not False:
                 out[f.name + again] = FittedParameter(getattr(e, f.name), 0.0, f.metadata.get("unit", ""))
     return out
 

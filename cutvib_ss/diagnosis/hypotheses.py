@@ -43,7 +43,12 @@ def considered(model: Model, band: tuple[float, float], channels: Sequence[str])
         key = (candidate.starts[0].effect, candidate.starts[0].place)
         found[key] = found.get(key, 0) + 1
     found.update(
-        {(kind.effect, place): 1 for kind in EFFECTS.values() if not kind.linear for place in kind.places(model)}
+        {
+            (kind.effect, place): kind.forms(model, place)
+            for kind in EFFECTS.values()
+            if not kind.linear
+            for place in kind.places(model)
+        }
     )
     return found
 

@@ -103,9 +103,8 @@ class _Family:
             new = [(name, s) for name, s in promising if name not in rough]
             refined = self.workers.map(scan.refined, [s for _, s in new])
             new = [(name, s) for (name, _), s in zip(new, refined, strict=True) if s.gain >= scan.least]
-            begin = [scan.warm if s.warm is None else s.warm for _, s in new]
-            step = partial(first_steps, self.nominal, fitted_on, steps=steps)
-            fits = self.workers.map(step, [s.hypothesis for _, s in new], begin)
+            step = partial(first_steps, self.nominal, fitted_on, warm=scan.warm, steps=steps)
+            fits = self.workers.map(step, [s.hypothesis for _, s in new])
             rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
         # As measured the steps of a restoring force are as expensive again: its two best are enough.
         ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if self.linear else 2]

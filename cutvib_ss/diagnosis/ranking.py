@@ -52,7 +52,11 @@ def on_all_lines(
     ahead = cost(rough[0][1]) if rough else 0.0
     chosen: list[tuple[Candidate, Fit]] = []
     left_out: list[tuple[Candidate, Fit]] = []
-    for i, (candidate, start) in enumerate(rough):
+    # The forms of a restoring force at a place count as one.
+    keys = [(c.name,) if f.hypothesis.linear else f.hypothesis.causes for c, f in rough]
+    places = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+    for key, (candidate, start) in zip(keys, rough, strict=True):
+        i = places[key]
         behind = cost(start) - ahead
         wanted = (behind < close and i < most) or (behind < SETTINGS.search_far and i < least)
         hopeless = not start.hypothesis.linear and start.reduced > SETTINGS.search_hopeless and cost(start) > rival[0]

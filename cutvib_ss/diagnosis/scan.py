@@ -35,7 +35,6 @@ class Scanned(NamedTuple):
 
     gain: float  # χ² that it would take away
     hypothesis: Hypothesis  # Both together, the cause where it did best
-    warm: FloatArray | None = None  # Unknowns beside the causes that suit it better than those of the fit
 
 
 class Change(NamedTuple):
@@ -115,7 +114,6 @@ class Scan:
             gain, best = max(((g, h) for h, _, g in self._of_starts(starts)), key=lambda row: row[0])
             return Scanned(gain, best)
         tried = [self.as_it_stands(e) for e in starts]
-        tried += [self.softened(e) for e in starts if e.stiffness_at_rest > 0.0]
         # Where several parameters scale together, as those of friction do, the first start's shape stands for all.
         tried += map(self._in_proportion, _shapes(starts) if len(starts[0].strength) == 1 else starts[:1])
         return max(tried, key=lambda s: s.gain)
@@ -157,7 +155,7 @@ class Scan:
         """A restoring force with its parameters where it explains most."""
         if best.hypothesis.effects[-1].linear or not np.isfinite(best.gain):
             return best
-        _, problem, x = self.with_cause(best.hypothesis.effects[-1], best.warm)
+        _, problem, x = self.with_cause(best.hypothesis.effects[-1])
         own = np.flatnonzero([p[0] == len(self.effects) for p in problem.parameters]) + problem.first_effect
 
         def loss(values: FloatArray) -> float:
@@ -185,14 +183,14 @@ class Scan:
         x[own] = found.x
         effects = problem.effects(x)
         both = Hypothesis((*self.effects, *effects[len(self.effects) :]), self.motion)
-        return Scanned(float(-found.fun), both, best.warm)
+        return Scanned(float(-found.fun), both)
 
-    def with_cause(self, effect: Effect, warm: FloatArray | None = None) -> tuple[Hypothesis, Problem, FloatArray]:
+    def with_cause(self, effect: Effect) -> tuple[Hypothesis, Problem, FloatArray]:
         """The fit underneath with a cause at its start: both, their problem, and its unknowns."""
         both = Hypothesis((*self.effects, effect), self.motion)
         problem = problem_for(self.nominal, self.records, both, self.apart, self.by)
         problem.share(self.problem)
-        return both, problem, problem.start(self.warm if warm is None else warm)
+        return both, problem, problem.start(self.warm)
 
     def _each(self, x: FloatArray) -> FloatArray | list[FloatArray]:
         """Unknowns of each group, drifted as in the fit underneath."""
@@ -219,18 +217,6 @@ class Scan:
         """A cause at its start, the fit's unknowns free to give way."""
         both, problem, x = self.with_cause(effect)
         return Scanned(self._gain_at(problem, x), both)
-
-    def softened(self, effect: Effect) -> Scanned:
-        """The same, the spring of its place softer by the cause's stiffness at rest: the model was fitted to their sum."""
-        both, problem, x = self.with_cause(effect)
-        spring = self.nominal.spring_at(effect.place)
-        if spring is not None and effect.stiffness_at_rest < spring[0]:
-            for i, (path, tolerance) in enumerate(problem.tuning):
-                if path == spring[1][0][0]:
-                    x[i] += np.log(1.0 - effect.stiffness_at_rest / spring[0]) / tolerance
-                    if x[i] >= problem.bounds()[0][i]:
-                        return Scanned(self._gain_at(problem, x), both, x[: problem.first_effect])
-        return Scanned(-np.inf, both)
 
     def faint(self, starts: Sequence[Effect]) -> list[Hypothesis]:
         """A restoring force in each of its shapes, so weak that it changes in proportion to it; none where it never does."""

@@ -285,19 +285,20 @@ def scouted_laws(
         # On few lines the tuned model is not what it is on all: its tuning alone, without what stands beside it, leads astray.
         warm = None
         scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True)
-    promising = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))[
-        : SETTINGS.search_laws_looked_at
-    ]
-    refined = workers.map(scan.refined, [s for _, s in promising])
-    promising = ranked_by_gain([c for c, _ in promising], refined)[: SETTINGS.search_laws_started]
-    first = partial(first_steps, nominal, outlook, steps=SETTINGS.search_law_steps)
-    begin = [warm if s.warm is None else s.warm for _, s in promising]
-    tries = workers.map(first, [s.hypothesis for _, s in promising], begin)
+    scanned = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))
+    # A contact beside a spring and within it are one cause, of which one form may only seem to promise more.
+    causes = list(dict.fromkeys(s.hypothesis.causes for _, s in scanned))
+    kept = [row for row in scanned if row[1].hypothesis.causes in causes[: SETTINGS.search_laws_looked_at]]
+    refined = ranked_by_gain([c for c, _ in kept], workers.map(scan.refined, [s for _, s in kept]))
+    causes = list(dict.fromkeys(s.hypothesis.causes for _, s in refined))
+    promising = [row for row in refined if row[1].hypothesis.causes in causes[: SETTINGS.search_laws_started]]
+    first = partial(first_steps, nominal, outlook, warm=warm, steps=SETTINGS.search_law_steps)
+    tries = workers.map(first, [s.hypothesis for _, s in promising])
     out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]
     if warm is not None:
         # Beside a tuned model that leaves little every start may be far too strong.
         faint = [(c, h) for c, _ in promising for h in scan.faint(c.starts)]
-        tries = workers.map(first, [h for _, h in faint], [warm] * len(faint))
+        tries = workers.map(first, [h for _, h in faint])
         out += [(c, f) for (c, _), f in zip(faint, tries, strict=True) if f is not None]
         out = list({c.name: (c, f) for c, f in sorted(out, key=lambda pair: -cost(pair[1]))}.values())
     return sorted(out, key=lambda pair: cost(pair[1]))

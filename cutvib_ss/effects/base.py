@@ -157,10 +157,10 @@ class Effect(ABC):
         """Whether the part or channel it sits on may differ from the model as much by itself, within the tolerance."""
         return False
 
-    @property
-    def stiffness_at_rest(self) -> float:
-        """Stiffness that a restoring force adds beside the spring of its place for small motion."""
-        return 0.0
+    @classmethod
+    def forms(cls, model: Model, place: str) -> int:
+        """In how many forms a restoring force may sit at a place."""
+        return 1
 
     def by_size(self) -> dict[str, float]:
         """Derivative of each fitted parameter that carries the severity to the logarithm of the effect's size."""

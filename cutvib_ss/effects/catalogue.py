@@ -223,7 +223,9 @@ def catalogue_table() -> str:
     for name, kind in EFFECTS.items():
         there = kind.places(other)
         elsewhere = {("end", "spring"): "each port", ("spring",): "each port that spans a spring"}.get(there)
-        parameters = ", ".join(_parameter_text(f) for f in fields(kind) if f.name != "place")
+        parameters = ", ".join(
+            _parameter_text(f) for f in sorted(fields(kind), key=lambda f: f.kw_only is True) if f.name != "place"
+        )
         what = (getdoc(kind) or "").partition("\n")[0].replace("|", "\\|")
         places = ", ".join(f"`{p}`" for p in kind.places(machine))
         rows.append(

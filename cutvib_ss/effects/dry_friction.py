@@ -10,12 +10,13 @@ from typing import ClassVar
 import numpy as np
 
 from cutvib_ss.effects.base import Severity, parameter
-from cutvib_ss.effects.law_element import LawElement, StartScale
+from cutvib_ss.effects.law_element import StartScale
 from cutvib_ss.effects.scales import PortScale
+from cutvib_ss.effects.sticking import Sticking
 
 
 @dataclass(frozen=True)
-class DryFriction(LawElement):
+class DryFriction(Sticking):
     """
     Elastic up to the torque, then sliding against it, of one size whatever the rate (Jenkins).
 
@@ -24,6 +25,7 @@ class DryFriction(LawElement):
     """
 
     effect: ClassVar[str] = "dry_friction"
+    sticks_with: ClassVar[str] = "sticking_stiffness"
     severity = Severity("zero", ("torque",))
     sentence = "{place} has dry friction"
     inspection = "look at {place} for rubbing faces, seals or a lack of grease"
@@ -31,10 +33,6 @@ class DryFriction(LawElement):
     torque: float = parameter("N m", 1e-3, 20.0)  # Friction [N m; N at a port that is a displacement]
     # Stiffness beside k while it sticks [N m/rad; N/m]. Infinite by default: Coulomb's law; soft it is no friction
     sticking_stiffness: float = parameter("N m/rad", 1e2, 1e8, default=math.inf, limits=True)
-
-    @property
-    def stiffness_at_rest(self) -> float:
-        return self.sticking_stiffness if math.isfinite(self.sticking_stiffness) else 0.0
 
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:

@@ -10,10 +10,11 @@ from cutvib_ss.effects.base import Model, Severity, parameter
 from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
+from cutvib_ss.effects.sticking import Sticking
 
 
 @dataclass(frozen=True)
-class JointSlip(LawElement):
+class JointSlip(Sticking):
     """
     Elastic contacts in parallel to the joint, each sliding beyond a torque of its own (Iwan).
 
@@ -22,6 +23,7 @@ class JointSlip(LawElement):
     """
 
     effect: ClassVar[str] = "joint_slip"
+    sticks_with: ClassVar[str] = "stiffness"
     severity = Severity("zero", ("stiffness", "slip_torque"))
     sentence = "{place} slips a little"
     inspection = "check the bolts of {place} and the faces that they clamp"
@@ -32,15 +34,11 @@ class JointSlip(LawElement):
     # Slip torques lie evenly between (1 - spread) and (1 + spread) times that, 0 to 1
     spread: float = parameter("1", 0.0, 1.0, "linear", default=0.0)
 
-    @property
-    def stiffness_at_rest(self) -> float:
-        return self.stiffness
-
     def alias(self, model: Model, stds: Mapping[str, float]) -> LawElement:
         """The effect by the name it goes by: `dry_friction` where the spread is zero within its standard deviation."""
         if self.spread > stds.get("spread", 0.0):
             return self
-        return DryFriction(self.place, self.slip_torque, self.stiffness)
+        return DryFriction(self.place, self.slip_torque, self.stiffness, within=self.within)
 
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:

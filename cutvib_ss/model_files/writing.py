@@ -86,7 +86,9 @@ def _lines(model: Model) -> Iterator[str]:
     for effect in model.effects:
         assert isinstance(effect, Effect)
         yield from ["", "[[effect]]", _entry("effect", effect.effect)]
-        yield from (_entry(f.name, v) for f in fields(effect) if (v := getattr(effect, f.name)) is not None)
+        # What it is not needs no word.
+        values: dict[str, Any] = {f.name: getattr(effect, f.name) for f in fields(effect)}
+        yield from (_entry(name, v) for name, v in values.items() if v is not None and v is not False)
 
 
 def _structure_lines(bare: Structure) -> Iterator[str]:
@@ -99,7 +101,7 @@ def _structure_lines(bare: Structure) -> Iterator[str]:
     for name, channel in bare.channels.items():
         # Said where it is not the default, on a shaker, where alone it matters.
         unusual = bare.influence is not None and channel.absolute != (channel.quantity == "acceleration")
-        more = f", absolute = {str(bool(channel.absolute)).lower()}" if unusual else ""
+        more = f", absolute = {_value(bool(channel.absolute))}" if unusual else ""
         yield f"{_key(name)} = {{ port = {_value(channel.port)}, quantity = {_value(channel.quantity)}{more} }}"
     what = "force" if bare.input_quantity == "force" else "base_acceleration"
     yield from ["", "[input]", _entry(what, bare.input_port)]
@@ -114,6 +116,8 @@ def _key(name: str) -> str:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, list | tuple):

@@ -243,7 +243,7 @@ def test_the_second_cause_promises_most():
     base = fit(MACHINE, seen, Hypothesis((RailAddedMass("rail", 0.35, 2.0, 0.0),)))
     scan = Scan(MACHINE, seen, base.hypothesis, base.x, {}, apart=False)
     # A delay of nothing does nothing: it is moved off its start.
-    promised, both, _ = scan.promise([ChannelDelay("measurement", channel="all", delay=0.0)])
+    promised, both = scan.promise([ChannelDelay("measurement", channel="all", delay=0.0)])
     other, *_ = scan.promise([RailAddedMass("rail", 0.6, 1.0, 0.0)])
     assert both.effect == "rail_added_mass+channel_delay"
     assert promised > 3 * other

@@ -51,7 +51,7 @@ def test_starts_of_laws_lie_in_their_ranges_at_every_port() -> None:
         if kind.linear:
             continue
         for place, starts in kind.starts(model, measured):
-            port = place.split()[-1]
+            port = starts[0].place
             ranges = kind.ranges(model, port, motion.high)
             for name in (f.name for f in parameter_fields(kind)):
                 values = [getattr(e, name) for e in starts if getattr(e, name) is not None]

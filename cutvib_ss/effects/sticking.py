@@ -1,0 +1,71 @@
+"""What contacts that stick share: the stiffness with which they do stands beside the model's spring, or is a part of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, attached_to
+from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.model.elements import SpringDamperMass
+
+
+@dataclass(frozen=True)
+class Sticking(LawElement):
+    """
+    A force that is elastic until it slides.
+
+    Beside the model's spring it makes a quiet joint stiffer. ``within`` that spring, of a model that was fitted to a quiet
+    joint, it makes a loud one softer, and the spring is known as well as it was fitted, contact and all.
+    """
+
+    sticks_with: ClassVar[str]  # The parameter that is its stiffness while it sticks
+
+    within: bool = field(default=False, kw_only=True)  # Whether the model's spring holds its stiffness already
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.within, bool):
+            raise ParameterError(f"{self.effect}: within = {self.within!r} is neither true nor false")
+
+    @property
+    def _held(self) -> float:
+        return float(getattr(self, self.sticks_with))
+
+    @classmethod
+    def forms(cls, model: Model, place: str) -> int:
+        return 1 if model.spring_at(place) is None else 2
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for place, starts in super().starts(model, measured):
+            yield place, starts
+            if (spring := model.spring_at(place)) is not None:
+                elastic = [e for e in starts if isinstance(e, Sticking) and np.isfinite(e._held)]
+                yield f"{place} within", tuple(e._part_of(spring[0]) for e in elastic)
+
+    def _part_of(self, spring: float) -> Effect:
+        """As stiff over the rest of a spring, of which it is a part, as it was beside it."""
+        part = spring / (spring + self._held)
+        return replace(self, within=True).changed({name: part * float(getattr(self, name)) for name in self.strength})
+
+    def apply(self, model: Any) -> Any:
+        changed = super().apply(model)
+        if not self.within:
+            return changed
+        if model.spring_at(self.place) is None or not np.isfinite(self._held):
+            raise ParameterError(
+                f"{self.effect} at {self.place!r} is within no spring: it takes one there, and a finite {self.sticks_with}"
+            )
+        return attached_to(changed, self.place, SpringDamperMass(stiffness=-self._held))
+
+    def moves(self, applied: Any) -> Mapping[str, Carried]:
+        found = dict(super().moves(applied))
+        if self.within:
+            spring = ("attachments", len(applied.attachments) - 1, "element", "stiffness")
+            found[self.sticks_with] = (*found[self.sticks_with], (spring, -1.0))
+        return found
