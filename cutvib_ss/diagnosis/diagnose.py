@@ -105,6 +105,10 @@ def diagnose(
     -----
     Linear causes are fitted in the frequency domain, those that depend on the level by simulation in time.
     """
+    if not isinstance(campaign, Campaign):
+        raise ParameterError(
+            f"campaign is a {type(campaign).__name__}; read a folder with cutvib_ss.read_campaign first"
+        )
     if hold_out is not None and not 0.0 < hold_out < 1.0:
         raise ParameterError(f"hold_out = {hold_out} is a fraction: it must lie between 0 and 1")
     if jobs < 1:

@@ -65,8 +65,10 @@ class Replay:
         if not self.block:
             return np.asarray(fft.rfft(x)[..., None, self.lines])
         blocks = sliding_window_view(x[..., self.begin :], self.block, axis=-1)[..., :: self.block - self.overlap, :]
-        level = blocks.mean(axis=-1, keepdims=True)
-        return np.asarray(fft.rfft((blocks - level) * signal.get_window("hann", self.block))[..., self.lines])
+        # A simulation that ran away has none.
+        with np.errstate(invalid="ignore"):
+            windowed = (blocks - blocks.mean(axis=-1, keepdims=True)) * signal.get_window("hann", self.block)
+        return np.asarray(fft.rfft(windowed)[..., self.lines])
 
     @cached_property
     def spectra(self) -> list[ComplexArray]:

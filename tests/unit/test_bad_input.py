@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from cutvib_ss.cli import campaigns, main
+from cutvib_ss.diagnosis.diagnose import diagnose
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.interchange import write_frf
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.response.frequency import frequency_response
@@ -238,3 +240,8 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(
     assert main(["diagnose", str(DEMO), "--json", same, "--report", same]) == 2
     assert "named for two outputs" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_is_no_campaign() -> None:
+    with pytest.raises(ParameterError, match=r"read a folder with cutvib_ss\.read_campaign first"):
+        diagnose(DEMO)  # type: ignore[arg-type]
