@@ -112,5 +112,7 @@ def unpack(archive: bytes, folder: Path) -> None:
     draft = folder.with_name(f".{folder.name}.part")
     shutil.rmtree(draft, ignore_errors=True)
     with tarfile.open(fileobj=io.BytesIO(archive)) as content:
-        content.extractall(draft, filter="data")
+        # Pythons before 3.11.4 know no filter.
+        content.extraction_filter = getattr(tarfile, "data_filter", None)
+        content.extractall(draft)
     draft.rename(folder)
