@@ -301,10 +301,14 @@ def parameter_text(parameter: FittedParameter) -> str:
     '(1.310 ± 0.024)·10⁷ N/m'
     >>> parameter_text(FittedParameter(0.97, 0.012, "1"))
     '0.970 ± 0.012'
+    >>> parameter_text(FittedParameter(True, 0.0, ""))
+    'yes'
     """
     value, std = parameter.value, parameter.std
     if isinstance(value, str):  # the name of a channel, or of the value that is off
         return value
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     unit = _unit(parameter)
     if not math.isfinite(value):
         return "not determined"
