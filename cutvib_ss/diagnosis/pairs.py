@@ -12,7 +12,7 @@ import numpy as np
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.ranking import Ranked, first_steps, on_all_lines, ranked_by_gain, refit, some
+from cutvib_ss.diagnosis.ranking import Ranked, first_steps, first_with_forms, on_all_lines, ranked_by_gain, refit, some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -99,7 +99,8 @@ class _Family:
         rough: dict[str, Fit] = {}
         for scanned, x, fitted_on in self._views(base):
             scan = Scan(self.nominal, scanned, base.hypothesis, x, self.motion, apart=not self.linear)
-            promising = ranked_by_gain(list(added), self.workers.map(scan.promise, added.values()))[:most]
+            scans = ranked_by_gain(list(added), self.workers.map(scan.promise, added.values()))
+            promising = first_with_forms(scans, most)
             new = [(name, s) for name, s in promising if name not in rough]
             refined = self.workers.map(scan.refined, [s for _, s in new])
             new = [(name, s) for (name, _), s in zip(new, refined, strict=True) if s.gain >= scan.least]

@@ -16,7 +16,7 @@ from cutvib_ss.diagnosis.records import Entry, Records, measured_at
 from cutvib_ss.diagnosis.scan import Scanned
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
-from cutvib_ss.effects.base import Model
+from cutvib_ss.effects.base import Model, identifying_values
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
 
@@ -52,11 +52,7 @@ def on_all_lines(
     ahead = cost(rough[0][1]) if rough else 0.0
     chosen: list[tuple[Candidate, Fit]] = []
     left_out: list[tuple[Candidate, Fit]] = []
-    # The forms of a restoring force at a place count as one.
-    keys = [(c.name,) if f.hypothesis.linear else f.hypothesis.causes for c, f in rough]
-    places = {key: i for i, key in enumerate(dict.fromkeys(keys))}
-    for key, (candidate, start) in zip(keys, rough, strict=True):
-        i = places[key]
+    for i, (candidate, start) in zip(numbered([f.hypothesis for _, f in rough]), rough, strict=True):
         behind = cost(start) - ahead
         wanted = (behind < close and i < most) or (behind < SETTINGS.search_far and i < least)
         hopeless = not start.hypothesis.linear and start.reduced > SETTINGS.search_hopeless and cost(start) > rival[0]
@@ -134,6 +130,22 @@ def some(outlook: Records) -> Records:
     squares = [(i + k, e) for i, same in enumerate(of_place.values()) for k, e in enumerate(same)]
     alternate = len(squares) > SETTINGS.scan_records
     return replace(outlook, entries=tuple(e for k, e in squares if not alternate or k % 2 == 0))
+
+
+def numbered(ranked: Sequence[Hypothesis]) -> list[int]:
+    """Number of each of some ranked hypotheses, the forms of a restoring force counting as one."""
+    # Of a contact beside a spring and within it the wrong one may seem to promise more.
+    keys = [
+        i if h.linear else tuple((e.effect, e.place, *identifying_values(e)) for e in h.effects)
+        for i, h in enumerate(ranked)
+    ]
+    numbers = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+    return [numbers[key] for key in keys]
+
+
+def first_with_forms(ranked: Sequence[tuple[NameT, Scanned]], most: int) -> list[tuple[NameT, Scanned]]:
+    """The first of some ranked causes, with all of their forms."""
+    return [row for i, row in zip(numbered([s.hypothesis for _, s in ranked]), ranked, strict=True) if i < most]
 
 
 def ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:

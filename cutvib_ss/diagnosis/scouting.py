@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import level_stands_out
 from cutvib_ss.diagnosis.metrics import ALL
 from cutvib_ss.diagnosis.posterior import kind_of
-from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, ranked_by_gain, refit, some
+from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, first_with_forms, ranked_by_gain, refit, some
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -286,12 +286,9 @@ def scouted_laws(
         warm = None
         scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True)
     scanned = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))
-    # A contact beside a spring and within it are one cause, of which one form may only seem to promise more.
-    causes = list(dict.fromkeys(s.hypothesis.causes for _, s in scanned))
-    kept = [row for row in scanned if row[1].hypothesis.causes in causes[: SETTINGS.search_laws_looked_at]]
-    refined = ranked_by_gain([c for c, _ in kept], workers.map(scan.refined, [s for _, s in kept]))
-    causes = list(dict.fromkeys(s.hypothesis.causes for _, s in refined))
-    promising = [row for row in refined if row[1].hypothesis.causes in causes[: SETTINGS.search_laws_started]]
+    promising = first_with_forms(scanned, SETTINGS.search_laws_looked_at)
+    refined = ranked_by_gain([c for c, _ in promising], workers.map(scan.refined, [s for _, s in promising]))
+    promising = first_with_forms(refined, SETTINGS.search_laws_started)
     first = partial(first_steps, nominal, outlook, warm=warm, steps=SETTINGS.search_law_steps)
     tries = workers.map(first, [s.hypothesis for _, s in promising])
     out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]

@@ -19,7 +19,8 @@ class JointSlip(Sticking):
     Elastic contacts in parallel to the joint, each sliding beyond a torque of its own (Iwan).
 
     Iwan, J. Appl. Mech. 33, 1966. With spread 0, the default, it is one Jenkins element, the same as `dry_friction` with that
-    sticking stiffness. The model's own stiffness is that of the joint when all slides: what is quiet is stiffer by ``stiffness``.
+    sticking stiffness. The model's own stiffness is that of the joint when all slides, what is quiet is stiffer by
+    ``stiffness``; ``within`` the model's spring it is that of the joint at rest.
     """
 
     effect: ClassVar[str] = "joint_slip"

@@ -18,6 +18,7 @@ from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Motion
+from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.joint_slip import JointSlip
 from cutvib_ss.errors import ParameterError
@@ -136,6 +137,15 @@ def test_both_forms_of_a_cause_are_fitted(monkeypatch: pytest.MonkeyPatch) -> No
     with Workers(1) as workers:
         ranking.on_all_lines(QUIET, records, rough, 1, (100.0, 0.0), workers, most=1)
     assert [type(h.effects[0]) for h in fitted] == [JointSlip, JointSlip]
+
+
+def test_forms_of_a_force_count_as_one_and_channels_do_not() -> None:
+    slip, gain = JointSlip("joint", STICKING, TORQUE, 0.3), CalibrationError("measurement", "y", 1.1)
+    within, other = replace(slip, within=True), replace(gain, channel="z")
+    assert ranking.numbered([Hypothesis((e,)) for e in (slip, gain, within, other)]) == [0, 1, 0, 2]
+    # Nor do they beside a restoring force.
+    assert ranking.numbered([Hypothesis((slip, e)) for e in (gain, other)]) == [0, 1]
+    assert ranking.numbered([Hypothesis((gain, e)) for e in (slip, within)]) == [0, 0]
 
 
 def test_a_model_with_a_contact_within_its_spring_is_written_and_read(tmp_path: Path) -> None:
