@@ -257,8 +257,8 @@ def _by_simulation(problems: Sequence[Problem], records: Records, start: Climb, 
 
 
 def _derivatives(hypothesis: Hypothesis, near: Fit | None) -> Derivatives:
-    """How derivatives are taken: two restoring forces together would take ten times as long as one."""
-    if not hypothesis.one_force:
+    """How derivatives are taken: restoring forces at two ports would take ten times as long as at one."""
+    if not hypothesis.at_one_port:
         return "no"
     return "of one blow" if near is None or near.derivatives == "no" else near.derivatives
 

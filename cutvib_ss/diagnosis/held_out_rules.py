@@ -86,7 +86,9 @@ class _HeldOutRules:
             if known and self.is_doubtful(r):
                 self.second_is_not_proven(r, first)
             elif known and self.may_be_its_form(r, first):
-                give(self.odds, r, first, 1.0 - SETTINGS.verdict_form)
+                # So little of the other kind at its own port is its form.
+                own = not any(e.linear for e in r.fit.hypothesis.effects) and r.fit.hypothesis.at_one_port
+                give(self.odds, r, first, 1.0 if own else 1.0 - SETTINGS.verdict_form)
         elif known:
             self.by_both_leads(r, first)
         else:

@@ -42,9 +42,9 @@ class Hypothesis:
         return any(e.touches for e in self.effects)
 
     @property
-    def one_force(self) -> bool:
-        """Whether it has one restoring force and no more."""
-        return sum(not e.linear for e in self.effects) == 1
+    def at_one_port(self) -> bool:
+        """Whether it has restoring forces, at one port and no other."""
+        return len({e.place for e in self.effects if not e.linear}) == 1
 
     @property
     def linear(self) -> bool:

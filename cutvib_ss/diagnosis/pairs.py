@@ -18,6 +18,7 @@ from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
 
 
@@ -68,7 +69,11 @@ class _Family:
             if round_ and not self.linear and not self.workers.begin("fitting more pairs with a restoring force"):
                 break
             base = bases[round_] if round_ < len(bases) else _second_of(*tried[0])
-            tried += self._with_second(base, seconds)
+            try:
+                tried += self._with_second(base, seconds)
+            except CutvibError:
+                # On few lines, or without the other, a restoring force may run away.
+                continue
             tried.sort(key=lambda pair: pair[1].objective)
             if tried and not self.linear and _enough_on_few(tried):
                 break
@@ -83,7 +88,7 @@ class _Family:
             # A restoring force and a linear cause are climbed from both sides: each alone stands in for the other.
             mixed = first.linear != other.linear
             names = (base.name, name) if mixed else tuple(sorted((base.name, name)))
-            # Two restoring forces of one port are one of another form, which its discrepancy and the unknown force have.
+            # Two restoring forces of one port were tried before: those of one kind are one of another form.
             alike = not first.linear and not other.linear and first.place == other.place
             if base.name == name or alike or names in self.seen or (first.linear and other.linear) != self.linear:
                 continue
@@ -149,7 +154,8 @@ def fit_pairs(
     It is tried on top of the one that was the best second, too: a cause that stood in for two may then give way.
     """
     best: dict[tuple[str, str], _Base] = {}
-    for r in sorted((r for r in ranked if r.refined), key=lambda r: -r.fit.log_evidence):
+    singles = [r for r in ranked if r.refined and len(r.fit.hypothesis.causes) == 1]
+    for r in sorted(singles, key=lambda r: -r.fit.log_evidence):
         key = (r.fit.hypothesis.effect, r.fit.hypothesis.place)
         best.setdefault(key, _Base(r.name, r.fit.hypothesis, r.fit.x))
     # A linear one far behind a restoring force is no part of a pair without it.
@@ -178,7 +184,7 @@ def fit_pairs(
         out += [r for r in fitted if r.refined]
         if tried and _enough_on_few(tried):
             break
-    return [*out, *_alone(nominal, records, out, ranked)]
+    return [*out, *by_themselves(nominal, records, out, ranked)]
 
 
 def _enough_on_few(tried: Sequence[tuple[Candidate, Fit]]) -> bool:
@@ -193,7 +199,7 @@ def _second_of(pair: Candidate, fitted: Fit) -> _Base:
     return _Base(pair.name.split(" + ")[-1], alone, fitted.x[: fitted.first_effect])
 
 
-def _alone(nominal: Model, records: Records, pairs: Sequence[Ranked], ranked: Sequence[Ranked]) -> list[Ranked]:
+def by_themselves(nominal: Model, records: Records, pairs: Sequence[Ranked], ranked: Sequence[Ranked]) -> list[Ranked]:
     """Each cause of the best pair by itself, from its values there: of linear causes, of restoring forces, and of one of each."""
     own = {
         r.fit.hypothesis.causes: r.fit.objective for r in sorted(ranked, key=lambda r: -r.fit.objective) if r.refined

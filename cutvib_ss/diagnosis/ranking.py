@@ -106,6 +106,32 @@ def sharpened(nominal: Model, records: Records, ranked: Sequence[Ranked]) -> lis
     return [replace(r, fit=again) if r is best else r for r in ranked]
 
 
+def by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -> list[Ranked]:
+    """The causes, of which one that is another within the deviation of its fit goes by that one's name, if it is among the best."""
+    fitted = {r.fit.hypothesis.causes for r in ranked if r.refined}
+    least = max((r.fit.log_evidence for r in ranked if r.refined), default=0.0) - SETTINGS.search_close / 2.0
+    out = []
+    for r in ranked:
+        effects, stds, parts = r.fit.hypothesis.effects, r.fit.stds, r.name.split(" + ")
+        own = [
+            {name.partition(".")[2]: std for name, std in stds.items() if name.startswith(f"{k}.")}
+            for k in range(len(effects))
+        ]
+        aliases = tuple(e.alias(nominal, s) for e, s in zip(effects, own, strict=True))
+        channels = len(effects) > len(parts)
+        if channels or aliases == effects or not r.refined or r.fit.log_evidence < least:
+            out.append(r)
+            continue
+        hypothesis = replace(r.fit.hypothesis, effects=aliases)
+        if hypothesis.causes not in fitted:
+            steps = SETTINGS.search_most_steps if hypothesis.linear else SETTINGS.search_most_law_steps
+            again = refit(nominal, records, hypothesis, r.fit.x[: r.fit.first_effect], steps)
+            each = zip(parts, effects, aliases, strict=True)
+            name = " + ".join(part if a is e else f"{a.effect} {a.place}" for part, e, a in each)
+            out.append(r if again is None else Ranked(name, again, True))
+    return out
+
+
 def once(ranked: Sequence[Ranked]) -> tuple[Ranked, ...]:
     """Every hypothesis by its best fit, best first: two causes are one pair, whichever of them was found first."""
     best: dict[frozenset[str], Ranked] = {}

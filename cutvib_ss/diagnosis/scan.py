@@ -211,7 +211,10 @@ class Scan:
             residual = _flat(problem.residuals(self._each(x))[1])
         except (CutvibError, np.linalg.LinAlgError):
             return -np.inf
-        return self.leaves - self._freed(residual) if np.isfinite(residual).all() else -np.inf
+        # A force that lets the motion run away leaves more than a number holds.
+        with np.errstate(over="ignore", invalid="ignore"):
+            gain = self.leaves - self._freed(residual) if np.isfinite(residual).all() else -np.inf
+        return gain if np.isfinite(gain) else -np.inf
 
     def as_it_stands(self, effect: Effect) -> Scanned:
         """A cause at its start, the fit's unknowns free to give way."""

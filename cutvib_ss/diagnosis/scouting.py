@@ -30,7 +30,8 @@ from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model, channels_of
 from cutvib_ss.effects.catalogue import is_alias
-from cutvib_ss.errors import ParameterError
+from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.errors import CutvibError, ParameterError
 from cutvib_ss.model.paths import value_at
 from cutvib_ss.results import FloatArray
 
@@ -299,3 +300,51 @@ def scouted_laws(
         out += [(c, f) for (c, _), f in zip(faint, tries, strict=True) if f is not None]
         out = list({c.name: (c, f) for c, f in sorted(out, key=lambda pair: -cost(pair[1]))}.values())
     return sorted(out, key=lambda pair: cost(pair[1]))
+
+
+def springs_with_dampers(
+    nominal: Model,
+    outlook: Records,
+    rough: Sequence[tuple[Candidate, Fit]],
+    found: Sequence[Candidate],
+    motion: Mapping[str, float],
+    workers: Workers,
+) -> list[tuple[Candidate, Fit]]:
+    """
+    The best restoring force with those of its port that lose energy where it stores it, or the other way round; best first.
+
+    A clamp that hardens rubs, too: neither alone says anything of such a port. What is best beside the first is a first one, too.
+    None where nothing takes away a tenth of what the first leaves.
+    """
+    out: dict[frozenset[str], tuple[Candidate, Fit]] = {}
+    name, hypothesis, x = rough[0][0].name, rough[0][1].hypothesis, rough[0][1].x
+    most = (1.0 - SETTINGS.search_leads) * rough[0][1].reduced
+    for _ in range(2):
+        [first] = hypothesis.effects
+        others = [c for c in found if c.starts[0].place == first.place and _loses(c.starts[0]) != _loses(first)]
+        try:
+            scan = Scan(nominal, some(outlook), hypothesis, x, motion, apart=True)
+        except CutvibError:
+            # Without the other it may run away.
+            break
+        scanned = ranked_by_gain(others, workers.map(scan.promise, [c.starts for c in others]))
+        promising = first_with_forms(scanned, SETTINGS.pairs_law_seconds)
+        refined = workers.map(scan.refined, [s for _, s in promising])
+        step = partial(first_steps, nominal, outlook, warm=scan.warm, steps=SETTINGS.search_law_steps)
+        fits = workers.map(step, [s.hypothesis for s in refined])
+        for (c, _), f in zip(promising, fits, strict=True):
+            key = frozenset((name, c.name))
+            if f is not None and f.reduced < most and (key not in out or cost(f) < cost(out[key][1])):
+                out[key] = (Candidate(f"{name} + {c.name}", ()), f)
+        if not out:
+            break
+        best, there = min(out.values(), key=lambda pair: cost(pair[1]))
+        name, x = best.name.split(" + ")[1], there.x[: there.first_effect]
+        hypothesis = replace(there.hypothesis, effects=there.hypothesis.effects[1:])
+    return sorted(out.values(), key=lambda pair: cost(pair[1]))
+
+
+def _loses(effect: Effect) -> bool:
+    """Whether a restoring force takes energy out of a harmonic motion."""
+    assert isinstance(effect, LawElement)
+    return effect.restoring_force().dissipates()

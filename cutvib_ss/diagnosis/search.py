@@ -27,8 +27,17 @@ from cutvib_ss.diagnosis.linearity import (
     motions,
 )
 from cutvib_ss.diagnosis.observations import Observations
-from cutvib_ss.diagnosis.pairs import Second, fit_pairs
-from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, on_all_lines, once, refit, sharpened
+from cutvib_ss.diagnosis.pairs import Second, by_themselves, fit_pairs
+from cutvib_ss.diagnosis.ranking import (
+    Ranked,
+    by_their_names,
+    cost,
+    first_steps,
+    on_all_lines,
+    once,
+    refit,
+    sharpened,
+)
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scouting import (
     beside_parts,
@@ -36,6 +45,7 @@ from cutvib_ss.diagnosis.scouting import (
     relieved,
     scouted,
     scouted_laws,
+    springs_with_dampers,
     tuned_away,
     tuned_scout,
 )
@@ -87,7 +97,7 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     workers.say(f"fitting {len(linear)} linear causes")
     away = none.fit.tuned_away or none.fit.calibrated_away or none.fit.spread.largest("parts")
     if none.reduced < SETTINGS.search_enough and not away:
-        ranked = _by_their_names(nominal, records, beside_tuned(nominal, records, none, linear, workers))
+        ranked = by_their_names(nominal, records, beside_tuned(nominal, records, none, linear, workers))
         return Linear(records, few, none, ranked, linear, {}, 0.0)
     rough = scouted(nominal, records, few, linear, none, workers)
     alone = {c.name: f.hypothesis.effects[0] for c, f in rough}
@@ -105,7 +115,7 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
         # What the tuned model takes up far out of its tolerance leads nowhere on few lines.
         missed = [c for c in linear if tuned_away(nominal, none.fit, c.starts[0])]
         ranked = _better(ranked, beside_tuned(nominal, records, none, missed, workers))
-    ranked = _by_their_names(nominal, records, ranked)
+    ranked = by_their_names(nominal, records, ranked)
     best = best_of(ranked, none)
     ranked = [_other_instants(nominal, records, r) if r is best else r for r in ranked]
     none = _not_caught(nominal, records, none, ranked)
@@ -242,7 +252,15 @@ def _with(
     if leading:
         rough = [(c, f) for c, f in rough if cost(f) < rival[0]]
     new = on_all_lines(nominal, records, rough, 2, rival, workers, SETTINGS.search_laws_refined)
-    return _by_their_names(nominal, records, [*ranked, *new])
+    found = [r for r in new if r.refined]
+    ahead = max(found, key=lambda r: r.fit.log_evidence, default=None)
+    if ahead is not None and (ahead.reduced > SETTINGS.search_enough or ahead.fit.spread.is_large("cause")):
+        rough = springs_with_dampers(nominal, forces.outlook, rough, forces.candidates, forces.motion, workers)
+        rival = (np.inf, ahead.fit.log_evidence)
+        both = on_all_lines(nominal, records, rough, 1, rival, workers, close=SETTINGS.pairs_close)
+        both = [r for r in both if r.refined]
+        new += [*both, *by_themselves(nominal, records, both, found)]
+    return by_their_names(nominal, records, [*ranked, *new])
 
 
 def _favoured(
@@ -283,24 +301,6 @@ def _told_apart(effect: Effect) -> tuple[object, ...]:
 def _beside(none: Fit) -> Fit | None:
     """The tuned model where it leaves noise, for causes to start beside; not where it may have taken up what a cause does."""
     return none if none.reduced < SETTINGS.search_enough and not none.taken_up else None
-
-
-def _by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -> list[Ranked]:
-    """The causes, of which one that is another within the deviation of its fit goes by that one's name, if it is among the best."""
-    fitted = {r.fit.hypothesis.causes for r in ranked if r.refined}
-    least = max((r.fit.log_evidence for r in ranked if r.refined), default=0.0) - SETTINGS.search_close / 2.0
-    out = []
-    for r in ranked:
-        e, *others = r.fit.hypothesis.effects
-        alias = e.alias(nominal, {name.partition(".")[2]: std for name, std in r.fit.stds.items()})
-        if others or alias is e or not r.refined or r.fit.log_evidence < least:
-            out.append(r)
-        elif ((alias.effect, alias.place),) not in fitted:
-            hypothesis = replace(r.fit.hypothesis, effects=(alias,))
-            steps = SETTINGS.search_most_steps if e.linear else SETTINGS.search_most_law_steps
-            again = refit(nominal, records, hypothesis, r.fit.x[: r.fit.first_effect], steps)
-            out.append(r if again is None else Ranked(f"{alias.effect} {alias.place}", again, True))
-    return out
 
 
 def _moving(

@@ -130,6 +130,6 @@ def test_each_part_of_the_best_pair_is_fitted_by_itself(
     )
     alone = SimpleNamespace(hypothesis=Hypothesis(effects[:1]), objective=30.0)
     ranked = [Ranked("pair", cast(Fit, best), True), Ranked("single", cast(Fit, alone), True)]
-    pairs._alone(cast(Model, None), cast(Records, None), [replace(ranked[0], name="one + other")], ranked[1:])
+    pairs.by_themselves(cast(Model, None), cast(Records, None), [replace(ranked[0], name="one + other")], ranked[1:])
     steps = [SETTINGS.search_most_steps if e.linear else SETTINGS.search_most_law_steps for e in effects]
     assert asked == [(effects[0], steps[0], 30.0), (effects[1], steps[1], np.inf)]

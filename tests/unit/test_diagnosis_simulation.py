@@ -13,10 +13,9 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.prediction import Prediction
-from cutvib_ss.diagnosis.ranking import Ranked, sharpened
+from cutvib_ss.diagnosis.ranking import Ranked, by_their_names, sharpened
 from cutvib_ss.diagnosis.records import Records, merged
 from cutvib_ss.diagnosis.scan import Scan
-from cutvib_ss.diagnosis.search import _by_their_names
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.simulated import _window, simulated
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
@@ -364,8 +363,8 @@ def test_a_cause_that_is_another_within_its_deviation_goes_by_that_name():
     one = Ranked("joint_slip joint2", slip, True)
     told = {**slip.stds, "0.spread": 0.5 * slip.hypothesis.effects[0].spread}
     untold = replace(one, fit=replace(slip, stds={**told, "0.spread": 1.0}))
-    assert _by_their_names(MACHINE, seen, [replace(one, fit=replace(slip, stds=told))])[0].name == one.name
-    (renamed,) = _by_their_names(MACHINE, seen, [untold])
+    assert by_their_names(MACHINE, seen, [replace(one, fit=replace(slip, stds=told))])[0].name == one.name
+    (renamed,) = by_their_names(MACHINE, seen, [untold])
     assert renamed.name == "dry_friction joint2"
     assert renamed.fit.hypothesis.causes == (("dry_friction", "joint2"),)
     # Lengths and the joint's stiffness go with the torque: it ends where a fit from the true values does.
@@ -373,4 +372,4 @@ def test_a_cause_that_is_another_within_its_deviation_goes_by_that_name():
     assert renamed.fit.hypothesis.effects[0].torque == pytest.approx(best.hypothesis.effects[0].torque, rel=0.02)
     assert renamed.fit.log_evidence == pytest.approx(best.log_evidence, abs=1.0)
     # Where dry friction was fitted itself, it is one cause and not two.
-    assert _by_their_names(MACHINE, seen, [renamed, untold]) == [renamed]
+    assert by_their_names(MACHINE, seen, [renamed, untold]) == [renamed]

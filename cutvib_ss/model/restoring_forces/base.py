@@ -79,6 +79,11 @@ class RestoringForce(ABC):
         """Parameters and their units at a joint (N and m in place of N m and rad at a port that is a displacement)."""
         return {f.name: f.metadata["unit"] for f in fields(cls)}
 
+    @classmethod
+    def dissipates(cls) -> bool:
+        """Whether it takes energy out of a harmonic motion, or else stores it."""
+        return cls.moved_by == "velocity"
+
     @property
     def parameters(self) -> dict[str, float]:
         """The parameters that are given and finite."""
@@ -217,6 +222,10 @@ class Hysteretic(RestoringForce):
     Every law of Masing's rules is such a sum (Iwan, J. Appl. Mech. 33, 1966). Its state are the forces of the elements, advanced
     by `compiled`. A single one of infinite stiffness is Coulomb friction.
     """
+
+    @classmethod
+    def dissipates(cls) -> bool:
+        return True
 
     @abstractmethod
     def sliders(self) -> FloatArray:
