@@ -34,6 +34,8 @@ class JointSlip(Sticking):
     slip_torque: float = parameter("N m", 1e-3, 20.0)  # Torque at which all of it slides in the mean [N m; N]
     # Slip torques lie evenly between (1 - spread) and (1 + spread) times that, 0 to 1
     spread: float = parameter("1", 0.0, 1.0, "linear", default=0.0)
+    # Or their density goes with this power of how far they are above the lowest; of bolted joints -1 to 0 (Segalman 2005)
+    exponent: float = parameter("1", -0.9, 0.9, "linear", minimum=-0.95, default=0.0)
 
     def alias(self, model: Model, stds: Mapping[str, float]) -> LawElement:
         """The effect by the name it goes by: `dry_friction` where the spread is zero within its standard deviation."""
@@ -50,7 +52,12 @@ class JointSlip(Sticking):
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         k, full = scale.stiffness, scale.stiffness * scale.motion
-        return {"stiffness": (1e-4 * k, 3.0 * k), "slip_torque": (1e-6 * full, 3.0 * full), "spread": (0.0, 1.0)}
+        return {
+            "stiffness": (1e-4 * k, 3.0 * k),
+            "slip_torque": (1e-6 * full, 3.0 * full),
+            "spread": (0.0, 1.0),
+            "exponent": (-0.9, 0.9),
+        }
 
     @classmethod
     def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:

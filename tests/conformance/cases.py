@@ -39,7 +39,7 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "cubic_stiffness": (("joint1", "joint2"), ("stiffness3",)),
     "freeplay": (("joint1", "joint2"), ("gap", "contact_stiffness")),
     "dry_friction": (("joint1", "joint2"), ("torque", "sticking_stiffness", "within")),
-    "joint_slip": (("joint1", "joint2"), ("stiffness", "slip_torque", "spread", "within")),
+    "joint_slip": (("joint1", "joint2"), ("stiffness", "slip_torque", "spread", "exponent", "within")),
     "bilinear_stiffness": (("joint1", "joint2"), ("asymmetry",)),
     "quadratic_damping": (("joint1", "joint2"), ("coefficient",)),
     "channel_delay": (("measurement",), ("channel", "delay")),

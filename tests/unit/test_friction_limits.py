@@ -22,7 +22,7 @@ from cutvib_ss.effects.quadratic_damping import QuadraticDamping
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.protocol import NonlinearElement
-from cutvib_ss.model.restoring_forces import Memoryless, packed, registered, value
+from cutvib_ss.model.restoring_forces import Memoryless, law, packed, registered, value
 from cutvib_ss.model.restoring_forces.base import Values
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
@@ -319,3 +319,23 @@ def test_a_law_of_one_s_own_needs_no_other_edit() -> None:
     finally:
         del base._REGISTERED["fifth_power"]
     assert "fifth_power" not in registered()
+
+
+@pytest.mark.parametrize("exponent", [-0.7, -0.4, 0.0])
+def test_small_motions_lose_energy_with_the_power_of_segalman(exponent):
+    """Per cycle π A² Im N(A), in proportion to A^(3 + exponent) far below gross slip (Segalman, J. Appl. Mech. 72, 2005, 752)."""
+    slip = law("joint_slip")(1e4, 2.0, 1.0, exponent)
+    # Sixteen contacts share the torques out: over some of them the power is that of the law.
+    amplitude = np.geomspace(0.3, 0.8, 200) * 2.0 / 1e4
+    lost = np.pi * amplitude**2 * slip.describing_function(amplitude, 100.0).imag
+    slope = np.polyfit(np.log(amplitude), np.log(lost), 1)[0]
+    assert slope == pytest.approx(3.0 + exponent, abs=0.05)
+
+
+@pytest.mark.parametrize("exponent", [-0.7, 0.0, 0.5])
+def test_the_mean_slip_torque_is_that_of_gross_slip(exponent):
+    for spread in (0.3, 1.0):
+        stiffness, torque = law("joint_slip")(1e4, 2.0, spread, exponent).sliders().T
+        assert stiffness.sum() == pytest.approx(1e4)
+        assert torque.sum() == pytest.approx(2.0, rel=0.05)
+        assert 1.0 - spread < (torque / stiffness).min() * 1e4 / 2.0 < 1.0 - 0.8 * spread

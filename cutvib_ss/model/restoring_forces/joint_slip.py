@@ -17,17 +17,20 @@ Jenkins elements that stand for the even distribution of slip torques. Their bac
 
     f(u) = u - (u - T(1-s))² / (4 s T),   u = stiffness · q,   abs(u - T) ≤ s T
 
-that the distribution gives; it is off by at most s T/(4 CONTACTS²), a thousandth of s T.
+that the distribution gives; it is off by at most s T/(4 CONTACTS²), a thousandth of s T. Of a power law they share the contacts out
+evenly, too.
 """
 
 
 @dataclass(frozen=True)
 class JointSlip(Hysteretic):
     """
-    Iwan's model with slip torques evenly between (1 - spread) and (1 + spread) times slip_torque.
+    Iwan's model with slip torques about their mean, slip_torque, from (1 - spread) times that upwards.
 
-    With ``stiffness`` while all stick. Spread 0 is one Jenkins element. See Iwan, J. Appl. Mech. 33 (1966) 893, and for bolted
-    joints Segalman, J. Appl. Mech. 72 (2005) 752.
+    With ``stiffness`` while all stick. Their density goes with a power, ``exponent``, of how far they are above the lowest; 0
+    spreads them evenly, up to (1 + spread) times the mean. Spread 0 is one Jenkins element. With spread 1 small motions lose
+    energy with the power 3 + exponent of their amplitude: in bolted joints 2 to 3 (Segalman, J. Appl. Mech. 72 (2005) 752). See
+    Iwan, J. Appl. Mech. 33 (1966) 893.
     """
 
     name: ClassVar[str] = "joint_slip"
@@ -36,6 +39,7 @@ class JointSlip(Hysteretic):
     stiffness: float = value("N m/rad")
     slip_torque: float = value("N m")
     spread: float = value("1", maximum=1.0, default=0.0)
+    exponent: float = value("1", minimum=-0.95, maximum=2.0, default=0.0)
 
     def regularised(self, stiffness: float, motion: float) -> Self:
         rigid = STICKING * max(stiffness, self.slip_torque / motion)
@@ -49,6 +53,9 @@ class JointSlip(Hysteretic):
     def sliders(self) -> FloatArray:
         if self.spread == 0.0:
             return np.array([[self.stiffness, self.slip_torque]])
-        middle = (2.0 * np.arange(CONTACTS) + 1.0) / CONTACTS - 1.0
-        torques = self.slip_torque / CONTACTS * (1.0 + self.spread * middle)
+        order = 1.0 / (1.0 + self.exponent)
+        # Of the power law's quantiles, the mean.
+        mean = 1.0 / (1.0 + order)
+        beyond = ((np.arange(CONTACTS) + 0.5) / CONTACTS) ** order
+        torques = self.slip_torque / CONTACTS * (1.0 + self.spread * (beyond / mean - 1.0))
         return np.column_stack([np.full(CONTACTS, self.stiffness / CONTACTS), torques])
