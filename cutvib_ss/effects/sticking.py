@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from cutvib_ss.effects.base import Carried, Effect, Measured, Model, attached_to
-from cutvib_ss.effects.law_element import LawElement
+from cutvib_ss.effects.base import Carried, Effect, attached_to
+from cutvib_ss.effects.within_spring import WithinSpring
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.elements import SpringDamperMass
 
 
 @dataclass(frozen=True)
-class Sticking(LawElement):
+class Sticking(WithinSpring):
     """
     A force that is elastic until it slides.
 
@@ -25,28 +25,13 @@ class Sticking(LawElement):
 
     sticks_with: ClassVar[str]  # The parameter that is its stiffness while it sticks
 
-    within: bool = field(default=False, kw_only=True)  # Whether the model's spring holds its stiffness already
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not isinstance(self.within, bool):
-            raise ParameterError(f"{self.effect}: within = {self.within!r} is neither true nor false")
-
     @property
     def _held(self) -> float:
         return float(getattr(self, self.sticks_with))
 
     @classmethod
-    def forms(cls, model: Model, place: str) -> int:
-        return 1 if model.spring_at(place) is None else 2
-
-    @classmethod
-    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        for place, starts in super().starts(model, measured):
-            yield place, starts
-            if (spring := model.spring_at(place)) is not None:
-                elastic = [e for e in starts if isinstance(e, Sticking) and np.isfinite(e._held)]
-                yield f"{place} within", tuple(e._part_of(spring[0]) for e in elastic)
+    def _parts(cls, starts: Sequence[Effect], spring: float) -> Iterable[Effect]:
+        return (e._part_of(spring) for e in starts if isinstance(e, Sticking) and np.isfinite(e._held))
 
     def _part_of(self, spring: float) -> Effect:
         """As stiff over the rest of a spring, of which it is a part, as it was beside it."""

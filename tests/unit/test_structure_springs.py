@@ -1,5 +1,7 @@
 """Springs at the ports of a structure whose matrices are written to a few digits."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -12,9 +14,11 @@ from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.effects.freeplay import Freeplay
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.tool_contact import ToolContact
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
+from cutvib_ss.model_files import read_machine, write_machine
 from cutvib_ss.report.wording import cause_name, inspection_text
 
 SPRINGS = (1.234567891e7, 0.987654321e7, 1.111111119e7)
@@ -130,3 +134,31 @@ def test_two_causes_at_one_place_are_at_that_place() -> None:
     both = Hypothesis((ToolContact("between", 1e5), AddedMass("between", 0.1)))
     assert (both.place, both.places) == ("between+between", "between")
     assert Hypothesis((ToolContact("between", 1e5), AddedMass("free", 0.1))).places == "between+free"
+
+
+def test_play_of_a_part_of_a_spring_leaves_the_rest_at_work() -> None:
+    model = chain(8)
+    spring = model.spring_at("between")
+    assert spring is not None
+    part, gap = 0.3 * spring[0], 1e-4
+    [element] = Freeplay("between", gap, part, within=True).apply(model).nonlinear
+    q = np.linspace(-5e-4, 5e-4, 41)
+    beyond = q - np.clip(q, -gap, gap)
+    force = spring[0] * q + element.restoring_force.force(q, np.zeros(q.size))
+    assert force == pytest.approx((spring[0] - part) * q + part * beyond)
+    with pytest.raises(ParameterError, match="contact_stiffness"):
+        Freeplay("between", gap, within=True)
+    with pytest.raises(ParameterError, match="neither true nor false"):
+        Freeplay("between", gap, part, within="yes")  # type: ignore[arg-type]
+
+
+def test_play_is_tried_beside_and_within_a_spring() -> None:
+    found = {c.name: c for c in nonlinear_candidates(chain(8), {"between": Motion(1e-5, 1e-4, 1e-2, 1.0)})}
+    assert {"freeplay between", "freeplay between within"} <= set(found)
+    assert all(e.within and e.vanishes for e in found["freeplay between within"].starts)  # type: ignore[attr-defined]
+
+
+def test_play_within_a_joint_is_written_and_read(tmp_path: Path) -> None:
+    machine = Freeplay("joint2", 1e-4, 3e3, within=True).apply(published_machine())
+    write_machine(machine, tmp_path / "machine.toml")
+    assert read_machine(tmp_path / "machine.toml").nonlinear == machine.nonlinear
