@@ -321,7 +321,8 @@ def springs_with_dampers(
     most = (1.0 - SETTINGS.search_leads) * rough[0][1].reduced
     for _ in range(2):
         [first] = hypothesis.effects
-        others = [c for c in found if c.starts[0].place == first.place and _loses(c.starts[0]) != _loses(first)]
+        here = [c for c in found if c.starts[0].place == first.place]
+        others = [c for c in here if {_loses(c.starts[0]), _loses(first)} == {False, True}]
         try:
             scan = Scan(nominal, some(outlook), hypothesis, x, motion, apart=True)
         except CutvibError:
@@ -344,7 +345,6 @@ def springs_with_dampers(
     return sorted(out.values(), key=lambda pair: cost(pair[1]))
 
 
-def _loses(effect: Effect) -> bool:
-    """Whether a restoring force takes energy out of a harmonic motion."""
-    assert isinstance(effect, LawElement)
-    return effect.restoring_force().dissipates()
+def _loses(effect: Effect) -> bool | None:
+    """Whether a restoring force takes energy out of a harmonic motion; None where that is not told."""
+    return effect.restoring_force().dissipates() if isinstance(effect, LawElement) else None
