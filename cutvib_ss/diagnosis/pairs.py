@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.ranking import Ranked, first_steps, first_with_forms, on_all_lines, ranked_by_gain, refit, some
+from cutvib_ss.diagnosis.ranking import Ranked, first_steps, on_all_lines, promising, refit, some, stepped
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -102,41 +102,40 @@ class _Family:
             else (SETTINGS.pairs_law_seconds, SETTINGS.search_law_steps)
         )
         rough: dict[str, Fit] = {}
-        for scanned, x, fitted_on in self._views(base):
-            scan = Scan(self.nominal, scanned, base.hypothesis, x, self.motion, apart=not self.linear)
-            scans = ranked_by_gain(list(added), self.workers.map(scan.promise, added.values()))
-            promising = first_with_forms(scans, most)
-            new = [(name, s) for name, s in promising if name not in rough]
-            refined = self.workers.map(scan.refined, [s for _, s in new])
-            new = [(name, s) for (name, _), s in zip(new, refined, strict=True) if s.gain >= scan.least]
-            step = partial(first_steps, self.nominal, fitted_on, warm=scan.warm, steps=steps)
-            fits = self.workers.map(step, [s.hypothesis for _, s in new])
-            rough.update((name, f) for (name, _), f in zip(new, fits, strict=True) if f is not None)
+        for scan, fitted_on in self._views(base):
+            ahead = promising(scan, list(added), list(added.values()), most, self.workers)
+            new = [(name, s.hypothesis) for name, s in ahead if name not in rough and s.gain >= scan.least]
+            rough.update(stepped(self.nominal, fitted_on, new, scan.warm, steps, self.workers))
         # As measured the steps of a restoring force are as expensive again: its two best are enough.
-        ahead = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if self.linear else 2]
+        best = sorted(rough.items(), key=lambda row: row[1].objective)[: len(rough) if self.linear else 2]
         step = partial(first_steps, self.nominal, self.sharp, steps=steps)
-        fits = self.workers.map(step, [f.hypothesis for _, f in ahead], [f.x for _, f in ahead])
-        found = [(Candidate(name, ()), f) for (name, _), f in zip(ahead, fits, strict=True) if f is not None]
+        fits = self.workers.map(step, [f.hypothesis for _, f in best], [f.x for _, f in best])
+        found = [(Candidate(name, ()), f) for (name, _), f in zip(best, fits, strict=True) if f is not None]
         alone = None if self.linear or not found else step(base.hypothesis, base.x)
         # What the first does not gain by it is none of its own.
         return found if alone is None else [row for row in found if alone.objective - row[1].objective > 1.0]
 
-    def _views(self, base: _Base) -> list[tuple[Records, FloatArray | None, Records]]:
-        """On which records second causes are scanned, with which tuning of the first, and on which they take their first steps."""
+    def _views(self, base: _Base) -> Iterator[tuple[Scan, Records]]:
+        """Scans of second causes, and the records on which these take their first steps."""
         # What is small beside the widened noise shows as measured, once the first cause is right.
-        wide = self.wide if self.linear else some(self.wide)
-        scan = Scan(self.nominal, wide, base.hypothesis, base.x, self.motion, apart=not self.linear)
+        scan = self._scan(self.wide, base, base.x)
         hidden = scan.leaves < SETTINGS.search_enough * scan.left.size
         if self.linear:
-            return [(each, base.x, each) for each in ((self.sharp,) if hidden else (self.wide, self.sharp))]
+            if not hidden:
+                yield scan, self.wide
+            yield self._scan(self.sharp, base, base.x), self.sharp
         # Restoring forces, whose every scan is a simulation, are scanned once: as measured where the first cause leaves nothing in
         # the widened noise, and else from afar.
-        if hidden:
-            return [(some(self.sharp), base.x, self.sharp)]
-        if not base.hypothesis.linear:
-            return [(some(self.wide), base.x, self.wide)]
+        elif hidden:
+            yield self._scan(self.sharp, base, base.x), self.sharp
         # The tuning of a linear cause that lacks its restoring force leads away from both: that is scanned with nothing tuned.
-        return [(some(self.wide), None, self.wide)]
+        else:
+            yield self._scan(self.wide, base, None) if base.hypothesis.linear else scan, self.wide
+
+    def _scan(self, records: Records, base: _Base, x: FloatArray | None) -> Scan:
+        """What is on top of a first cause, on a part of the records where it is simulated."""
+        few = records if self.linear else some(records)
+        return Scan(self.nominal, few, base.hypothesis, x, self.motion, apart=not self.linear)
 
 
 def fit_pairs(
@@ -199,8 +198,18 @@ def _second_of(pair: Candidate, fitted: Fit) -> _Base:
     return _Base(pair.name.split(" + ")[-1], alone, fitted.x[: fitted.first_effect])
 
 
-def by_themselves(nominal: Model, records: Records, pairs: Sequence[Ranked], ranked: Sequence[Ranked]) -> list[Ranked]:
-    """Each cause of the best pair by itself, from its values there: of linear causes, of restoring forces, and of one of each."""
+def by_themselves(
+    nominal: Model,
+    records: Records,
+    pairs: Sequence[Ranked],
+    ranked: Sequence[Ranked],
+    few: Mapping[str, float] | None = None,
+) -> list[Ranked]:
+    """
+    Each cause of the best pair by itself, from its values there: of linear causes, of restoring forces, and of one of each.
+
+    Where both were fitted to few lines, only that which left less there, by their names.
+    """
     own = {
         r.fit.hypothesis.causes: r.fit.objective for r in sorted(ranked, key=lambda r: -r.fit.objective) if r.refined
     }
@@ -211,7 +220,10 @@ def by_themselves(nominal: Model, records: Records, pairs: Sequence[Ranked], ran
         if not found:
             continue
         best = max(found, key=lambda r: r.fit.log_evidence)
-        for name, effect in zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True):
+        parts = list(zip(best.name.split(" + "), best.fit.hypothesis.effects, strict=True))
+        if few is not None and all(name in few for name, _ in parts):
+            parts = [min(parts, key=lambda part: few[part[0]])]
+        for name, effect in parts:
             steps = SETTINGS.search_most_steps if effect.linear else SETTINGS.search_most_law_steps
             # A restoring force's range goes by the motion that the pair's hypothesis holds.
             hypothesis = replace(best.fit.hypothesis, effects=(effect,))

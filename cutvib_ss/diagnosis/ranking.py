@@ -13,10 +13,10 @@ from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.records import Entry, Records, measured_at
-from cutvib_ss.diagnosis.scan import Scanned
+from cutvib_ss.diagnosis.scan import Scan, Scanned
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
-from cutvib_ss.effects.base import Model, identifying_values
+from cutvib_ss.effects.base import Effect, Model, identifying_values
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
 
@@ -174,9 +174,32 @@ def first_with_forms(ranked: Sequence[tuple[NameT, Scanned]], most: int) -> list
     return [row for i, row in zip(numbered([s.hypothesis for _, s in ranked]), ranked, strict=True) if i < most]
 
 
-def ranked_by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:
-    """Names with what was scanned of them."""
+def promising(
+    scan: Scan, names: Sequence[NameT], starts: Sequence[Sequence[Effect]], most: int, workers: Workers
+) -> list[tuple[NameT, Scanned]]:
+    """Causes that promise most on top of a fit, with their forms, each where it explains most; best first."""
+    scanned = _by_gain(names, workers.map(scan.promise, starts))
+    ahead = first_with_forms(scanned, most)
+    return _by_gain([name for name, _ in ahead], workers.map(scan.refined, [s for _, s in ahead]))
+
+
+def _by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:
+    """Names with what was scanned of them, best first."""
     return sorted(zip(names, scanned, strict=True), key=lambda row: -row[1].gain)
+
+
+def stepped(
+    nominal: Model,
+    records: Records,
+    named: Sequence[tuple[NameT, Hypothesis]],
+    warm: FloatArray | None,
+    steps: int,
+    workers: Workers,
+) -> list[tuple[NameT, Fit]]:
+    """Causes after their first steps, without those that run away."""
+    step = partial(first_steps, nominal, records, warm=warm, steps=steps)
+    fits = workers.map(step, [hypothesis for _, hypothesis in named])
+    return [(name, f) for (name, _), f in zip(named, fits, strict=True) if f is not None]
 
 
 def first_steps(

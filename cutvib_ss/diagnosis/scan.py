@@ -293,7 +293,8 @@ class Scan:
                 change = self.left - _flat(problem.residuals(self._each(x))[1])
             except (CutvibError, np.linalg.LinAlgError):
                 continue
-            if np.isfinite(change).all():
+            # A force that lets the motion run away changes more than the squares of a number hold.
+            if np.abs(change).max() < np.sqrt(SETTINGS.fit_run_away * change.size):
                 found.append((i, change))
         if found:
             changes = np.array([change for _, change in found])

@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import level_stands_out
 from cutvib_ss.diagnosis.metrics import ALL
 from cutvib_ss.diagnosis.posterior import kind_of
-from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, first_with_forms, ranked_by_gain, refit, some
+from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, first_with_forms, promising, refit, some, stepped
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -286,18 +286,14 @@ def scouted_laws(
         # On few lines the tuned model is not what it is on all: its tuning alone, without what stands beside it, leads astray.
         warm = None
         scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True)
-    scanned = ranked_by_gain(found, workers.map(scan.promise, [c.starts for c in found]))
-    promising = first_with_forms(scanned, SETTINGS.search_laws_looked_at)
-    refined = ranked_by_gain([c for c, _ in promising], workers.map(scan.refined, [s for _, s in promising]))
-    promising = first_with_forms(refined, SETTINGS.search_laws_started)
-    first = partial(first_steps, nominal, outlook, warm=warm, steps=SETTINGS.search_law_steps)
-    tries = workers.map(first, [s.hypothesis for _, s in promising])
-    out = [(c, f) for (c, _), f in zip(promising, tries, strict=True) if f is not None]
+    ahead = promising(scan, found, [c.starts for c in found], SETTINGS.search_laws_looked_at, workers)
+    ahead = first_with_forms(ahead, SETTINGS.search_laws_started)
+    tried = [(c, s.hypothesis) for c, s in ahead]
+    out = stepped(nominal, outlook, tried, warm, SETTINGS.search_law_steps, workers)
     if warm is not None:
         # Beside a tuned model that leaves little every start may be far too strong.
-        faint = [(c, h) for c, _ in promising for h in scan.faint(c.starts)]
-        tries = workers.map(first, [h for _, h in faint])
-        out += [(c, f) for (c, _), f in zip(faint, tries, strict=True) if f is not None]
+        faint = [(c, h) for c, _ in ahead for h in scan.faint(c.starts)]
+        out += stepped(nominal, outlook, faint, warm, SETTINGS.search_law_steps, workers)
         out = list({c.name: (c, f) for c, f in sorted(out, key=lambda pair: -cost(pair[1]))}.values())
     return sorted(out, key=lambda pair: cost(pair[1]))
 
@@ -328,14 +324,11 @@ def springs_with_dampers(
         except CutvibError:
             # Without the other it may run away.
             break
-        scanned = ranked_by_gain(others, workers.map(scan.promise, [c.starts for c in others]))
-        promising = first_with_forms(scanned, SETTINGS.pairs_law_seconds)
-        refined = workers.map(scan.refined, [s for _, s in promising])
-        step = partial(first_steps, nominal, outlook, warm=scan.warm, steps=SETTINGS.search_law_steps)
-        fits = workers.map(step, [s.hypothesis for s in refined])
-        for (c, _), f in zip(promising, fits, strict=True):
+        ahead = promising(scan, others, [c.starts for c in others], SETTINGS.pairs_law_seconds, workers)
+        tried = [(c, s.hypothesis) for c, s in ahead]
+        for c, f in stepped(nominal, outlook, tried, scan.warm, SETTINGS.search_law_steps, workers):
             key = frozenset((name, c.name))
-            if f is not None and f.reduced < most and (key not in out or cost(f) < cost(out[key][1])):
+            if f.reduced < most and (key not in out or cost(f) < cost(out[key][1])):
                 out[key] = (Candidate(f"{name} + {c.name}", ()), f)
         if not out:
             break

@@ -204,7 +204,9 @@ def search(
     ):
         known = [r for r in ranked if "unknown" not in dict(r.fit.hypothesis.causes)]
         seconds = [Second(c, alone.get(c.name)) for c in linear]
-        seconds += [Second(c, None) for c in (tried.candidates if tried else ())]
+        # At one level little tells a restoring force beside a linear cause from a second linear one.
+        told = compared or by_level or ordered or not best_of(ranked, none).fit.hypothesis.linear
+        seconds += [Second(c, None) for c in (tried.candidates if tried and told else ())]
         ranked += fit_pairs(nominal, records, known, seconds, tried.motion if tried else {}, workers, alike)
         left = not is_enough(ranked, none, leaves)
     by_force = lacks and left and tried is not None and forces_come_close([none, *ranked])
@@ -255,11 +257,11 @@ def _with(
     found = [r for r in new if r.refined]
     ahead = max(found, key=lambda r: r.fit.log_evidence, default=None)
     if ahead is not None and (ahead.reduced > SETTINGS.search_enough or ahead.fit.spread.is_large("cause")):
-        rough = springs_with_dampers(nominal, forces.outlook, rough, forces.candidates, forces.motion, workers)
+        pairs = springs_with_dampers(nominal, forces.outlook, rough, forces.candidates, forces.motion, workers)
         rival = (np.inf, ahead.fit.log_evidence)
-        both = on_all_lines(nominal, records, rough, 1, rival, workers, close=SETTINGS.pairs_close)
+        both = on_all_lines(nominal, records, pairs, 1, rival, workers, close=SETTINGS.pairs_close)
         both = [r for r in both if r.refined]
-        new += [*both, *by_themselves(nominal, records, both, found)]
+        new += [*both, *by_themselves(nominal, records, both, found, {c.name: cost(f) for c, f in rough})]
     return by_their_names(nominal, records, [*ranked, *new])
 
 

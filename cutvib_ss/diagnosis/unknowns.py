@@ -71,7 +71,8 @@ def to_unknown(value: float, r: Range) -> float:
     if r.scale == "normal":
         return (value - r.low) / r.high
     if r.scale in ("log", "ratio"):
-        return float(np.log(value / r.low) / np.log(r.high / r.low))
+        # What is nothing is below the range, and no logarithm.
+        return float(np.log(max(value, 1e-30 * r.low) / r.low) / np.log(r.high / r.low))
     # A size of either sign could not get past zero in the coordinate in which its prior is even.
     return (value - r.low) / (r.high - r.low)
 
