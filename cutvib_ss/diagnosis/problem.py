@@ -51,7 +51,7 @@ class Problem:
         self.parameters = [
             (k, name, r)
             for k, e in enumerate(hypothesis.effects)
-            for name, r in e.ranges(nominal, e.place, hypothesis.motions.get(e.place)).items()
+            for name, r in e.ranges_here(nominal, hypothesis.motions.get(e.place)).items()
             # What is not given, or infinite, is not fitted.
             if getattr(e, name) is not None and np.isfinite(getattr(e, name))
         ]

@@ -87,6 +87,10 @@ class Effect(ABC):
         """Ranges of the fitted parameters on a model: those of the fields, or in proportion to what the place carries."""
         return {f.name: f.metadata["range"] for f in parameter_fields(cls)}
 
+    def ranges_here(self, model: Model, motion: float | None = None) -> Mapping[str, Range]:
+        """Ranges at its own place, in the form that it has."""
+        return self.ranges(model, self.place, motion)
+
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterable[tuple[str, tuple[Effect, ...]]]:
         """Values from which the effect is fitted."""

@@ -8,12 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cutvib_ss.effects.base import Carried, Effect, Severity, applied, parameter
+from cutvib_ss.effects.base import Carried, Effect, Model, Range, Severity, parameter
 from cutvib_ss.effects.law_element import StartScale
 from cutvib_ss.effects.scales import PortScale
 from cutvib_ss.effects.within_spring import WithinSpring
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.protocol import NonlinearElement
 
 
 @dataclass(frozen=True)
@@ -40,19 +39,33 @@ class Freeplay(WithinSpring):
         if self.within and self.contact_stiffness is None:
             raise ParameterError(f"{self.effect}: within the spring it takes a contact_stiffness")
 
+    @property
+    def _contact(self) -> float:
+        assert self.contact_stiffness is not None
+        return self.contact_stiffness
+
     @classmethod
     def _parts(cls, starts: Sequence[Effect], spring: float) -> Iterable[Effect]:
         alone = [e for e in starts if isinstance(e, Freeplay) and e.contact_stiffness is None]
         return (replace(e, contact_stiffness=r * spring, within=True) for e in alone[::2] for r in (0.1, 0.4))
 
-    def apply(self, model: Any) -> Any:
-        changed = super().apply(model)
-        if not self.within or self.contact_stiffness is None:
-            return changed
+    def ranges_here(self, model: Model, motion: float | None = None) -> Mapping[str, Range]:
+        given = dict(super().ranges_here(model, motion))
+        if self.within and (spring := model.spring_at(self.place)) is not None:
+            given["contact_stiffness"] = replace(given["contact_stiffness"], high=spring[0])
+        return given
+
+    def _values(self, model: Any) -> dict[str, float]:
+        values = super()._values(model)
+        if not self.within:
+            return values
+        if self._contact > values["stiffness"]:
+            raise ParameterError(
+                f"{self.effect} at {self.place!r}: contact_stiffness = {self._contact:g} is more than the spring of "
+                f"{values['stiffness']:g} that it is a part of: nothing would hold the place within the gap; give at most that"
+            )
         # What the law adds to a spring as stiff as the contact is what it takes from a stiffer one.
-        values = {"gap": self.gap, "stiffness": self.contact_stiffness}
-        element = NonlinearElement(self.place, self.effect, values)
-        return applied(model, replace(model, nonlinear=(*model.nonlinear, element)), self)
+        return {"gap": self.gap, "stiffness": self._contact}
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         found = super().moves(applied)

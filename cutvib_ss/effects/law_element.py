@@ -152,11 +152,15 @@ class LawElement(Effect):
                 f"places with a spring: {', '.join(self.places(model)) or 'none on this model'}"
             )
         check_place(self, model)
+        element = NonlinearElement(self.place, self.effect, self._values(model))
+        return applied(model, replace(model, nonlinear=(*model.nonlinear, element)), self)
+
+    def _values(self, model: Any) -> dict[str, float]:
+        """Values of the restoring force on a model."""
         values = self._parameters()
         if self._needs_spring() and (spring := model.spring_at(self.place)) is not None:
             values["stiffness"] = spring[0]
-        element = NonlinearElement(self.place, self.effect, values)
-        return applied(model, replace(model, nonlinear=(*model.nonlinear, element)), self)
+        return values
 
     def _at(self, model: Any) -> Path:
         return ("nonlinear", len(model.nonlinear) - 1, "parameters")

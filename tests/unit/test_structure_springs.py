@@ -150,6 +150,13 @@ def test_play_of_a_part_of_a_spring_leaves_the_rest_at_work() -> None:
         Freeplay("between", gap, within=True)
     with pytest.raises(ParameterError, match="neither true nor false"):
         Freeplay("between", gap, part, within="yes")  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="give at most that"):
+        Freeplay("between", gap, 1.01 * spring[0], within=True).apply(model)
+    Freeplay("between", gap, 1.01 * spring[0]).apply(model)
+    of_all, of_part = (
+        Freeplay("between", gap, part, within=within).ranges_here(model, 1e-3) for within in (False, True)
+    )
+    assert of_part["contact_stiffness"].high == spring[0] < of_all["contact_stiffness"].high
 
 
 def test_play_is_tried_beside_and_within_a_spring() -> None:
