@@ -17,12 +17,12 @@ from cutvib_ss.effects.base import (
     applied,
     attached_to,
     check_place,
-    machine_only,
     parameter,
+    ports_of,
 )
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.elements import CausalHysteresis, Element, SpringDamperMass
-from cutvib_ss.model.paths import Path, value_at, with_value
+from cutvib_ss.model.paths import Path, with_value
 from cutvib_ss.parameters import check_number
 
 FORMS = ("constant", "causal")
@@ -33,6 +33,8 @@ FORMS = ("constant", "causal")
 class StructuralDamping(Effect):
     """
     A spring with a loss factor in place of spring and viscous damper in one joint.
+
+    Of another structure it is the spring between the degrees of freedom of a port, and what damping joins them.
 
     Exact in the frequency response; a plant takes the spring and damper that are the same at one frequency.
     """
@@ -58,7 +60,7 @@ class StructuralDamping(Effect):
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
-        return ("joint1", "joint2") if model.head is not None else ()
+        return tuple(place for place in ports_of(model, ("joint1", "joint2")) if model.spring_at(place, 1) is not None)
 
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
@@ -66,10 +68,12 @@ class StructuralDamping(Effect):
         # Nobody knows at which frequency the nominal stiffness was found: the middle of the band in either scale.
         middles = ((low + high) / 2, np.sqrt(low * high))
         for place in cls.places(model):
-            joint = place[-1]
-            loss = value_at(model, ("head", f"c{joint}")) / value_at(model, ("head", f"k{joint}"))
+            spring, damper = model.spring_at(place), model.spring_at(place, 1)
+            assert spring is not None
+            assert damper is not None
             # It takes the viscous damper's place, which is no small step: a small loss says little of a large one.
-            losses = (max(2 * np.pi * 220 * loss, 0.005), 0.03, 0.1, 0.3)
+            middle = 2 * np.pi * (220.0 if model.head is not None else middles[1])
+            losses = (float(np.clip(middle * damper[0] / spring[0], 0.005, 1.0)), 0.03, 0.1, 0.3)
             for f in middles:
                 yield f"{place} causal {f:.3g} Hz", tuple(cls(place, x, "causal", float(f)) for x in losses)
             yield f"{place} constant", tuple(cls(place, x, "constant") for x in losses)
@@ -79,32 +83,34 @@ class StructuralDamping(Effect):
         for form in FORMS:
             yield form, lambda severity, form=form: cls(place, 0.08 * severity, form)  # type: ignore[misc]
 
-    def _paths(self) -> tuple[Path, Path]:
-        joint = self.place[-1]
-        return ("head", "k" + joint), ("head", "c" + joint)
-
     def apply(self, model: Any) -> Any:
         check_place(self, model)
-        machine = machine_only(self.effect, model)
-        k, c = self._paths()
-        stiffness = value_at(machine, k)
+        (stiffness, _), (damping, _) = model.spring_at(self.place), model.spring_at(self.place, 1)
         loss: Element = SpringDamperMass(loss_stiffness=self.loss_factor * stiffness)
         if self.form == "causal":
             loss = CausalHysteresis(stiffness, self.loss_factor, self.reference_frequency)
-        return applied(machine, attached_to(with_value(machine, c, 0.0), self.place, loss), self)
+        if model.head is not None:
+            model, bare = with_value(model, ("head", "c" + self.place[-1]), 0.0), model
+            return applied(bare, attached_to(model, self.place, loss), self)
+        without = attached_to(model, self.place, SpringDamperMass(damping=-damping))
+        return applied(model, attached_to(without, self.place, loss), self)
+
+    def _at(self, applied: Any) -> Path:
+        return ("attachments", len(applied.attachments) - 1, "element")
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
-        at = ("attachments", len(applied.attachments) - 1, "element")
         if self.form == "causal":
-            return {"loss_factor": (((*at, "loss_factor"), 1.0),)}
-        return {"loss_factor": (((*at, "loss_stiffness"), value_at(applied, self._paths()[0])),)}
+            return {"loss_factor": (((*self._at(applied), "loss_factor"), 1.0),)}
+        return {"loss_factor": (((*self._at(applied), "loss_stiffness"), applied.spring_at(self.place)[0]),)}
 
     def carries(self, path: Path, applied: Any) -> Carried:
         # The loss moves with the stiffness; the viscous damper is gone.
-        k, c = self._paths()
-        if path == k:
-            at = ("attachments", len(applied.attachments) - 1, "element")
-            causal = self.form == "causal"
-            moved = ((*at, "stiffness"), 1.0) if causal else ((*at, "loss_stiffness"), self.loss_factor)
-            return ((path, 1.0), moved)
-        return () if path == c else ((path, 1.0),)
+        of_loss = ("stiffness", 1.0) if self.form == "causal" else ("loss_stiffness", self.loss_factor)
+        found = [
+            ((*self._at(applied), of_loss[0]), of_loss[1] * w) for p, w in applied.spring_at(self.place)[1] if p == path
+        ]
+        if applied.head is not None:
+            return () if path == ("head", "c" + self.place[-1]) else ((path, 1.0), *found)
+        gone = ("attachments", len(applied.attachments) - 2, "element", "damping")
+        found += [(gone, -w) for p, w in applied.spring_at(self.place, 1)[1] if p == path]
+        return ((path, 1.0), *found)

@@ -231,19 +231,19 @@ class BaseModel(Displayed, ABC):
         """
         raise NotImplementedError
 
-    def spring_at(self, place: str) -> Spring | None:
+    def spring_at(self, place: str, power: int = 0) -> Spring | None:
         """
-        The linear spring that a place spans.
+        The linear spring that a place spans, or the viscous damper beside it.
 
         Parameters
         ----------
-        place : str
-            One of `places`.
+        place, power : str, int
+            One of `places`; of s, 0 or 1.
 
         Returns
         -------
-        (float, tuple of (path, float)) or None
-            Its stiffness [N/m or N m/rad], and the paths that move it with their weights; None where there is none.
+        Spring or None
+            Its value in SI, and the paths that move it with their weights; None where there is none.
         """
         raise NotImplementedError
 

@@ -192,10 +192,10 @@ class Machine(BaseModel):
     def drive(self, system: SecondOrder) -> FloatArray:
         return system.port(self.input_port)
 
-    def spring_at(self, place: str) -> Spring | None:
+    def spring_at(self, place: str, power: int = 0) -> Spring | None:
         if place not in ("joint1", "joint2"):
             return None
-        path: Path = ("head", "k" + place[-1])
+        path: Path = ("head", "kc"[power] + place[-1])
         return value_at(self, path), ((path, 1.0),)
 
     def carried_at(self, place: str) -> tuple[float, float, float]:

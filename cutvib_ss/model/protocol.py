@@ -140,8 +140,8 @@ class Model(Protocol):
         """The place that a port belongs to."""
         ...
 
-    def spring_at(self, place: str) -> tuple[float, tuple[tuple[Path, float], ...]] | None:
-        """The linear spring that a place spans, and the paths that move it; None where there is none."""
+    def spring_at(self, place: str, power: int = 0) -> tuple[float, tuple[tuple[Path, float], ...]] | None:
+        """The spring that a place spans, or the damper beside it (power of s), and the paths that move it; None without."""
         ...
 
     def carried_at(self, place: str) -> tuple[float, float, float]:

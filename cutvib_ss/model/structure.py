@@ -209,20 +209,29 @@ class Structure(BaseModel):
         m, c, k = (np.repeat(x[None], count, axis=0) for x in (system.mass, system.damping, system.stiffness))
         return MatrixStack(m, c, k, system.dofs)
 
-    def spring_at(self, place: str) -> Spring | None:
+    def spring_at(self, place: str, power: int = 0) -> Spring | None:
         # A port between two degrees of freedom, e_i - e_j, spans -K_ij; one that is a degree of freedom, its spring to ground,
         # the sum of that row of K.
         row = self.system.port(place)
         # What errors of parts put between degrees of freedom that no spring joins is none.
         if _spanned(row, self.system.stiffness)[0] <= 0.0:
             return None
-        spring, slope = _spanned(row, self._with_parts[2])
+        if power == 0:
+            value, slope = _spanned(row, self._with_parts[2])
+        elif (between := _between(row, self.system.damping)) is None:
+            return None
+        else:
+            # Damping of modes, written over degrees of freedom, is no damper between two of them.
+            slope = between
+            value = max(float(np.sum(slope * self._with_parts[1])), 0.0)
+            slope = slope * np.sign(value)
         moved = [
-            (("parts", k), self.scales[2] * float(np.sum(slope * part.change)))
+            (("parts", k), self.scales[2 - power] * float(np.sum(slope * part.change)))
             for k, part in enumerate(self.system.parts)
-            if part.power == 0
+            if part.power == power
         ]
-        return self.scales[2] * spring, ((("scales", 2), spring), *(move for move in moved if move[1] != 0.0))
+        paths = ((("scales", 2 - power), value), *(move for move in moved if move[1] != 0.0))
+        return self.scales[2 - power] * value, paths
 
     def carried_at(self, place: str) -> tuple[float, float, float]:
         # The diagonals of finite elements' matrices are those of one element, hundreds of times stiffer than what holds a point.
@@ -307,12 +316,8 @@ _NO_SPRING = 1e-5  # Of the largest stiffness of a degree of freedom: what five 
 
 def _spanned(row: FloatArray, stiffness: FloatArray) -> tuple[float, FloatArray]:
     """Stiffness of the spring between the degrees of freedom of a port, and its derivative to the stiffness matrix."""
-    held, slope = np.flatnonzero(row), np.zeros_like(stiffness)
-    if held.size == 1:
-        slope[held[0]] = 1.0 / row[held[0]] ** 2
-    elif held.size == 2 and row[held[0]] == -row[held[1]]:
-        slope[held[0], held[1]] = -1.0 / row[held[0]] ** 2
-    else:
+    held, slope = np.flatnonzero(row), _between(row, stiffness)
+    if slope is None:
         return _static(row, stiffness)
     found = float(np.sum(slope * stiffness))
     # Matrices are written to so many digits: the rounding error of a row that adds up to nothing is no spring.
@@ -320,6 +325,18 @@ def _spanned(row: FloatArray, stiffness: FloatArray) -> tuple[float, FloatArray]
     if held.size == 2 and found < -least:
         return _static(row, stiffness)
     return found if found > least else 0.0, slope
+
+
+def _between(row: FloatArray, matrix: FloatArray) -> FloatArray | None:
+    """Derivative to a matrix of the element between the degrees of freedom of a port, one or two; None of any other."""
+    held, slope = np.flatnonzero(row), np.zeros_like(matrix)
+    if held.size == 1:
+        slope[held[0]] = 1.0 / row[held[0]] ** 2
+    elif held.size == 2 and row[held[0]] == -row[held[1]]:
+        slope[held[0], held[1]] = -1.0 / row[held[0]] ** 2
+    else:
+        return None
+    return slope
 
 
 def _static(row: FloatArray, stiffness: FloatArray) -> tuple[float, FloatArray]:

@@ -11,7 +11,7 @@ from scipy import linalg
 from cutvib_ss.diagnosis.candidate_evidence import out_of_tolerance
 from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.fit import Fit, fit
-from cutvib_ss.diagnosis.hypotheses import Candidate
+from cutvib_ss.diagnosis.hypotheses import Candidate, candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import _in_band
 from cutvib_ss.diagnosis.problem import Problem
@@ -22,9 +22,12 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.structural_damping import StructuralDamping
 from cutvib_ss.effects.tool_contact import ToolContact
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
+from cutvib_ss.response.frequency import frequency_response
 from tests.unit.record_example import entry_of
 
 MASS = np.diag([2.0, 1.0, 1.0])
@@ -228,3 +231,40 @@ def test_of_many_parts_out_of_tolerance_the_farthest_is_told() -> None:
     assert out_of_tolerance(nominal, fitted)[0].startswith(
         "with this answer the stiffness as a whole is 6.0 tolerances off (+"
     )
+
+
+@pytest.mark.parametrize(("port", "spring"), [("upper", 2e4), ("base", 2e4)])
+@pytest.mark.parametrize("form", ["constant", "causal"])
+def test_a_spring_with_a_loss_factor_in_place_of_its_damper(port: str, spring: float, form: str) -> None:
+    nominal, loss = chain_of(), 0.2
+    row, s = np.array(PORTS[port]), 2j * np.pi * np.linspace(8.0, 45.0, 150)
+    alpha = 2 / np.pi * np.arctan(loss)
+    own = {
+        "constant": spring * (1 + 1j * loss) + 0 * s,
+        "causal": spring * np.sqrt(1 + loss**2) * (s / (2 * np.pi * 20.0)) ** alpha,
+    }[form]
+    system, effect = nominal.system, StructuralDamping(port, loss, form, 20.0)
+    rows = []
+    for z, k in zip(s, own, strict=True):
+        less = system.damping * z + system.stiffness + (k - spring - 1e-4 * spring * z) * np.outer(row, row)
+        rows.append(z**2 * np.linalg.solve(system.mass * z**2 + less, system.ports["base"])[[0, 2]])
+    data, freq = np.array(rows).T, s.imag / (2 * np.pi)
+    seen = frequency_response(effect.apply(nominal), None, freq).data[0, :, 0]
+    np.testing.assert_allclose(seen, data, rtol=1e-9)
+    variance = np.full(data.shape, (1e-3 * np.abs(data).max()) ** 2)
+    entry = entry_of(0, None, 1.0, data, variance, freq, ("b", "t"), ("acceleration", "acceleration"))
+    found = fit(nominal, Records((entry,)), Hypothesis((replace(effect, loss_factor=0.08),)))
+    assert found.hypothesis.effects[0].loss_factor == pytest.approx(loss, rel=0.02)
+    assert {port} == {
+        c.starts[0].place
+        for c in candidates(nominal, (8.0, 45.0), ("b",))
+        if c.name.startswith(f"structural_damping {port} ")
+    }
+
+
+def test_no_loss_factor_where_no_single_spring_is() -> None:
+    turned = structure(np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))[0])
+    assert turned.spring_at("upper", 1) is None
+    assert StructuralDamping.places(turned) == ()
+    with pytest.raises(ParameterError, match="cannot sit at"):
+        StructuralDamping("upper", 0.1).apply(turned)
