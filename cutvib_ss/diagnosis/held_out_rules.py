@@ -86,9 +86,7 @@ class _HeldOutRules:
             if known and self.is_doubtful(r):
                 self.second_is_not_proven(r, first)
             elif known and self.may_be_its_form(r, first):
-                # So little of the other kind at its own port is its form.
-                own = not any(e.linear for e in r.fit.hypothesis.effects) and r.fit.hypothesis.at_one_port
-                give(self.odds, r, first, 1.0 if own else 1.0 - SETTINGS.verdict_form)
+                give(self.odds, r, first, self.of_its_form(r, first))
         elif known:
             self.by_both_leads(r, first)
         else:
@@ -105,6 +103,15 @@ class _HeldOutRules:
         # causes in another form that some second cause fits. Linear causes that still err by more than most beside it are in one.
         errs = not first.fit.hypothesis.linear or both.fit.spread.is_large("cause")
         return errs and 1.0 - self.closed(first, both) <= SETTINGS.sizes["cause"][-1][0] ** 2
+
+    def of_its_form(self, both: Ranked, first: Ranked) -> float:
+        """Part of the probability of two causes that the first alone has where the second may be its form."""
+        with_both = both.fit.spread
+        if any(e.linear for e in both.fit.hypothesis.effects) or not both.fit.hypothesis.at_one_port:
+            return 1.0 - SETTINGS.verdict_form
+        # A second force of its own port is there where the error of the first's form goes with it; else it took a part of that.
+        gone = first.fit.spread.is_large("cause") and not with_both.is_large("cause")
+        return 0.0 if gone else 1.0
 
     def closed(self, first: Ranked, both: Ranked) -> float:
         """Part of the excess that the first of two parts closes alone."""
@@ -255,6 +262,9 @@ class _HeldOutRules:
         unknown, known = (best(x for x in self.fitted if kind_of(x.fit.hypothesis) == k) for k in (UNKNOWN, "known"))
         # Held against the noise as stated: the model's own factor on the noise takes up what is not the machine's.
         if self.held(bare).against_stated <= SETTINGS.verdict_misfit:
+            return
+        # What is white is noise, of a channel or an estimate, that is larger than stated.
+        if bare.fit.correlation <= 1.0:
             return
         if unknown is None:
             # No element of unknown form was fitted: what this loses lies on something unknown.

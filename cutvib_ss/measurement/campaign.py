@@ -11,13 +11,13 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 
 from cutvib_ss.errors import DataFormatError, ParameterError
-from cutvib_ss.measurement.checks import check_record, guesses_left
+from cutvib_ss.measurement.checks import EmptyRecordError, check_record, guesses_left
 from cutvib_ss.measurement.conversion import frf_of, histories_of, motion_factor, to_contents
 from cutvib_ss.measurement.formats import format_of
 from cutvib_ss.measurement.formats.raw import Contents, Layout, RawFrf, RawResponse, Signal, TextOptions
 from cutvib_ss.measurement.inputs import struck_port
 from cutvib_ss.measurement.layout import layout_of
-from cutvib_ss.measurement.noise import frf_variance
+from cutvib_ss.measurement.noise import frf_variance, smeared_variance
 from cutvib_ss.measurement.plausibility import refuse_undivided, same_data
 from cutvib_ss.measurement.reading import read_file
 from cutvib_ss.measurement.records import FORCE, Campaign, History, MachineLike, Record
@@ -62,14 +62,23 @@ def read_campaign(path: str | os.PathLike[str], machine: Any = None) -> Campaign
         if tables.campaign.machine is not None:
             warnings += guesses_left(file.parent / tables.campaign.machine, "the nominal model")
     records: list[Record] = []
+    empty: list[EmptyRecordError] = []
     for number, table in enumerate(tables.record, start=1):
         _check_position(table, machine, f"{file}: record[{number}]")
         struck = struck_port(table.input, machine, f"{file}: record[{number}]")
         here = layout_of(machine, tables.dofs, f"{file}: dofs", struck)
         options = TextOptions(**tables.csv_of(table).model_dump())
-        record, found = _read_record(table, file.parent, machine, here, tables.channels_of(table), struck, options)
+        try:
+            record, found = _read_record(table, file.parent, machine, here, tables.channels_of(table), struck, options)
+        except EmptyRecordError as error:
+            # A soft blow may be less than a step of a coarse converter: the other records still tell.
+            empty.append(error)
+            continue
         records.append(record)
         warnings += found
+    if empty and not records:
+        raise empty[0]
+    warnings += tuple(f"{error}; this record is left out" for error in empty)
     warnings += same_data(records)
     refuse_undivided(records, str(file))
     blows = [record for record in records if record.kind == "impact"]
@@ -255,6 +264,9 @@ def _measured(raw: RawFrf, table: RecordTable, machine: MachineLike, struck: str
     unknown = np.full(raw.freq.size, np.nan)
     coherence = np.stack([unknown if r.coherence is None else r.coherence for r in raw.responses])
     variance = frf_variance(data, coherence, table.averages)
+    if table.excitation == "random":
+        # Of which window is not told: what that of most analysers does is an error of unknown sign.
+        variance = variance + smeared_variance(data, variance)
     channels = tuple(response.name for response in raw.responses)
     quantities: tuple[Quantity, ...] = tuple(machine.channels[name].quantity for name in channels)
     return MeasuredFrequencyResponse(

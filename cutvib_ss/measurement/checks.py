@@ -31,6 +31,10 @@ _OVERLOAD_RUN = 3  # consecutive samples at the extreme value
 _FEWEST_STEPS = 100  # of the digitiser, within the extreme: fewer, and equal samples are no sign of clipping
 
 
+class EmptyRecordError(DataFormatError):
+    """A record holds nothing: all of its responses are constant."""
+
+
 def check_record(record: Record, machine: MachineLike, where: str) -> tuple[Record, tuple[str, ...]]:
     """
     A record without what cannot be used, and a warning for everything that was noticed.
@@ -146,7 +150,7 @@ def _without(record: Record, dead: list[str], where: str, warnings: list[str], w
     if not dead:
         return record
     if len(dead) == len(record.channels):
-        raise DataFormatError(f"{where}: every response channel is {why}; check sensors, cables and channels")
+        raise EmptyRecordError(f"{where}: every response channel is {why}; check sensors, cables, channels and ranges")
     warnings += [f"{where}: {name} is {why} (dead channel): left out" for name in dead]
     return _left(record, dead)
 

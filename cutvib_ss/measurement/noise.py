@@ -153,6 +153,21 @@ def frf_variance(data: ComplexArray, coherence: FloatArray, averages: int, noise
     return variance
 
 
+def smeared_variance(data: ComplexArray, variance: FloatArray) -> FloatArray:
+    """
+    Square of what a Hann window takes from the peaks of a response under random force, beyond what noise scatters.
+
+    On average such an estimate is ∫ H(f - ν) |W(ν)|² dν / ∫ |W|² dν, and ∫ ν² |W|² / ∫ |W|² = ∫ ẇ² dt / (4π² ∫ w² dt), which is
+    Δf²/3 of a Hann window: it errs by Δf²/6 times the second derivative over frequency, a sixth of the second difference. That of
+    white noise has six times its variance.
+    """
+    out = np.zeros(data.shape)
+    if data.shape[-1] >= _SECOND_DIFFERENCE.size:
+        second = np.abs(np.diff(data, 2)) ** 2
+        out[..., 1:-1] = np.maximum(second - 6.0 * variance[..., 1:-1], 0.0) / 36.0
+    return out
+
+
 def high_pass_variance(data: ComplexArray, noise_bins: int = NOISE_BINS) -> FloatArray:
     """
     Variance of a single estimate, from what scatters along frequency.

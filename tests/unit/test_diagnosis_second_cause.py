@@ -28,6 +28,7 @@ from cutvib_ss.effects.base import Effect
 from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.results import FloatArray
 
 MASS, CUBIC = AddedMass("tool", 0.1), CubicStiffness("joint2", 1e9)
@@ -49,6 +50,7 @@ class OnlyEvidence:
     stds: Mapping[str, float] = field(default_factory=dict)
     reduced: float = 1.0
     errs: bool = False
+    correlation: float = 10.0
 
     @property
     def corrected(self) -> OnlyEvidence:
@@ -130,6 +132,28 @@ def test_a_second_cause_may_be_the_form_of_a_first_that_closes_nearly_all(
     )
     assert found["both"] == pytest.approx(kept)
     assert found[first] == pytest.approx(1.0 - kept)
+
+
+@pytest.mark.parametrize(
+    ("alone", "beside", "kept"), [(True, True, 0.0), (False, False, 0.0), (True, False, 1.0), (False, True, 0.0)]
+)
+def test_a_second_force_of_a_port_is_there_where_the_error_of_the_first_goes_with_it(
+    alone: bool, beside: bool, kept: float
+) -> None:
+    """Friction beside a softening spring was friction, 0.60, or something unknown: friction alone erred by 30 %, both by none."""
+    forces = (DryFriction("joint2", 0.1), CUBIC)
+    each = {
+        name: replace(cast(OnlyEvidence, ranked(name, evidence, *effects).fit), errs=errs)
+        for name, evidence, effects, errs in (
+            ("friction", 100.0, forces[:1], alone),
+            ("both", 200.0, forces, beside),
+        )
+    }
+    every = [NONE, *(Ranked(name, cast(Fit, fit), True) for name, fit in each.items())]
+    seen = held(none=TUNED, friction=Leaves(squares=0.08, log_density=-100.0), both=Leaves())
+    found = judged_on_held_out(every, {"none": 0.0, "friction": 0.0, "both": 1.0}, seen, 1.0)
+    assert found["both"] == pytest.approx(kept)
+    assert found["friction"] == pytest.approx(1.0 - kept)
 
 
 def test_a_second_cause_is_not_named_where_both_stand_only_by_an_error_of_the_model() -> None:
@@ -574,6 +598,15 @@ def test_a_model_that_leaves_far_more_than_noise_is_no_answer_even_without_anoth
     none = ranked("none", 0.0)
     found = judged_on_held_out([none], {"none": 1.0}, held(none=Leaves(against_stated=50.0)), 1.0)
     assert found == pytest.approx({"none": 1.0 - SETTINGS.verdict_form})
+
+
+def test_a_white_residual_is_noise_larger_than_stated() -> None:
+    """A plate under random force was something unknown, 1.00, which left as much as the model without it."""
+    white = replace(NONE, fit=replace(cast(OnlyEvidence, NONE.fit), correlation=1.0))
+    unknown = ranked("unknown", 10.0, UNKNOWN)
+    odds, seen = {"none": 0.5, "unknown": 0.5}, held(none=Leaves(against_stated=4.0), unknown=Leaves(log_density=1.0))
+    assert judged_on_held_out([white, unknown], odds, seen, 1.0) == pytest.approx(odds)
+    assert judged_on_held_out([NONE, unknown], odds, seen, 1.0)["none"] == 0.0
 
 
 def test_a_cause_that_leaves_a_larger_error_than_none_is_not_sure() -> None:

@@ -58,6 +58,17 @@ FRF_RECORD = RECORD.replace("impact", "frf")
 
 def test_the_campaign_that_the_bad_ones_are_made_of_is_good(tmp_path):
     assert len(read_campaign(_campaign(tmp_path)).records) == 1
+
+
+def test_a_record_without_response_is_left_out_where_another_tells(tmp_path):
+    """A soft blow may be less than a step of a coarse converter."""
+    empty = _csv(change=lambda t: t.__setitem__((slice(None), 2), 0.0))
+    folder = _campaign(tmp_path, RECORD + RECORD.replace("r.csv", "soft.csv"), **{"soft.csv": empty.encode()})
+    read = read_campaign(folder)
+    assert [record.name for record in read.records] == ["r.csv"]
+    [said] = [w for w in read.warnings if "left out" in w]
+    assert said.startswith(f"{folder / 'soft.csv'}: ")
+    assert "every response channel is constant" in said
     assert len(read_campaign(_campaign(tmp_path, FRF_RECORD, _frf_csv()), None).records) == 1
 
 

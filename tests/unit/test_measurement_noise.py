@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy import signal
 
 from cutvib_ss.measurement import estimate, read_campaign
 from cutvib_ss.measurement.estimation import coherence, h1
@@ -17,6 +18,7 @@ from cutvib_ss.measurement.noise import (
     power_correlation,
     residual_correlation,
     scatter_correction,
+    smeared_variance,
     smooth_noise,
     widened,
 )
@@ -50,6 +52,25 @@ def test_variance_from_coherence(averages, tolerance):
         data, gamma = _estimated(averages, rng)
         chi.append(_chi_square(data, frf_variance(data, gamma, averages)))
     assert np.mean(chi) == pytest.approx(1.0, abs=tolerance)
+
+
+def test_a_hann_window_takes_as_much_from_a_peak_as_is_said():
+    """Welch's estimate of scipy, of an oscillator whose peak is 4.8 lines wide, under a long random force."""
+    fs, block, natural, damping = 512.0, 1024, 60.0, 0.02
+    rng = np.random.default_rng(5)
+    force = rng.standard_normal(2**21)
+    f = np.fft.rfftfreq(force.size, 1 / fs)
+    motion = np.fft.irfft(np.fft.rfft(force) / (natural**2 - f**2 + 2j * damping * natural * f), force.size)
+    lines, cross = signal.csd(force, motion, fs, "hann", block)
+    data = (cross / signal.welch(force, fs, "hann", block)[1])[None]
+    exact = 1.0 / (natural**2 - lines**2 + 2j * damping * natural * lines)
+    noise = np.full(data.shape, 1e-30)
+    near = np.abs(lines - natural) < 1.0
+    assert np.sqrt(smeared_variance(data, noise)[0, near]) == pytest.approx(np.abs(data[0] - exact)[near], rel=0.35)
+    # White noise has no second difference but its own.
+    white = 0.1 * (rng.standard_normal((1, 4000)) + 1j * rng.standard_normal((1, 4000))) / np.sqrt(2)
+    assert smeared_variance(white, np.full(white.shape, 0.01)).mean() < 0.1 * 0.01
+    assert not smeared_variance(white[:, :2], np.ones((1, 2))).any()
 
 
 def test_raw_variance_would_double_the_reduced_chi_square():

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from cutvib_ss.validation.rig import files
 from cutvib_ss.validation.rig.blows import BLOCK, FS
 from cutvib_ss.validation.rig.campaign import Campaign, conditions_label, force_power, quiet_response
-from cutvib_ss.validation.rig.causes import FORMS, FRAME_CAUSES, SPRUNG, drawn_form
+from cutvib_ss.validation.rig.causes import FORMS, FRAME_CAUSES, LOSING, SPRUNG, STORING, drawn_form
 from cutvib_ss.validation.rig.conditions import (
     Conditions,
     Nominal,
@@ -227,8 +227,7 @@ def draw_case(
     size = float(np.exp(rng.uniform(*np.log(severity))))
     while True:
         rig, faults, new_nominal = _with_faults(plain, nominal, names, size, rng, "varied" in traits, form)
-        places = [f.place for f in faults]
-        if len(set(places)) == len(places) and not (rig.fittings.laws and rig.fittings.lossy):
+        if _stand_together(faults) and not (rig.fittings.laws and rig.fittings.lossy):
             break
         if cause is None:
             names = _names(kind, cause, rng, not isinstance(plain, Rig), _has_springs(plain))
@@ -262,6 +261,12 @@ def write_campaign(case: Case, folder: Path) -> None:
     # one thread of linear algebra: its matrices are small, and the same case gives the same bytes anywhere
     with threadpool_limits(1):
         files.write(case.campaign, case.nominal, folder)
+
+
+def _stand_together(faults: Sequence[Fault]) -> bool:
+    """Whether faults are several: at places of their own, or forces at one of which one stores energy and one loses it."""
+    kinds = {"stores" if f.effect in STORING else "loses" if f.effect in LOSING else f.effect for f in faults}
+    return len({f.place for f in faults}) == len(faults) or kinds == {"stores", "loses"}
 
 
 def _has_springs(machine: AnyMachine) -> bool:

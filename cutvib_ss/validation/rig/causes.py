@@ -24,6 +24,12 @@ FRAME_CAUSES = (
 SPRUNG = ("freeplay", "bilinear_stiffness")
 """Those that sit at a spring."""
 
+STORING, LOSING = (
+    ("cubic_stiffness", "freeplay", "bilinear_stiffness"),
+    ("dry_friction", "joint_slip", "quadratic_damping"),
+)
+"""Nonlinear forces that store energy, and those that lose it."""
+
 
 def drawn_form(cause: str, varied: bool, rng: np.random.Generator) -> Form:
     """The catalogue's form of a cause, or one of the others."""
