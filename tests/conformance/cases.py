@@ -53,7 +53,7 @@ AT_PORTS = (
     "local_resonator", "added_mass", "tool_contact", "cubic_stiffness", "dry_friction", "joint_slip", "quadratic_damping",
 )  # fmt: skip
 """Effects that sit at every port of any other structure."""
-AT_SPRINGS = ("freeplay", "bilinear_stiffness")
+AT_SPRINGS = ("freeplay", "bilinear_stiffness", "structural_damping")
 """Effects that sit at every port of it that spans a spring."""
 ANYWHERE = ("parameter_shift", "channel_delay", "calibration_error", "window_damping")
 """Effects that need no port."""
@@ -99,8 +99,19 @@ class Case:
         """The model that zero severity is the same as."""
         if self.id == "structural_damping":
             # It stands in place of the viscous damper, which is therefore gone.
-            return with_value(self.model, ("head", "c" + self.build(1.0).place[-1]), 0.0)
+            place = self.build(1.0).place
+            if self.model.head is not None:
+                return with_value(self.model, ("head", "c" + place[-1]), 0.0)
+            system = self.model.system
+            row = system.ports[place]
+            return replace(
+                self.model, system=replace(system, damping=system.damping - LINK_DAMPER * np.outer(row, row))
+            )
         return self.model
+
+
+LINK_DAMPER = 8.0
+"""Of each link of the structure [N s/m]."""
 
 
 def three_masses() -> Structure:
@@ -112,7 +123,7 @@ def three_masses() -> Structure:
     Structure
         With a port at each end and one across the last spring.
     """
-    k, c = 2.5e5, 8.0
+    k, c = 2.5e5, LINK_DAMPER
     link = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])
     ports = {
         "drive": np.array([1.0, 0.0, 0.0]),
