@@ -141,7 +141,7 @@ def _judged_by(problem: Problem, fitted: Fit, e: Entry) -> Judged:
     """A held-out record against a fit."""
     try:
         shown = predicted(e, _model_for(e, problem, fitted.x), problem.blow_at(fitted.x), problem, fitted.x)
-        if not np.abs(shown.data - e.data).max() < np.sqrt(SETTINGS.fit_run_away * float(e.variance.max())):
+        if not np.max(np.abs(shown.data - e.data) * np.sqrt(e.precision)) < np.sqrt(SETTINGS.fit_run_away):
             return _not_predicted(e)
         record = judged(e, shown, problem, fitted)
         if fitted.closest is None:

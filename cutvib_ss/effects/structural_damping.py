@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -21,6 +21,7 @@ from cutvib_ss.effects.base import (
     ports_of,
 )
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.model.base import Spring
 from cutvib_ss.model.elements import CausalHysteresis, Element, SpringDamperMass
 from cutvib_ss.model.paths import Path, with_value
 from cutvib_ss.parameters import check_number
@@ -85,15 +86,21 @@ class StructuralDamping(Effect):
 
     def apply(self, model: Any) -> Any:
         check_place(self, model)
-        (stiffness, _), (damping, _) = model.spring_at(self.place), model.spring_at(self.place, 1)
+        stiffness = model.spring_at(self.place)[0]
         loss: Element = SpringDamperMass(loss_stiffness=self.loss_factor * stiffness)
         if self.form == "causal":
             loss = CausalHysteresis(stiffness, self.loss_factor, self.reference_frequency)
         if model.head is not None:
             model, bare = with_value(model, ("head", "c" + self.place[-1]), 0.0), model
             return applied(bare, attached_to(model, self.place, loss), self)
+        damping = self._damper(model, model.effects)[0]
         without = attached_to(model, self.place, SpringDamperMass(damping=-damping))
         return applied(model, attached_to(without, self.place, loss), self)
+
+    def _damper(self, model: Any, before: Sequence[object]) -> Spring:
+        """The viscous damper of a port that is still there, after other effects, and the paths that move it."""
+        gone = any(isinstance(e, StructuralDamping) and e.place == self.place for e in before)
+        return (0.0, ()) if gone else model.spring_at(self.place, 1)
 
     def _at(self, applied: Any) -> Path:
         return ("attachments", len(applied.attachments) - 1, "element")
@@ -112,5 +119,5 @@ class StructuralDamping(Effect):
         if applied.head is not None:
             return () if path == ("head", "c" + self.place[-1]) else ((path, 1.0), *found)
         gone = ("attachments", len(applied.attachments) - 2, "element", "damping")
-        found += [(gone, -w) for p, w in applied.spring_at(self.place, 1)[1] if p == path]
+        found += [(gone, -w) for p, w in self._damper(applied, applied.effects[:-1])[1] if p == path]
         return ((path, 1.0), *found)

@@ -251,6 +251,9 @@ def test_a_spring_with_a_loss_factor_in_place_of_its_damper(port: str, spring: f
     data, freq = np.array(rows).T, s.imag / (2 * np.pi)
     seen = frequency_response(effect.apply(nominal), None, freq).data[0, :, 0]
     np.testing.assert_allclose(seen, data, rtol=1e-9)
+    # A second one without loss finds no damper to take away.
+    again = StructuralDamping(port, 0.0, "constant").apply(effect.apply(nominal))
+    np.testing.assert_allclose(frequency_response(again, None, freq).data[0, :, 0], data, rtol=1e-9)
     variance = np.full(data.shape, (1e-3 * np.abs(data).max()) ** 2)
     entry = entry_of(0, None, 1.0, data, variance, freq, ("b", "t"), ("acceleration", "acceleration"))
     found = fit(nominal, Records((entry,)), Hypothesis((replace(effect, loss_factor=0.08),)))
