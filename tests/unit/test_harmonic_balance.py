@@ -13,10 +13,14 @@ from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.model.measurement_chain import ChannelChain, MeasurementChain
 from cutvib_ss.model.paths import Path, value_at, with_value
 from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.restoring_forces.joint_slip import JointSlip
+from cutvib_ss.model.restoring_forces.packed import packed
 from cutvib_ss.model.second_order import Channel, SecondOrder
 from cutvib_ss.model.structure import Structure
+from cutvib_ss.response.compiled_forces import forces
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.harmonic_balance import SineSweep, sine_response
+from cutvib_ss.response.port_motion import harmonic_tables
 from cutvib_ss.response.stepping import modal_form, step
 
 W0, ZETA = 2 * np.pi * 50.0, 0.01
@@ -56,6 +60,28 @@ def by_stepping(model: Machine | Structure, freq: float, amplitude: float, posit
     # The last periods, but for those that the end of the force shapes.
     used = shown[:, -per * 9 : -per * 3].reshape(len(shown), 6, per).mean(axis=1)
     return np.fft.rfft(used)[:, 1] * 2 / per / amplitude
+
+
+@pytest.mark.parametrize(("spread", "exponent"), [(0.0, 0.0), (1.0, 0.0), (1.0, -0.7)])
+def test_contacts_that_turn_within_a_period_are_what_marching_comes_to(spread: float, exponent: float) -> None:
+    law = JointSlip(2.0, 1.5, spread, exponent)
+    laws, values, sliders = packed([law])
+    tables = harmonic_tables(np.array([1, 2, 3]), 256)
+    x = np.array([0.9, 0.3, -0.8, 0.5, 0.7, -0.6])
+
+    def shown(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        out, slope = np.zeros(6), np.zeros((6, 6))
+        forces(at, 1.0, laws, 0, values, sliders, tables, out, slope)
+        return out, slope
+
+    turn = np.linspace(0.0, 6.0 * np.pi, 3 * 12_000 + 1)
+    waves = np.array([f(k * turn) for k in (1, 2, 3) for f in (np.cos, np.sin)])
+    marched = law.force(x @ waves, 0.0 * turn)[-12_000:]
+    expected = 2.0 * waves[:, -12_000:] @ marched / 12_000
+    got, slope = shown(x)
+    assert got == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
+    moved = np.array([(shown(x + 1e-6 * e)[0] - shown(x - 1e-6 * e)[0]) / 2e-6 for e in np.eye(6)]).T
+    assert slope == pytest.approx(moved, abs=1e-6 * np.abs(slope).max())
 
 
 # --- limits -----------------------------------------------------------------------------------------------------------

@@ -229,7 +229,7 @@ class Hysteretic(RestoringForce):
 
     @abstractmethod
     def sliders(self) -> FloatArray:
-        """Stiffness and slip force of each element, shape (element, 2)."""
+        """Stiffness and slip force of each element, in the order of slip force over stiffness, shape (element, 2)."""
 
     @property
     def jumps(self) -> bool:

@@ -164,12 +164,13 @@ def implicit_slide(sliders: FloatArray, e: int, old: FloatArray, new: FloatArray
         for i in range(old.shape[1]):
             k, limit = sliders[e, i, 0], sliders[e, i, 1]
             at = old[e, i] + k * d
-            f += min(max(at, -limit), limit)
+            new[e, i] = min(max(at, -limit), limit)
+            f += new[e, i]
             if side * at < limit:
                 slope += a * k
         change = (moved - a * f - d) / slope
         if side * change <= 0.0:
-            break
+            return float(f)
         d += change
     return slide(sliders, e, old, new, d)
 
