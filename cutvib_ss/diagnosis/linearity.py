@@ -111,22 +111,25 @@ def chance_of_order(spread: Spread, records: Records) -> float:
 
 def _differ(places: Sequence[Sequence[Entry]]) -> bool:
     """Whether records at the same place differ in some band by more than their noise."""
-    power, count = 0.0, 0
+    power, count, leaks = 0.0, 0, False
     for same in places:
         if len(same) > 1:
-            precision = np.array([e.precision for e in same])
+            precision = np.array([e.unreplayed.precision for e in same])
             data = np.array([e.data for e in same])
             mean = np.sum(precision * data, axis=0) / np.maximum(np.sum(precision, axis=0), 1e-300)
             power = power + np.sum(np.abs(data - mean) ** 2 * precision, axis=(0, 1))
             count += (len(same) - 1) * len(same[0].channels)
-    return count > 0 and _rises(np.asarray(power), count)
+            leaks = leaks or any(e.continuous for e in same)
+    # All that a mode leaks into lines and channels goes together.
+    return count > 0 and _rises(np.asarray(power), count, sum(len(same) - 1 for same in places) if leaks else None)
 
 
-def _rises(power: FloatArray, count: int) -> bool:
-    """Whether some band of a sum of `count` squares over their variances rises above one."""
+def _rises(power: FloatArray, count: int, independent: int | None = None) -> bool:
+    """Whether some band of a sum of `count` squares over their variances, of so many independent ones, rises above one."""
     width = min(SETTINGS.level_lines, power.size)
     smooth = np.convolve(power / count, np.ones(width) / width, mode="valid")
-    return bool(smooth.max() > 1.0 + SETTINGS.level_noise_error + SETTINGS.level_stands_out / np.sqrt(count * width))
+    scatter = 1.0 / np.sqrt(count * width if independent is None else independent)
+    return bool(smooth.max() > 1.0 + SETTINGS.level_noise_error + SETTINGS.level_stands_out * scatter)
 
 
 def motions(model: Model, records: Records) -> dict[str, Motion]:

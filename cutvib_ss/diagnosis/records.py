@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from cutvib_ss.diagnosis.pulses import Pulses
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.measurement.noise import smeared_variance
 from cutvib_ss.measurement.records import FORCE, Sweep
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.results import ComplexArray, Estimator, FloatArray, MeasuredFrequencyResponse, Quantity
@@ -121,6 +122,16 @@ class Entry:
     def leaks(self) -> bool:
         """Whether its blocks leak, or its force outlasts the blow: only a replayed simulation shows what it shows."""
         return self.continuous or (self.replay is not None and self.replay.lasting)
+
+    @cached_property
+    def unreplayed(self) -> Entry:
+        """The record for models that do not replay how its blocks leak: noise then, as its coherence shows, and smeared peaks."""
+        if not self.continuous or self.response.averages < 2:
+            return self
+        told = np.maximum(self.response.coherence[0, :, 0], 1e-12)
+        scatter = np.abs(self.data) ** 2 * (1.0 / told - 1.0) / (self.response.averages - 1)
+        leaking = np.fmax(self.variance, scatter)
+        return self.showing(self.data, leaking + smeared_variance(self.data, leaking))
 
     @property
     def precision(self) -> FloatArray:
@@ -253,13 +264,13 @@ class Records:
         """χ² of the records about what they are merged into: what a cause that ignores the level cannot lower, nor their hits."""
         return sum(_scatter(row, same) for g in self.merged for row, same in zip(g.data, g.entries, strict=True))
 
-    def coarse(self, lines: int, error: float) -> Records:
-        """The same records with few lines and a widened noise."""
-        behind = {id(e): len(same) for g in self.groups() for same in g.entries for e in same}
+    def coarse(self, lines: int, error: float, replayed: bool = False) -> Records:
+        """The same records with few lines and a widened noise; whether their blocks are replayed there, too."""
+        behind = {e.record: len(same) for g in self.groups() for same in g.entries for e in same}
         out = []
         for e in self.entries:
-            few = thinned(e, slice(None, None, max(1, e.freq.size // lines)))
-            widened = few.variance + behind[id(e)] * (error * np.abs(few.data)) ** 2
+            few = thinned(e if replayed else e.unreplayed, slice(None, None, max(1, e.freq.size // lines)))
+            widened = few.variance + behind[e.record] * (error * np.abs(few.data)) ** 2
             out.append(replace(few.showing(few.data, widened), widened=error > 0.0))
         return Records(tuple(out), rough=True, widened=error > 0.0, moving=self.moving)
 
@@ -277,7 +288,7 @@ class Records:
         for e in (e for e in self.entries if site(e) in chosen):
             step = round(np.log(e.driven or 1.0) / np.log(SETTINGS.level_apart))
             seen.setdefault((*measured_at(e), *block_and_window(e), step) if e.continuous else (e.record,), e)
-        return Records(tuple(in_short(e) for e in seen.values())).coarse(lines, error)
+        return Records(tuple(in_short(e) for e in seen.values())).coarse(lines, error, replayed=True)
 
 
 def _scatter(row: ComplexArray, same: Sequence[Entry]) -> float:
