@@ -111,6 +111,8 @@ def judge(nominal: Model, folds: Sequence[Fold], start: Fit, workers: Workers) -
     return tuple(sorted((j for fold in out for j in fold), key=lambda j: j.entry.record))
 
 
+# A prediction of a model that runs away overflows, and counts as one that fails.
+@np.errstate(over="ignore", invalid="ignore")
 def _one_fold(nominal: Model, start: Fit, fold: Fold) -> list[Judged]:
     records = Records(fold.fitted, moving=bool(start.spread.layout.records))
     steps = SETTINGS.held_out_steps if start.hypothesis.linear else SETTINGS.held_out_law_steps

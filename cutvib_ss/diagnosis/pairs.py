@@ -229,7 +229,7 @@ def by_themselves(
             hypothesis = replace(best.fit.hypothesis, effects=(effect,))
             # It is of use if it leads to more than its own fit did.
             rival = own.get(hypothesis.causes, np.inf)
-            alone = refit(nominal, records, hypothesis, best.fit.x[: best.fit.first_effect], steps, rival=rival)
+            alone = refit(nominal, records, hypothesis, best.fit.x[: best.fit.first_effect], steps, best.fit, rival)
             # Without the other it may run away.
             if alone is not None:
                 out.append(Ranked(name, alone, True))

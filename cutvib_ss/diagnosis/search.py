@@ -110,7 +110,9 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
         workers,
         near=_beside(none.fit),
     )
-    ranked = beside_parts(nominal, records, few, rough, ranked, workers)
+    if not level_stands_out(records, none.fit.model):
+        # No errors of parts explain what depends on the level.
+        ranked = beside_parts(nominal, records, few, rough, ranked, workers)
     if none.reduced < SETTINGS.search_enough:
         # What the tuned model takes up far out of its tolerance leads nowhere on few lines.
         missed = [c for c in linear if tuned_away(nominal, none.fit, c.starts[0])]
@@ -212,7 +214,8 @@ def search(
     by_force = lacks and left and tried is not None and forces_come_close([none, *ranked])
     if by_force and not of_one_place(ranked, leaves) and workers.begin("fitting restoring forces of unknown form"):
         ranked += unknown_by_level(nominal, records, few, observed, none, ranked, rival, workers)
-    ranked += relieved(nominal, records, best_of(ranked, none), linear, workers)
+    if shows_gap(ranked, none):
+        ranked += relieved(nominal, records, best_of(ranked, none), linear, workers)
     if forces is not None and tried is None and compared and lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
         ranked = _with(nominal, records, forces, ranked, best_of(ranked, none), workers)
