@@ -65,7 +65,8 @@ def _answer(levels: tuple[float, ...], cubic: float) -> Diagnosis:
 
 
 def test_a_cubic_spring_is_found_at_one_level() -> None:
-    first = _answer((1.0, 1.0, 1.0), 2e9).causes[0]
+    # Three or four records do not tell it from a clearance of a micron, a nat behind.
+    first = _answer((1.0,) * 5, 2e9).causes[0]
     assert (first.effect, first.place) == ("cubic_stiffness", "spring")
     assert first.probability > 0.9
     assert first.parameters["stiffness3"].value == pytest.approx(2e9, rel=0.1)

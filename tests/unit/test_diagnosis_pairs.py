@@ -121,8 +121,10 @@ def test_each_part_of_the_best_pair_is_fitted_by_itself(
     """A cubic spring that was found beside a mass only was that pair, 1.00: it had no fit of its own to speak against the mass."""
     asked = []
 
-    def refit(nominal: object, records: object, hypothesis: Hypothesis, x: object, steps: int, rival: float) -> None:
-        asked.append((*hypothesis.effects, steps, rival))
+    def refit(
+        nominal: object, records: object, hypothesis: Hypothesis, x: object, steps: int, near: object, rival: float
+    ) -> None:
+        asked.append((*hypothesis.effects, steps, near, rival))
 
     monkeypatch.setattr(pairs, "refit", refit)
     best = SimpleNamespace(
@@ -132,4 +134,5 @@ def test_each_part_of_the_best_pair_is_fitted_by_itself(
     ranked = [Ranked("pair", cast(Fit, best), True), Ranked("single", cast(Fit, alone), True)]
     pairs.by_themselves(cast(Model, None), cast(Records, None), [replace(ranked[0], name="one + other")], ranked[1:])
     steps = [SETTINGS.search_most_steps if e.linear else SETTINGS.search_most_law_steps for e in effects]
-    assert asked == [(effects[0], steps[0], 30.0), (effects[1], steps[1], np.inf)]
+    # They start with the pair's drift and discrepancy.
+    assert asked == [(effects[0], steps[0], best, 30.0), (effects[1], steps[1], best, np.inf)]
