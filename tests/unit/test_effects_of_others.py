@@ -169,7 +169,7 @@ def test_the_diagnosis_finds_and_the_report_names_it(by_entry_point: None, by_ca
     assert best.parameters["stiffness"].value == pytest.approx(1.5e4, rel=0.1)
     assert best.parameters["damping"].value == pytest.approx(40.0, rel=0.1)
     assert "a damper with a soft mount holds top" in verdict_sentence(found)
-    assert any(e.effect == "belt" for e in found.evidence)
+    assert any(limit.effect == "belt" for limit in found.limits)
     page = report_html(found)
     assert "a damper with a soft mount holds top" in page
     assert "Inspect: look for a shock absorber or a hose on top" in page
