@@ -13,8 +13,9 @@ import numpy as np
 from scipy import ndimage
 
 from cutvib_ss.diagnosis.modes_beyond import resonance_beyond
-from cutvib_ss.diagnosis.records import Entry, SineTest, thinned
+from cutvib_ss.diagnosis.records import Entry, thinned
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.sine_test import SineTest
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.blocks import without_run_in

@@ -17,27 +17,15 @@ from numpy.typing import NDArray
 
 from cutvib_ss.diagnosis.pulses import Pulses
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.measurement.noise import smeared_variance
-from cutvib_ss.measurement.records import FORCE, Sweep
+from cutvib_ss.diagnosis.sine_test import SineTest
+from cutvib_ss.measurement.noise import leaking_variance
+from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.results import ComplexArray, Estimator, FloatArray, MeasuredFrequencyResponse, Quantity
 from cutvib_ss.results.arrays import optional_array, position_at
 
 By = Literal["session", "record"]
 """What the groups of a problem hold one of."""
-
-
-@dataclass(frozen=True)
-class SineTest:
-    """How a stepped or swept sine was driven, line by line."""
-
-    force: FloatArray  # Amplitude of the force [N]; of a held response that which it took
-    direction: Sweep | None = None  # Order of the lines, where stated
-    held: FloatArray | None = None  # Amplitude of the first channel, where that was held instead of the force
-
-    def at(self, keep: np.ndarray | slice) -> SineTest:
-        """Some of the lines."""
-        return replace(self, force=self.force[keep], held=None if self.held is None else self.held[keep])
 
 
 @dataclass(frozen=True)
@@ -128,10 +116,8 @@ class Entry:
         """The record for models that do not replay how its blocks leak: noise then, as its coherence shows, and smeared peaks."""
         if not self.continuous or self.response.averages < 2:
             return self
-        told = np.maximum(self.response.coherence[0, :, 0], 1e-12)
-        scatter = np.abs(self.data) ** 2 * (1.0 / told - 1.0) / (self.response.averages - 1)
-        leaking = np.fmax(self.variance, scatter)
-        return self.showing(self.data, leaking + smeared_variance(self.data, leaking))
+        coherence, averages = self.response.coherence[0, :, 0], self.response.averages
+        return self.showing(self.data, leaking_variance(self.data, self.variance, coherence, averages))
 
     @property
     def precision(self) -> FloatArray:

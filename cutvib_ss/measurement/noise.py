@@ -168,6 +168,18 @@ def smeared_variance(data: ComplexArray, variance: FloatArray) -> FloatArray:
     return out
 
 
+def leaking_variance(data: ComplexArray, variance: FloatArray, coherence: FloatArray, averages: int) -> FloatArray:
+    """
+    Variance of H1 of windowed blocks under random force, what leaks from block to block counted as noise.
+
+    That rises at sharp resonances and is not smooth along frequency: |H|² (1 - γ²)/γ²/(n - 1) of each line, where it is more than
+    the noise, and what the window takes (`smeared_variance`). Without coherence the noise alone stands for the first.
+    """
+    scatter = np.abs(data) ** 2 * (1.0 / np.maximum(coherence, 1e-12) - 1.0) / (averages - 1)
+    leaking = np.fmax(variance, scatter)
+    return np.asarray(leaking + smeared_variance(data, leaking), dtype=np.float64)
+
+
 def high_pass_variance(data: ComplexArray, noise_bins: int = NOISE_BINS) -> FloatArray:
     """
     Variance of a single estimate, from what scatters along frequency.

@@ -11,8 +11,9 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import motions
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.problem import Problem
-from cutvib_ss.diagnosis.records import Records, SineTest, merged, thinned
+from cutvib_ss.diagnosis.records import Records, merged, thinned
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
+from cutvib_ss.diagnosis.sine_test import SineTest
 from cutvib_ss.diagnosis.sweeps import branches, swept
 from cutvib_ss.diagnosis.unknown_element import UnknownForce
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
