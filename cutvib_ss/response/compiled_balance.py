@@ -24,12 +24,18 @@ _NEWTON = 12
 """Steps of Newton's method at most."""
 _SAME = 1e-9
 """Residual, relative to the motion, at which it ends."""
+_CLOSE = 1e-4
+"""The same on the way between lines; the step there is to be less than a hundred times this part of an arc of one."""
 _LONGEST = 1.0
 """Longest arc: a fifth of the motion's size, or as much as `sweep` allows in frequency."""
 _SHORTEST = 1e-5
 """Shortest arc, at which a curve is given up."""
 _CORNER = 1e-3
 """Arc below which the curve may turn sharply."""
+_STRAIGHT = 0.01
+"""Square of how far a curve turned aside over its arc, up to which the next arc is longer."""
+_ALONG = 0.01
+"""Square of a step in frequency over one of the motion, both in arcs, from which it tells of the derivative to frequency."""
 _ARC_OF_MOTION = 0.2
 """Change of the motion over its size that counts as an arc of one."""
 
@@ -67,7 +73,7 @@ def balance(
 ) -> None:
     """Residual of the harmonic balance at a motion x of the ports, its derivatives, and the forces' harmonics and slopes."""
     laws, values, sliders = elements
-    numbers, n = tables[0], tables[1].shape[1]
+    numbers, n = tables[0], tables[1].shape[0]
     ports = laws.size
     for j in range(ports):
         at_port = slice(j * n, (j + 1) * n)
@@ -140,7 +146,7 @@ def newton(x: FloatArray, omega: float, force: float, system: System, elements: 
     """The solution at a frequency, in place of a motion x close by; whether there is one."""
     n = x.size
     r, j, f = np.zeros(n), np.zeros((n, n)), np.zeros(n)
-    slopes = np.zeros((elements.laws.size, tables[1].shape[1], tables[1].shape[1]))
+    slopes = np.zeros((elements.laws.size, tables[1].shape[0], tables[1].shape[0]))
     for _ in range(_NEWTON):
         balance(x, omega, force, system, elements, tables, r, j, f, slopes)
         left = _size(r)
@@ -233,7 +239,7 @@ def sweep(
     _at_line(motions[0], start, omegas[0], force[0], path[0], _ARC_OF_MOTION * _size(start), system, elements, tables)
     omega, done, arc, folds = omegas[0], 1, 0.1, False
     r, j, f, slopes = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((ports, n // ports, n // ports))
-    turned, spare = np.zeros(n), np.zeros((n, n))
+    turned, turning, spare = np.zeros(n), np.zeros(n), np.zeros((n, n))
     bordered, right = np.zeros((n + 1, n + 1)), np.zeros(n + 1)
     tangent = np.zeros(n + 1)
     tangent[n] = sign
@@ -257,6 +263,7 @@ def sweep(
         while True:
             for k in range(n):
                 guess[k] = new[k] = x[k] + arc * size * tangent[k]
+                turning[k] = turned[k]
             ahead = there = omega + arc * reach * tangent[n]
             steps, found = 0, False
             while steps < _NEWTON and there > 0.0 and not found:
@@ -265,8 +272,15 @@ def sweep(
                 left = _size(r)
                 if not math.isfinite(left):
                     break
-                # ∂R/∂ω stays that of the arc's start.
-                _border(bordered, j, turned, tangent)
+                if steps > 1:
+                    # What the last step has left tells how far ∂R/∂ω has changed since the arc's start.
+                    moved = 0.0
+                    for k in range(n):
+                        moved += right[k] * right[k]
+                    moved = right[n] / (right[n] * right[n] + _ALONG * moved + 1e-300)
+                    for k in range(n):
+                        turning[k] += moved * r[k] / size
+                _border(bordered, j, turning, tangent)
                 for k in range(n):
                     right[k] = -r[k] / size
                 right[n] = 0.0
@@ -274,7 +288,7 @@ def sweep(
                 for k in range(n):
                     new[k] += size * right[k]
                 there += reach * right[n]
-                found = left <= 1e-6 * _size(new) and _size(right) < 1e-4
+                found = left <= _CLOSE * arc * _size(new) and _size(right) < 100.0 * _CLOSE * arc
             # A corrector that goes far has found another part of the curve.
             aside = ((there - ahead) / reach) ** 2
             for k in range(n):
@@ -308,7 +322,7 @@ def sweep(
         done, omega = reached, there
         for k in range(n):
             x[k] = new[k]
-        arc = min(arc * (1.5 if steps <= 4 else 0.8), _LONGEST)
+        arc = min(arc * (1.5 if steps <= 4 and aside < _STRAIGHT * arc * arc else 0.8), _LONGEST)
     return done, motions, folds
 
 
@@ -318,7 +332,7 @@ def balances(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Residuals, Jacobians, harmonics and slopes of many lines, as `balance` gives them, without force."""
     lines, n = motions.shape
-    ports, width = elements.laws.size, tables[1].shape[1]
+    ports, width = elements.laws.size, tables[1].shape[0]
     residuals, jacobians, harmonics = np.zeros((lines, n)), np.zeros((lines, n, n)), np.zeros((lines, n))
     slopes = np.zeros((lines, ports, width, width))
     for k in range(lines):

@@ -38,7 +38,7 @@ from cutvib_ss.response.signals import displacement_unit, input_unit
 from cutvib_ss.results import ComplexArray, FloatArray, FrequencyResponse, Quantity
 
 _SAMPLES = 32
-"""Samples of a period for each harmonic kept; corners of a law alias less the more there are."""
+"""Samples of a period for each harmonic kept; corners of a force alias less the more there are."""
 
 
 def sine_response(
@@ -153,10 +153,13 @@ class SineSweep:
             self.machine, self.positions, self._s, (*self.quantities, *still),
             self.outputs + ports, (input, *ports),
         )  # fmt: skip
-        even = any(not e.restoring_force.odd for e in self.elements)
-        self._tables = harmonic_tables(
-            np.arange(harmonics + 1) if even else np.arange(1, harmonics + 1, 2), _SAMPLES * (harmonics + 1)
-        )
+        forces = [e.restoring_force for e in self.elements]
+        even = any(not f.odd for f in forces)
+        samples = _SAMPLES * (harmonics + 1)
+        if all(f.degree is not None for f in forces):
+            # Products of a polynomial's harmonics with those kept alias no more from here on.
+            samples = 2 * (max((f.degree or 0 for f in forces), default=0) + 1) * harmonics
+        self._tables = harmonic_tables(np.arange(harmonics + 1) if even else np.arange(1, harmonics + 1, 2), samples)
 
     @cached_property
     def _balances(self) -> list[PortMotion]:

@@ -19,7 +19,8 @@ from cutvib_ss.results import ComplexArray, FloatArray
 
 # Poles (mode,); participation of the force and of the ports (mode, 1 + port); displacement of the ports (port, mode).
 System: TypeAlias = tuple[ComplexArray, ComplexArray, ComplexArray]
-# Harmonic numbers, a zero for the mean; T, T', and T half a sample later (sample, unknown); P (unknown, sample).
+# Harmonic numbers, a zero for the mean; T and T' (unknown, sample); T half a sample later over a whole period, and at rest
+# (sample, unknown); P (unknown, sample).
 Tables: TypeAlias = tuple[np.ndarray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 _REACH = 5.0
@@ -47,7 +48,7 @@ class PortMotion:
         self._compiled = compiled_balance
         self._system, self._forces, self._tables = system, tuple(laws), tables
         self._laws = packed(laws)
-        self.ports, self.width = len(laws), tables[1].shape[1]
+        self.ports, self.width = len(laws), tables[1].shape[0]
         self.first = int(tables[0][0] == 0)
         self.size = self.ports * self.width
 
@@ -102,7 +103,7 @@ class PortMotion:
         for j, force in enumerate(self._forces):
             static = float(-(shapes[j] * drives[:, 1 + j] / poles).sum().real)
             if np.isfinite(far := force.holds_below(static)):
-                own = motions[:, j * self.width : (j + 1) * self.width] @ self._tables[1].T
+                own = motions[:, j * self.width : (j + 1) * self.width] @ self._tables[1]
                 passed |= np.abs(own).max(axis=1) > far
         return int(np.argmax(passed)) if passed.any() else len(motions)
 
@@ -273,9 +274,10 @@ def _solved(matrices: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def harmonic_tables(numbers: np.ndarray, samples: int) -> Tables:
-    """What takes harmonics to samples of a period and back."""
+    """What takes harmonics to samples of a period and back; of odd ones alone, half a period tells all."""
     turn = 2 * np.pi * np.arange(samples) / samples
     later = turn + np.pi / samples
+    counted = samples // 2 if (numbers % 2).all() else samples
 
     def columns(phase: FloatArray, rate: bool = False) -> FloatArray:
         parts = []
@@ -285,12 +287,12 @@ def harmonic_tables(numbers: np.ndarray, samples: int) -> Tables:
         # Of the mean the sine is nothing.
         return np.ascontiguousarray(np.delete(parts, 1, axis=0).T if numbers[0] == 0 else np.array(parts).T)
 
-    table = columns(turn)
-    weights = 2.0 / samples * np.where((numbers[0] == 0) & (np.arange(table.shape[1]) == 0), 0.5, 1.0)
+    table = columns(turn[:counted])
+    weights = 2.0 / counted * np.where((numbers[0] == 0) & (np.arange(table.shape[1]) == 0), 0.5, 1.0)
     return (
         numbers.astype(np.int64),
-        table,
-        columns(turn, rate=True),
-        columns(later),
+        np.ascontiguousarray(table.T),
+        np.ascontiguousarray(columns(turn[:counted], rate=True).T),
+        np.vstack([columns(later), np.zeros(table.shape[1])]),
         np.ascontiguousarray((table * weights).T),
     )

@@ -13,6 +13,7 @@ from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.model.measurement_chain import ChannelChain, MeasurementChain
 from cutvib_ss.model.paths import Path, value_at, with_value
 from cutvib_ss.model.protocol import NonlinearElement
+from cutvib_ss.model.restoring_forces.cubic_stiffness import CubicStiffness
 from cutvib_ss.model.restoring_forces.joint_slip import JointSlip
 from cutvib_ss.model.restoring_forces.packed import packed
 from cutvib_ss.model.second_order import Channel, SecondOrder
@@ -62,11 +63,14 @@ def by_stepping(model: Machine | Structure, freq: float, amplitude: float, posit
     return np.fft.rfft(used)[:, 1] * 2 / per / amplitude
 
 
+@pytest.mark.parametrize("numbers", [(1, 2, 3), (1, 3, 5)], ids=["all", "odd"])
 @pytest.mark.parametrize(("spread", "exponent"), [(0.0, 0.0), (1.0, 0.0), (1.0, -0.7)])
-def test_contacts_that_turn_within_a_period_are_what_marching_comes_to(spread: float, exponent: float) -> None:
+def test_contacts_that_turn_within_a_period_are_what_marching_comes_to(
+    spread: float, exponent: float, numbers: tuple[int, ...]
+) -> None:
     law = JointSlip(2.0, 1.5, spread, exponent)
     laws, values, sliders = packed([law])
-    tables = harmonic_tables(np.array([1, 2, 3]), 256)
+    tables = harmonic_tables(np.array(numbers), 256)
     x = np.array([0.9, 0.3, -0.8, 0.5, 0.7, -0.6])
 
     def shown(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -75,13 +79,28 @@ def test_contacts_that_turn_within_a_period_are_what_marching_comes_to(spread: f
         return out, slope
 
     turn = np.linspace(0.0, 6.0 * np.pi, 3 * 12_000 + 1)
-    waves = np.array([f(k * turn) for k in (1, 2, 3) for f in (np.cos, np.sin)])
+    waves = np.array([f(k * turn) for k in numbers for f in (np.cos, np.sin)])
     marched = law.force(x @ waves, 0.0 * turn)[-12_000:]
     expected = 2.0 * waves[:, -12_000:] @ marched / 12_000
     got, slope = shown(x)
     assert got == pytest.approx(expected, abs=2e-3 * np.abs(expected).max())
     moved = np.array([(shown(x + 1e-6 * e)[0] - shown(x - 1e-6 * e)[0]) / 2e-6 for e in np.eye(6)]).T
     assert slope == pytest.approx(moved, abs=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("numbers", [(0, 1, 2, 3), (1, 3, 5)], ids=["all", "odd"])
+def test_a_polynomial_needs_no_more_samples_than_its_harmonics(numbers: tuple[int, ...]) -> None:
+    laws, values, sliders = packed([CubicStiffness(2.0)])
+    few = 2 * (CubicStiffness.degree + 1) * numbers[-1]
+    x = np.random.default_rng(3).normal(size=2 * len(numbers) - (numbers[0] == 0))
+
+    def shown(samples: int) -> tuple[np.ndarray, np.ndarray]:
+        out, slope = np.zeros(x.size), np.zeros((x.size, x.size))
+        forces(x, 1.0, laws, 0, values, sliders, harmonic_tables(np.array(numbers), samples), out, slope)
+        return out, slope
+
+    for got, expected in zip(shown(few), shown(512), strict=True):
+        assert got == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
 
 
 # --- limits -----------------------------------------------------------------------------------------------------------

@@ -44,6 +44,8 @@ class RestoringForce(ABC):
     """Motion that the force follows."""
     odd: ClassVar[bool] = True
     """Whether f(-q, -v) = -f(q, v): if not, the force has a mean and even harmonics."""
+    degree: ClassVar[int | None] = None
+    """Degree of the polynomial in q and v that the force is; None where it is none."""
     scale_free: ClassVar[bool] = False
     """Whether f(a q, a v) = a f(q, v) for a > 0: then the excitation level does not matter."""
     strength: ClassVar[tuple[str, ...]] = ()

@@ -18,6 +18,7 @@ class CubicStiffness(Memoryless):
     """f = stiffness3 q³ (Duffing): hardening, or softening where negative."""
 
     name: ClassVar[str] = "cubic_stiffness"
+    degree: ClassVar[int | None] = 3
     strength: ClassVar[tuple[str, ...]] = ("stiffness3",)
 
     stiffness3: float = value("N m/rad^3", minimum=None)
