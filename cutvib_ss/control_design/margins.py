@@ -15,6 +15,7 @@ import numpy as np
 from scipy import optimize
 
 from cutvib_ss.control_design.loop import in_rad_per_s
+from cutvib_ss.control_design.norms import peak_gain
 from cutvib_ss.results import ComplexArray, FloatArray
 
 _AROUND = np.array([-30.0, -8.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 8.0, 30.0])
@@ -76,7 +77,7 @@ def disk_margin(gain: control.StateSpace) -> float:
     """
     eye = control.ss([], [], [], np.eye(gain.noutputs), gain.dt)
     difference = eye.feedback(gain) - 0.5 * eye
-    return float(1.0 / control.linfnorm(difference)[0])
+    return 1.0 / peak_gain(difference)
 
 
 def margins(gain: control.StateSpace, poles: ComplexArray) -> Margins:

@@ -7,6 +7,7 @@ import warnings
 import control
 from slycot.exceptions import SlycotResultWarning
 
+from cutvib_ss.control_design.norms import peak_gain
 from cutvib_ss.control_design.synthesis import in_seconds, scaled_in_time
 from cutvib_ss.errors import DesignError
 from cutvib_ss.parameters import check_number
@@ -91,13 +92,13 @@ def smallest_controller(
         return loop[plant.output_labels.index(output), 0]
 
     whole = closed(controller)
-    allowed = loss * control.linfnorm(whole)[0]
+    allowed = loss * peak_gain(whole)
     for order in range(1, controller.nstates):
         try:
             small = reduced(controller, order)
         except DesignError:
             continue
         loop = closed(small)
-        if loop.poles().real.max() < 0.0 and control.linfnorm(whole - loop)[0] <= allowed:
+        if loop.poles().real.max() < 0.0 and peak_gain(whole - loop) <= allowed:
             return small
     return controller

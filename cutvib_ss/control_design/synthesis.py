@@ -14,6 +14,7 @@ import numpy as np
 import slycot
 from slycot.exceptions import SlycotError
 
+from cutvib_ss.control_design.norms import peak_gain
 from cutvib_ss.errors import DesignError
 
 _FIRST, _LARGEST, _FINE = 1.0, 1e8, 1.005
@@ -85,7 +86,7 @@ def closed_norm(plant: control.StateSpace, controller: control.StateSpace) -> fl
         The norm; infinite where the loop is unstable.
     """
     closed = plant.lft(controller)
-    return float(control.linfnorm(closed)[0]) if closed.poles().real.max() < 0.0 else float("inf")
+    return peak_gain(closed) if closed.poles().real.max() < 0.0 else float("inf")
 
 
 def h2_synthesis(plant: control.StateSpace, nmeas: int, ncon: int) -> tuple[control.StateSpace, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
@@ -164,6 +164,7 @@ def fit_pairs(
     near = first if not first.hypothesis.linear and first.reduced < SETTINGS.search_enough else None
     seen: set[tuple[str, ...]] = set()
     out: list[Ranked] = []
+    simulated: list[_OnFew] = []
     for linear, of_lines in ((True, records.still.coarse), (False, records.for_laws)):
         wide, sharp = (
             of_lines(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error),
@@ -181,9 +182,30 @@ def fit_pairs(
             nominal, records, tried[:2], 1, (np.inf, first.log_evidence), workers, close=SETTINGS.pairs_close, near=near
         )
         out += [r for r in fitted if r.refined]
+        simulated += [] if linear else [_OnFew(sharp, c.name, f.objective) for c, f in tried[:2]]
         if tried and _enough_on_few(tried):
             break
-    return [*out, *by_themselves(nominal, records, out, ranked)]
+    # What few records tell to be far behind its pair is not simulated on all.
+    worth = partial(_may_stand_alone, nominal, {f.name: f for f in simulated})
+    return [*out, *by_themselves(nominal, records, out, ranked, worth=worth)]
+
+
+class _OnFew(NamedTuple):
+    """A pair with a restoring force on few records, as measured."""
+
+    records: Records
+    name: str
+    objective: float
+
+
+def _may_stand_alone(nominal: Model, few: Mapping[str, _OnFew], pair: Ranked, effect: Effect) -> bool:
+    """Whether a cause of a pair is not far behind it on few records, the tuning free to give way."""
+    on = few.get(pair.name)
+    if on is None:
+        return True
+    hypothesis = replace(pair.fit.hypothesis, effects=(effect,))
+    alone = first_steps(nominal, on.records, hypothesis, pair.fit.x[: pair.fit.first_effect], SETTINGS.search_law_steps)
+    return alone is not None and alone.objective - on.objective < SETTINGS.search_close
 
 
 def _enough_on_few(tried: Sequence[tuple[Candidate, Fit]]) -> bool:
@@ -204,11 +226,12 @@ def by_themselves(
     pairs: Sequence[Ranked],
     ranked: Sequence[Ranked],
     few: Mapping[str, float] | None = None,
+    worth: Callable[[Ranked, Effect], bool] = lambda pair, effect: True,
 ) -> list[Ranked]:
     """
     Each cause of the best pair by itself, from its values there: of linear causes, of restoring forces, and of one of each.
 
-    Where both were fitted to few lines, only that which left less there, by their names.
+    Where both were fitted to few lines, only that which left less there, by their names; and only what is worth it.
     """
     own = {
         r.fit.hypothesis.causes: r.fit.objective for r in sorted(ranked, key=lambda r: -r.fit.objective) if r.refined
@@ -224,6 +247,8 @@ def by_themselves(
         if few is not None and all(name in few for name, _ in parts):
             parts = [min(parts, key=lambda part: few[part[0]])]
         for name, effect in parts:
+            if not worth(best, effect):
+                continue
             steps = SETTINGS.search_most_steps if effect.linear else SETTINGS.search_most_law_steps
             # A restoring force's range goes by the motion that the pair's hypothesis holds.
             hypothesis = replace(best.fit.hypothesis, effects=(effect,))

@@ -3,9 +3,12 @@
 import control
 import numpy as np
 import pytest
+from slycot.exceptions import SlycotArithmeticError
 
 from cutvib_ss.control_design import disk_margin, margins
 from cutvib_ss.control_design.loop import in_rad_per_s
+from cutvib_ss.control_design.norms import peak_gain
+from cutvib_ss.errors import DesignError
 
 
 def of(loop: control.StateSpace) -> control.StateSpace:
@@ -26,6 +29,27 @@ def test_an_integrator_bears_any_gain_and_a_right_angle() -> None:
     assert down == 0.0
     assert phase == pytest.approx(90.0)
     assert delay == pytest.approx(np.pi / 2)
+
+
+def test_an_iteration_that_does_not_end_is_asked_for_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A loop of 57 states with poles up to 3e6 rad/s ended a diagnosis: the eigenvalues of its Hamiltonian did not converge."""
+    asked, found = [], control.linfnorm
+
+    def strict(system: control.StateSpace, tol: float) -> tuple[float, float]:
+        asked.append(tol)
+        if tol < fails:
+            raise SlycotArithmeticError("the QR algorithm did not converge", 3)
+        norm, at = found(system, tol)
+        return norm, at
+
+    monkeypatch.setattr(control, "linfnorm", strict)
+    lag = control.ss([[-1.0]], [[1.0]], [[3.0]], [[0.0]])
+    fails = 1e-7
+    assert peak_gain(lag) == pytest.approx(3.0, rel=1e-6)
+    assert asked == [1e-10, 1e-8, 1e-6]
+    fails = 1.0
+    with pytest.raises(DesignError, match="1 states"):
+        peak_gain(lag)
 
 
 def test_a_third_order_loop() -> None:
