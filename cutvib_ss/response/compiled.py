@@ -17,13 +17,12 @@ from cutvib_ss.model.restoring_forces.compiled import (
     FAST,
     coulomb,
     implicit,
-    implicit_slide,
     mean,
     numbers,
     resist,
-    slide,
     steepest,
 )
+from cutvib_ss.model.restoring_forces.contacts import contacts, implicit_slide, move, place, read, slide
 from cutvib_ss.model.restoring_forces.packed import JUMPS, SLIDES
 from cutvib_ss.response.compiled_alone import AWAY, STIFF, interact_alone
 from cutvib_ss.results import FloatArray
@@ -75,7 +74,7 @@ def _interact_together(
     forces = np.zeros((blows, elements, instants))
     away = np.zeros(blows, dtype=np.bool_)
     kept = state.copy()
-    state_new, state_half = np.zeros(state.shape[1:]), np.zeros(state.shape[1:])
+    stand, sliding = contacts(sliders), np.zeros(elements, np.int64)
     codes, by_rate, stiffness = np.zeros(elements, np.int64), np.zeros(elements, np.bool_), np.zeros(elements)
     for e in range(elements):
         codes[e], by_rate[e], stiffness[e] = laws[e].code, laws[e].by_rate == 1, sliders[e, :, 0].sum()
@@ -94,7 +93,6 @@ def _interact_together(
     f0, f1, extra = np.zeros(elements), np.zeros(elements), np.zeros(elements)
     x0, x1 = np.zeros(elements), np.zeros(elements)
     for blow in range(blows):
-        state_now = kept[blow]
         re[:], im[:] = surplus[blow, 0], surplus[blow, 1]
         x0[:], x1[:], extra[:] = 0.0, 0.0, 0.0
         largest, bound, peak = 0.0, 0.0, 0.0
@@ -106,6 +104,7 @@ def _interact_together(
                 bound += (abs(reads[1, 0, e, m]) + abs(reads[1, 1, e, m])) * (abs(re[m]) + abs(im[m]))
             f0[e] = 0.0
             if codes[e] == SLIDES:
+                place(stand, e, state[blow, e], q0[e])
                 f0[e] = state[blow, e].sum()
             elif codes[e] != JUMPS:
                 f0[e] = resist(laws, codes[e], numbers(values, e), q0[e], v0[e])
@@ -162,7 +161,7 @@ def _interact_together(
                         part = f0[e] + c
                         own_q, own_v = own_q - a0 * part - a1 * c, own_v - b0 * part - b1 * c
                     if code == SLIDES:
-                        f = implicit_slide(sliders, e, state_now, state_new, own_q - q0[e], a)
+                        f, sliding[e] = implicit_slide(stand, e, own_q, a)
                     else:
                         f = implicit(laws, code, p, own_q, a, own_v, b)
                     f1[e] = f
@@ -177,7 +176,7 @@ def _interact_together(
                         half_q = 0.5 * (q0[e] + q1) + 0.125 * step * (v0[e] - v1)
                         half_v = 1.5 * (q1 - q0[e]) / step - 0.25 * (v0[e] + v1)
                         if code == SLIDES:
-                            half = slide(sliders, e, state_now, state_half, half_q - q0[e])
+                            half = slide(stand, e, half_q)
                             whole = (f0[e] + 4.0 * half + f) / 6.0
                         else:
                             course_q, course_v = (q0[e], half_q, q1), (v0[e], half_v, v1)
@@ -204,11 +203,12 @@ def _interact_together(
                     forces[blow, e, k] += 0.5 * extra[e]
                     forces[blow, e, k - 1] += 0.5 * extra[e]
                 if codes[e] == SLIDES:
-                    for i in range(state_now.shape[1]):
-                        state_now[e, i] = state_new[e, i]
+                    move(stand, e, q[e], sliding[e])
                 q0[e], v0[e], f0[e] = q[e], v[e], f1[e]
         for e in range(elements):
-            if codes[e] != SLIDES:
+            if codes[e] == SLIDES:
+                read(stand, e, kept[blow, e])
+            else:
                 kept[blow, e, 0] = f0[e]
             if codes[e] == JUMPS and instants > 1:
                 forces[blow, e, 0] = forces[blow, e, 1]

@@ -15,13 +15,12 @@ from cutvib_ss.model.restoring_forces.compiled import (
     FAST,
     coulomb,
     implicit,
-    implicit_slide,
     mean,
     numbers,
     resist,
-    slide,
     steepest,
 )
+from cutvib_ss.model.restoring_forces.contacts import contacts, implicit_slide, move, place, read, slide
 from cutvib_ss.model.restoring_forces.packed import JUMPS, SLIDES
 from cutvib_ss.results import FloatArray
 
@@ -57,7 +56,7 @@ def interact_alone(
     forces = np.zeros((blows, 1, instants))
     away = np.zeros(blows, dtype=np.bool_)
     kept = state.copy()
-    state_new, state_half = np.zeros(state.shape[1:]), np.zeros(state.shape[1:])
+    stand, sliding = contacts(sliders), 0
     code, by_rate, p = laws[0].code, laws[0].by_rate == 1, numbers(values, 0)
     stiffness, friction = sliders[0, :, 0].sum(), sliders[0, 0, 1]
     # Turn of each mode, what forces at both ends of a step add to it at the new instant, and displacement and velocity of the port:
@@ -79,7 +78,6 @@ def interact_alone(
         b1 += reads[1, 0, 0, m] * pushes[1, 0, 0, m] + reads[1, 1, 0, m] * pushes[1, 1, 0, m]
     z = np.zeros((2, wide))
     for blow in range(blows):
-        state_now = kept[blow]
         x0, x1, extra = 0.0, 0.0, 0.0
         bound, peak = 0.0, 0.0
         q0, v0 = motion[blow, 0, 0, 0], motion[blow, 1, 0, 0]
@@ -94,6 +92,7 @@ def interact_alone(
         bound = AWAY * (bound + peak) * step * instants
         f0 = 0.0
         if code == SLIDES:
+            place(stand, 0, state[blow, 0], q0)
             f0 = state[blow, 0].sum()
         elif code != JUMPS:
             f0 = resist(laws, code, p, q0, v0)
@@ -120,7 +119,7 @@ def interact_alone(
                     a, b, part = (1.0 - old) * (a0 + a1), (1.0 - old) * (b0 + b1), old * f0
                     own_q, own_v = q - (a0 + a1) * part, v - (b0 + b1) * part
                     if code == SLIDES:
-                        f = implicit_slide(sliders, 0, state_now, state_new, own_q - q0, a)
+                        f, sliding = implicit_slide(stand, 0, own_q, a)
                     else:
                         f = implicit(laws, code, p, own_q, a, own_v, b)
                     x0 = part + (1.0 - old) * f
@@ -131,7 +130,7 @@ def interact_alone(
                         part = f0 + c
                         own_q, own_v = q - a0 * part - a1 * c, v - b0 * part - b1 * c
                         if code == SLIDES:
-                            f = implicit_slide(sliders, 0, state_now, state_new, own_q - q0, a1)
+                            f, sliding = implicit_slide(stand, 0, own_q, a1)
                         else:
                             f = implicit(laws, code, p, own_q, a1, own_v, b1)
                         x0, x1 = part, f + c
@@ -140,7 +139,7 @@ def interact_alone(
                             half_q = 0.5 * (q0 + q1) + 0.125 * step * (v0 - v1)
                             half_v = 1.5 * (q1 - q0) / step - 0.25 * (v0 + v1)
                             if code == SLIDES:
-                                half = slide(sliders, 0, state_now, state_half, half_q - q0)
+                                half = slide(stand, 0, half_q)
                                 whole = (f0 + 4.0 * half + f) / 6.0
                             else:
                                 course_q, course_v = (q0, half_q, q1), (v0, half_v, v1)
@@ -157,10 +156,11 @@ def interact_alone(
                 forces[blow, 0, k] += 0.5 * extra
                 forces[blow, 0, k - 1] += 0.5 * extra
             if code == SLIDES:
-                for i in range(state_now.shape[1]):
-                    state_now[0, i] = state_new[0, i]
+                move(stand, 0, q, sliding)
             q0, v0, f0 = q, v, f
-        if code != SLIDES:
+        if code == SLIDES:
+            read(stand, 0, kept[blow, 0])
+        else:
             kept[blow, 0, 0] = f0
         if code == JUMPS and instants > 1:
             forces[blow, 0, 0] = forces[blow, 0, 1]

@@ -123,56 +123,7 @@ for _kernel in (resist, tangents, implicit, mean, steepest):
     _compiled_by_overload(_kernel)
 
 
-# --- Jenkins elements -------------------------------------------------------------------------------------------------
-
-
-@numba.njit(fastmath=FAST, forceinline=True)
-def slide(sliders: FloatArray, e: int, old: FloatArray, new: FloatArray, moved: float) -> float:
-    """Force of an element's sliders after their port has moved; from the old force of each to the new, (element, slider)."""
-    if old.shape[1] == 1:
-        f = min(max(old[e, 0] + sliders[e, 0, 0] * moved, -sliders[e, 0, 1]), sliders[e, 0, 1])
-        new[e, 0] = f
-        return float(f)
-    total = 0.0
-    for i in range(old.shape[1]):
-        limit = sliders[e, i, 1]
-        new[e, i] = min(max(old[e, i] + sliders[e, i, 0] * moved, -limit), limit)
-        total += new[e, i]
-    return total
-
-
-@numba.njit(fastmath=FAST, forceinline=True)
-def implicit_slide(sliders: FloatArray, e: int, old: FloatArray, new: FloatArray, moved: float, a: float) -> float:
-    """
-    The force f of an element's sliders that move by d = ``moved`` - a f.
-
-    d + a f(d) is piecewise straight and rises; away from d = 0 its slope only falls, since elements only begin to slide. Newton's
-    steps from there come to the root from one side, and end on it.
-    """
-    if old.shape[1] == 1:
-        k, limit = sliders[e, 0, 0], sliders[e, 0, 1]
-        f = min(max((old[e, 0] + k * moved) / (1.0 + a * k), -limit), limit)
-        new[e, 0] = f
-        return float(f)
-    f = 0.0
-    for i in range(old.shape[1]):
-        f += old[e, i]
-    side = math.copysign(1.0, moved - a * f)
-    d = 0.0
-    for _ in range(old.shape[1] + 1):
-        slope, f = 1.0, 0.0
-        for i in range(old.shape[1]):
-            k, limit = sliders[e, i, 0], sliders[e, i, 1]
-            at = old[e, i] + k * d
-            new[e, i] = min(max(at, -limit), limit)
-            f += new[e, i]
-            if side * at < limit:
-                slope += a * k
-        change = (moved - a * f - d) / slope
-        if side * change <= 0.0:
-            return float(f)
-        d += change
-    return slide(sliders, e, old, new, d)
+# --- friction without springs ------------------------------------------------------------------------------------------
 
 
 @numba.njit(fastmath=FAST, forceinline=True)
