@@ -18,4 +18,6 @@ def peak_gain(system: control.StateSpace) -> float:
             return float(control.linfnorm(system, tol=tolerance)[0])
         except SlycotArithmeticError:
             continue
-    raise DesignError(f"the largest gain of a loop of {system.nstates} states was not found: its poles are too far apart")
+    raise DesignError(
+        f"the largest gain of a loop of {system.nstates} states was not found: its poles are too far apart"
+    )

@@ -69,6 +69,14 @@ class Fit:
         return self.chi2 * self.spread.sizes.noise / self.count
 
     @property
+    def stds_of_effects(self) -> tuple[Mapping[str, float], ...]:
+        """Of each effect the standard deviations of its parameters."""
+        return tuple(
+            {name.partition(".")[2]: std for name, std in self.stds.items() if name.startswith(f"{k}.")}
+            for k in range(len(self.hypothesis.effects))
+        )
+
+    @property
     def of_no_size(self) -> tuple[Effect, ...]:
         """
         Effects of which the size's interval holds nothing: only an error of theirs, the discrepancy, may be what is seen.

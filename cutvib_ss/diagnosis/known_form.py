@@ -46,6 +46,7 @@ def of_known_form(
         strained.append(bare)
     for r in strained:
         out[r.name] *= SETTINGS.verdict_form
+    _among_kindred(likely, [r for r in ranked if r.refined], out)
     # What may as well be nothing is no form of anything.
     named = [r for r in ranked if r.refined and UNKNOWN not in dict(r.fit.hypothesis.causes) and is_there(r)]
     for r in [r for r in likely if r not in strained and r.fit.hypothesis.causes[-1][0] == UNKNOWN]:
@@ -73,6 +74,29 @@ def _by_one_name(likely: Sequence[Ranked], odds: dict[str, float]) -> None:
     if odds[first.name] < max([nameless, *named]) < total[likeliest]:
         for r in others:
             give(odds, r, first)
+
+
+def _among_kindred(likely: Sequence[Ranked], refined: Sequence[Ranked], odds: dict[str, float]) -> None:
+    """Share what a cause and its kindred one have by their odds, unless the better errs less."""
+    # Where the form of both errs as much the records show a third, and which of the two is the nearer tells nothing of the cause.
+    seen: set[str] = set()
+    for r in sorted(likely, key=lambda r: -odds[r.name]):
+        effects = r.fit.hypothesis.effects
+        each = zip(effects, r.fit.stds_of_effects, strict=True)
+        known = [(e, k) for e, stds in each if (k := e.kindred(stds)) is not None]
+        if len(known) != 1 or not r.refined or r.name in seen:
+            continue
+        [(effect, kin)] = known
+        causes = tuple((kin.effect, c[1]) if c == (effect.effect, effect.place) else c for c in r.fit.hypothesis.causes)
+        other = best(x for x in refined if x.fit.hypothesis.causes == causes)
+        if other is None:
+            continue
+        seen.add(other.name)
+        if r.fit.spread.sizes.cause < other.fit.spread.sizes.cause:
+            continue
+        ratio = effect.odds_to_kindred(r.fit.hypothesis.motions[effect.place])
+        both = odds[r.name] + odds[other.name]
+        odds[r.name], odds[other.name] = both * ratio / (1.0 + ratio), both / (1.0 + ratio)
 
 
 def _is_unknown(r: Ranked) -> bool:

@@ -112,12 +112,8 @@ def by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -
     least = max((r.fit.log_evidence for r in ranked if r.refined), default=0.0) - SETTINGS.search_close / 2.0
     out = []
     for r in ranked:
-        effects, stds, parts = r.fit.hypothesis.effects, r.fit.stds, r.name.split(" + ")
-        own = [
-            {name.partition(".")[2]: std for name, std in stds.items() if name.startswith(f"{k}.")}
-            for k in range(len(effects))
-        ]
-        aliases = tuple(e.alias(nominal, s) for e, s in zip(effects, own, strict=True))
+        effects, parts = r.fit.hypothesis.effects, r.name.split(" + ")
+        aliases = tuple(e.alias(nominal, s) for e, s in zip(effects, r.fit.stds_of_effects, strict=True))
         channels = len(effects) > len(parts)
         if channels or aliases == effects or not r.refined or r.fit.log_evidence < least:
             out.append(r)
@@ -130,6 +126,23 @@ def by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -
             name = " + ".join(part if a is e else f"{a.effect} {a.place}" for part, e, a in each)
             out.append(r if again is None else Ranked(name, again, True))
     return out
+
+
+def in_kindred_form(nominal: Model, records: Records, best: Ranked) -> list[Ranked]:
+    """The best hypothesis with what records may not tell from its causes, from where it stands; none where there is no such."""
+    effects = best.fit.hypothesis.effects
+    kindred = tuple(e.kindred(std) or e for e, std in zip(effects, best.fit.stds_of_effects, strict=True))
+    names = best.name.split(" + ")
+    if not best.refined or kindred == effects or len(names) != len(effects):
+        return []
+    hypothesis = replace(best.fit.hypothesis, effects=kindred)
+    steps, x = SETTINGS.search_most_law_steps, best.fit.x[: best.fit.first_effect]
+    again = refit(nominal, records, hypothesis, x, steps, near=best.fit)
+    if again is None:
+        return []
+    each = zip(names, effects, kindred, strict=True)
+    # Named as candidates are: what is fitted better of a name stands for it.
+    return [Ranked(" + ".join(n if a is e else n.replace(e.effect, a.effect) for n, e, a in each), again, True)]
 
 
 def once(ranked: Sequence[Ranked]) -> tuple[Ranked, ...]:

@@ -33,6 +33,7 @@ from cutvib_ss.diagnosis.ranking import (
     by_their_names,
     cost,
     first_steps,
+    in_kindred_form,
     on_all_lines,
     once,
     refit,
@@ -219,6 +220,7 @@ def search(
     if forces is not None and tried is None and compared and lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
         ranked = _with(nominal, records, forces, ranked, best_of(ranked, none), workers)
+    ranked += in_kindred_form(nominal, records, best_of(ranked, none))
     return (none, *once(ranked))
 
 

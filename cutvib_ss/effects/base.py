@@ -182,6 +182,14 @@ class Effect(ABC):
         """The effect by the name it goes by on a model, where its parameters were fitted with such standard deviations."""
         return self
 
+    def kindred(self, stds: Mapping[str, float]) -> Effect | None:
+        """What is nearly the same in another cause's form; none where deviations of its parameters leave no form of its own."""
+        return None
+
+    def odds_to_kindred(self, motion: float) -> float:
+        """Odds of this cause to its kindred one where no form tells them apart, of a place that moves by so much."""
+        return 1.0
+
     def units(self, model: Model) -> Mapping[str, str]:
         """SI unit of each parameter on a model."""
         return {f.name: f.metadata["range"].unit for f in parameter_fields(type(self))}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from cutvib_ss.effects.base import Model, Severity, parameter
-from cutvib_ss.effects.dry_friction import DryFriction
+from cutvib_ss.effects.dry_friction import KNEE_OF_A_SPREAD, DryFriction
 from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 from cutvib_ss.effects.sticking import Sticking
@@ -42,6 +42,18 @@ class JointSlip(Sticking):
         if self.spread > stds.get("spread", 0.0):
             return self
         return DryFriction(self.place, self.slip_torque, self.stiffness, within=self.within)
+
+    def kindred(self, stds: Mapping[str, float]) -> DryFriction | None:
+        """Friction that yields as gradually; without a spread slip goes by that name anyway."""
+        if self.spread <= stds.get("spread", 0.0):
+            return None
+        return DryFriction(
+            self.place, self.slip_torque, self.stiffness, KNEE_OF_A_SPREAD * self.spread, within=self.within
+        )
+
+    def odds_to_kindred(self, motion: float) -> float:
+        """Slip within a joint: odds as one over those of friction."""
+        return 1.0 / self._far_beyond(motion)
 
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:

@@ -29,6 +29,11 @@ class Sticking(WithinSpring):
     def _held(self) -> float:
         return float(getattr(self, self.sticks_with))
 
+    def _far_beyond(self, motion: float) -> float:
+        """A motion over that at which the contacts slide in the mean."""
+        [limit] = [float(getattr(self, name)) for name in self.strength if name != self.sticks_with]
+        return max(motion, 1e-300) * self._held / limit
+
     @classmethod
     def _parts(cls, starts: Sequence[Effect], spring: float) -> Iterable[Effect]:
         return (e._part_of(spring) for e in starts if isinstance(e, Sticking) and np.isfinite(e._held))

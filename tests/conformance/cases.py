@@ -38,7 +38,7 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "structural_damping": (("joint1", "joint2"), ("loss_factor", "form", "reference_frequency")),
     "cubic_stiffness": (("joint1", "joint2"), ("stiffness3",)),
     "freeplay": (("joint1", "joint2"), ("gap", "contact_stiffness", "within")),
-    "dry_friction": (("joint1", "joint2"), ("torque", "sticking_stiffness", "within")),
+    "dry_friction": (("joint1", "joint2"), ("torque", "sticking_stiffness", "knee", "within")),
     "joint_slip": (("joint1", "joint2"), ("stiffness", "slip_torque", "spread", "exponent", "within")),
     "bilinear_stiffness": (("joint1", "joint2"), ("asymmetry",)),
     "quadratic_damping": (("joint1", "joint2"), ("coefficient",)),

@@ -34,6 +34,7 @@ from cutvib_ss.model.restoring_forces.compiled import (
     tangents,
 )
 from cutvib_ss.model.restoring_forces.contacts import contacts, implicit_slide, move, place, read, slide
+from cutvib_ss.model.restoring_forces.dry_friction import CONTACTS
 
 FORCES: dict[str, RestoringForce] = {
     "cubic": CubicStiffness(3.0),
@@ -44,6 +45,8 @@ FORCES: dict[str, RestoringForce] = {
     "bilinear": BilinearStiffness(0.3, 5.0),
     "Coulomb": DryFriction(2.0),
     "friction that sticks elastically": DryFriction(2.0, 7.0),
+    "friction over a knee": DryFriction(2.0, 7.0, 0.4),
+    "friction of Dahl": DryFriction(2.0, 7.0, 1.0),
     "quadratic": QuadraticDamping(0.7),
     "local spring": LocalStiffness(3.0, 0.5, 1.0),
     "local damper": LocalDamping(0.4, 5.0, -1.0),
@@ -271,8 +274,8 @@ def test_contacts_follow_the_closed_form_of_the_even_distribution(spread: float)
     u = np.linspace(0.0, 2.2, 2001)
     exact = np.array([backbone(x, spread) for x in u])
     found = force.force(u * torque / k, np.zeros(u.size)) / torque
-    assert np.abs(found - exact).max() < 1.02 * spread / (4 * 16**2)
-    assert np.abs(found - exact).max() > 0.5 * spread / (4 * 16**2)  # the bound is no larger than it has to be
+    assert np.abs(found - exact).max() < 1.02 * spread / (4 * CONTACTS**2)
+    assert np.abs(found - exact).max() > 0.5 * spread / (4 * CONTACTS**2)  # the bound is no larger than it has to be
     # By Masing's rules a loop of amplitude A is the backbone doubled: f(q) = 2 F((A + q)/2) - F(A).
     for x in (0.7, 1.3, 3.0):
         angle = np.linspace(0.0, np.pi, 20_001)

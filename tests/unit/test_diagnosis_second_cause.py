@@ -46,6 +46,7 @@ class OnlyEvidence:
     nothing_when_used: tuple[Effect, ...] = ()
     tuned_away: bool = False
     tuned_out: bool = False
+    stds_of_effects = Fit.stds_of_effects
     calibrated_away: frozenset[str] = frozenset()
     stds: Mapping[str, float] = field(default_factory=dict)
     reduced: float = 1.0
@@ -459,6 +460,8 @@ class WithSizes:
     tolerated: tuple[Effect, ...] = ()
     tuned_out = Fit.tuned_out
     beyond_belief = Fit.beyond_belief
+    stds: Mapping[str, float] = field(default_factory=dict)
+    stds_of_effects = Fit.stds_of_effects
 
 
 def sized(

@@ -339,3 +339,27 @@ def test_the_mean_slip_torque_is_that_of_gross_slip(exponent):
         assert stiffness.sum() == pytest.approx(1e4)
         assert torque.sum() == pytest.approx(2.0, rel=0.05)
         assert 1.0 - spread < (torque / stiffness).min() * 1e4 / 2.0 < 1.0 - 0.8 * spread
+
+
+@pytest.mark.parametrize("knee", [0.2, 0.5, 1.0])
+def test_pushed_from_rest_it_yields_as_bouc_and_wen_say(knee: float) -> None:
+    torque, stiffness = 1.5, 4.0
+    q = np.linspace(0.0, 1.2, 1201)
+    found = law("dry_friction")(torque, stiffness, knee).force(q, np.zeros(q.size))
+    expected = solve_ivp(
+        lambda _, f: stiffness * (1.0 - (f / torque) ** (1.0 / knee)),
+        (0.0, 1.2),
+        [0.0],
+        t_eval=q,
+        rtol=1e-9,
+        atol=1e-12,
+    ).y[0]
+    assert found == pytest.approx(expected, abs=3e-3 * torque)
+    # All of it slides in the end, and what sticks is as stiff as stated.
+    assert law("dry_friction")(torque, stiffness, knee).sliders().sum(axis=0) == pytest.approx([stiffness, torque])
+
+
+def test_a_knee_of_nothing_is_one_contact() -> None:
+    q = 0.9 * np.sin(np.linspace(0.0, 20.0, 4001))
+    sharp, rounded = (law("dry_friction")(1.5, 4.0, knee).force(q, np.zeros(q.size)) for knee in (None, 1e-3))
+    assert rounded == pytest.approx(sharp, abs=6e-3)

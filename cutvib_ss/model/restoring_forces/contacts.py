@@ -21,7 +21,7 @@ from cutvib_ss.results import FloatArray
 class Contacts(NamedTuple):
     """Where the contacts of some elements stand; each row is an element, the sums are over contacts in their order."""
 
-    count: np.ndarray  # Contacts
+    own: np.ndarray  # Number of contacts
     springs: FloatArray  # Stiffness of each
     widths: FloatArray  # Displacement from the centre at which each slides
     limits: FloatArray  # Slip forces of those before each, one more than contacts
@@ -56,7 +56,7 @@ def contacts(sliders: FloatArray) -> Contacts:
             made.widths[e, n] = sliders[e, n, 1] / sliders[e, n, 0]
             made.limits[e, n + 1] = made.limits[e, n] + sliders[e, n, 1]
             n += 1
-        made.count[e] = n
+        made.own[e] = n
         for i in range(n - 1, -1, -1):
             made.stiffness[e, i] = made.stiffness[e, i + 1] + made.springs[e, i]
     return made
@@ -65,9 +65,9 @@ def contacts(sliders: FloatArray) -> Contacts:
 @numba.njit(fastmath=FAST)
 def place(c: Contacts, e: int, forces: FloatArray, q: float) -> None:
     """Put an element's contacts where these are their forces at a displacement."""
-    for i in range(c.count[e] - 1, -1, -1):
+    for i in range(c.own[e] - 1, -1, -1):
         centre = q - forces[i] / c.springs[e, i]
-        if i + 1 < c.count[e]:
+        if i + 1 < c.own[e]:
             apart, other = c.widths[e, i + 1] - c.widths[e, i], c.centres[e, i + 1]
             centre = min(max(centre, other - apart), other + apart)
         c.centres[e, i] = centre
@@ -78,7 +78,7 @@ def place(c: Contacts, e: int, forces: FloatArray, q: float) -> None:
 @numba.njit(fastmath=FAST)
 def read(c: Contacts, e: int, forces: FloatArray) -> None:
     """The contacts' forces."""
-    for i in range(c.count[e]):
+    for i in range(c.own[e]):
         if i < c.sliding[e]:
             forces[i] = c.sense[e] * c.springs[e, i] * c.widths[e, i]
         else:
@@ -90,11 +90,11 @@ def slide(c: Contacts, e: int, q: float) -> float:
     """Force of an element's contacts once its port has moved on, or back, to a displacement; they stay where they stand."""
     m, sense, last = c.sliding[e], c.sense[e], c.last[e]
     if sense * (q - last) >= 0.0:
-        while m < c.count[e] and sense * (q - c.centres[e, m]) > c.widths[e, m]:
+        while m < c.own[e] and sense * (q - c.centres[e, m]) > c.widths[e, m]:
             m += 1
         return float(sense * c.limits[e, m] + c.stiffness[e, m] * q - c.about[e, m])
     k = 0
-    while k < c.count[e]:
+    while k < c.own[e]:
         centre = c.centres[e, k] if k >= m else last - sense * c.widths[e, k]
         if sense * (centre - q) <= c.widths[e, k]:
             break
@@ -112,8 +112,8 @@ def implicit_slide(c: Contacts, e: int, q: float, a: float) -> tuple[float, int]
     """
     Force f of an element's contacts at the displacement q - a f, and how many slide there; `move` takes them on.
 
-    q1 + a f(q1) rises with q1: on the way from where they stand, ever more slide, and the first number with which none of the others
-    has to is that of the root.
+    q1 + a f(q1) rises with q1: on the way from where they stand ever more slide, and the first number with which none of the
+    others has to is that of the root.
     """
     m, sense, last = c.sliding[e], c.sense[e], c.last[e]
     f = sense * c.limits[e, m] + c.stiffness[e, m] * last - c.about[e, m]
@@ -126,7 +126,7 @@ def implicit_slide(c: Contacts, e: int, q: float, a: float) -> tuple[float, int]
         c.sliding[e], c.sense[e] = m, sense
     while True:
         f = (sense * c.limits[e, m] + c.stiffness[e, m] * q - c.about[e, m]) / (1.0 + a * c.stiffness[e, m])
-        if m == c.count[e] or sense * (q - a * f - c.centres[e, m]) <= c.widths[e, m]:
+        if m == c.own[e] or sense * (q - a * f - c.centres[e, m]) <= c.widths[e, m]:
             return float(f), m
         m += 1
 

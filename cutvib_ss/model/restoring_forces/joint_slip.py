@@ -8,18 +8,11 @@ from typing import ClassVar, Self
 import numpy as np
 
 from cutvib_ss.model.restoring_forces.base import Hysteretic, RestoringForce, value
-from cutvib_ss.model.restoring_forces.dry_friction import RIGID, STICKING, DryFriction
+from cutvib_ss.model.restoring_forces.dry_friction import CONTACTS, RIGID, STICKING, DryFriction
 from cutvib_ss.results import FloatArray
 
-CONTACTS = 16
-"""
-Jenkins elements that stand for the even distribution of slip torques. Their backbone is the polygon through the parabola
-
-    f(u) = u - (u - T(1-s))² / (4 s T),   u = stiffness · q,   abs(u - T) ≤ s T
-
-that the distribution gives; it is off by at most s T/(4 CONTACTS²), a thousandth of s T. Of a power law they share the contacts out
-evenly, too.
-"""
+_LAST = 16
+"""The last one of so many parts of the contacts decides whether they stick ideally."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +20,11 @@ class JointSlip(Hysteretic):
     """
     Iwan's model with slip torques about their mean, slip_torque, from (1 - spread) times that upwards.
 
-    With ``stiffness`` while all stick. Their density goes with a power, ``exponent``, of how far they are above the lowest; 0
-    spreads them evenly, up to (1 + spread) times the mean. Spread 0 is one Jenkins element. With spread 1 small motions lose
-    energy with the power 3 + exponent of their amplitude: in bolted joints 2 to 3 (Segalman, J. Appl. Mech. 72 (2005) 752). See
-    Iwan, J. Appl. Mech. 33 (1966) 893.
+    With ``stiffness`` while all stick. The backbone of the even spread is f(u) = u - (u - T(1-s))²/(4 s T) for abs(u - T) ≤ s T, u
+    being stiffness · q; that of `CONTACTS` elements is a polygon, off by s T/(4 CONTACTS²) at most. Their density goes with a
+    power, ``exponent``, of how far they are above the lowest; 0 spreads them evenly, up to (1 + spread) times the mean. Spread 0 is
+    one Jenkins element. With spread 1 small motions lose energy with the power 3 + exponent of their amplitude: in bolted joints 2
+    to 3 (Segalman, J. Appl. Mech. 72 (2005) 752). See Iwan, J. Appl. Mech. 33 (1966) 893.
     """
 
     name: ClassVar[str] = "joint_slip"
@@ -46,8 +40,7 @@ class JointSlip(Hysteretic):
         return replace(self, stiffness=min(rigid, self.stiffness))
 
     def at_step(self, compliance: float) -> RestoringForce:
-        # Its most compliant contact decides.
-        contacts = 1 if self.spread == 0.0 else CONTACTS
+        contacts = 1 if self.spread == 0.0 else _LAST
         return DryFriction(self.slip_torque) if self.stiffness / contacts * compliance > RIGID else self
 
     def sliders(self) -> FloatArray:
