@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import fields, replace
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -290,3 +292,18 @@ def test_contact_of_freeplay_by_default_is_the_spring_s() -> None:
     assert np.array_equal(Freeplay(0.4, 5.0).force(q, q), Freeplay(0.4, 5.0, 5.0).force(q, q))
     stiff = Freeplay(0.4, 5.0, 20.0).force(q, q) + 5.0 * q
     assert stiff == pytest.approx(np.where(np.abs(q) < 0.4, 0.0, 20.0 * (q - 0.4 * np.sign(q))), abs=1e-12)
+
+
+def test_loops_are_compiled_anew_where_a_file_of_theirs_has_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sweep went on with contacts as they were before a pull: they are inlined from another file than its own."""
+    arrays = importlib.import_module("cutvib_ss.model.restoring_forces.packed")
+    assert {"contacts.py", "compiled_forces.py", "compiled_balance.py"} <= {f.name for f in arrays._loops()}
+    inlined = tmp_path / "inlined.py"
+    monkeypatch.setattr(arrays, "_loops", lambda: [inlined])
+    names = []
+    for text in ("a = 1", "a = 2", "a = 1"):
+        inlined.write_text(text, encoding="utf-8")
+        names.append(arrays._record.__wrapped__(arrays.memoryless()).names)
+    assert names[0] == names[2] != names[1]

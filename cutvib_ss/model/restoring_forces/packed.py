@@ -29,8 +29,8 @@ class Packed(NamedTuple):
     Parameters
     ----------
     laws : ndarray of records, shape (element,)
-        ``code`` and ``by_rate`` of each; the name of the last field changes with the code of the registered laws, so that what was
-        compiled for others is not taken from numba's cache.
+        ``code`` and ``by_rate`` of each; the name of the last field changes with the code of the registered laws and of the loops,
+        so that what was compiled of others is not taken from numba's cache.
     values : ndarray, shape (element, WIDTH)
         What the kernels of those without memory take.
     sliders : ndarray, shape (element, slider, 2)
@@ -47,11 +47,17 @@ def memoryless() -> tuple[type[Memoryless], ...]:
     return tuple(law for law in registered().values() if issubclass(law, Memoryless))
 
 
+def _loops() -> list[Path]:
+    """Files of what is compiled: numba's cache looks at that of a function alone, not at those of functions inlined in it."""
+    here = Path(__file__).parent
+    return [*here.glob("*.py"), *here.parents[1].glob("response/compiled*.py")]
+
+
 @cache
 def _record(laws: tuple[type[Memoryless], ...]) -> np.dtype[np.void]:
     stamp = hashlib.sha256()
-    for file in (inspect.getfile(Memoryless), *map(inspect.getfile, laws)):
-        stamp.update(Path(file).read_bytes())
+    for file in sorted({*_loops(), *(Path(inspect.getfile(law)) for law in laws)}):
+        stamp.update(file.read_bytes())
     return np.dtype(
         [("code", np.int64), ("by_rate", np.int64), (f"laws_{stamp.hexdigest()[:16]}", np.int64)], align=True
     )
