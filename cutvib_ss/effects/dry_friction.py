@@ -38,7 +38,7 @@ class DryFriction(Sticking):
     # Stiffness beside k while it sticks [N m/rad; N/m]. Infinite by default: Coulomb's law; soft it is no friction
     sticking_stiffness: float = parameter("N m/rad", 1e2, 1e8, default=math.inf, limits=True)
     # How gradually it yields: None at once, 1 as Dahl's friction, between them Bouc's and Wen's with exponent 1/knee
-    knee: float | None = parameter("1", 0.0, 1.0, "linear", default=None)
+    knee: float | None = parameter("1", 0.0, 1.0, "linear", default=None, limits=True)
 
     def kindred(self, stds: Mapping[str, float]) -> Sticking | None:
         """Joint slip that yields as gradually; none of friction that yields at once, which is slip without a spread."""
