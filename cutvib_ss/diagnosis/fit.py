@@ -106,6 +106,11 @@ class Fit:
         return bool(np.any(np.abs(self.x[: self.n_tuning]) > SETTINGS.fit_strained))
 
     @property
+    def tuned_as_a_whole(self) -> bool:
+        """Whether tuned values lie far out of their tolerances all together, by their root mean square."""
+        return bool(self.n_tuning and np.mean(self.x[: self.n_tuning] ** 2) > SETTINGS.fit_tuned_away**2)
+
+    @property
     def taken_up(self) -> bool:
         """Whether drift or errors of single parts, the largest of their priors, may have taken up what a cause does."""
         return self.spread.largest("drift") or self.spread.largest("parts")
@@ -125,10 +130,11 @@ class Fit:
         """
         Whether it stands only because the model errs by more than is believed.
 
-        The discrepancies of both the nominal model and a cause are the largest of their priors, or beside a restoring force, which
-        takes no other linear cause up, a tuned value lies out of any tolerance.
+        The discrepancies of both the nominal model and a cause are the largest of their priors, or all tuned values are far out of
+        their tolerances, or beside a restoring force, which takes no other linear cause up, one is out of any tolerance.
         """
-        return self.spread.at_largest or (self.tuned_out and not self.hypothesis.linear)
+        strained = self.tuned_as_a_whole or (self.tuned_out and not self.hypothesis.linear)
+        return self.spread.at_largest or strained
 
 
 def fit(

@@ -459,18 +459,25 @@ class WithSizes:
     of_no_size: tuple[Effect, ...] = ()
     tolerated: tuple[Effect, ...] = ()
     tuned_out = Fit.tuned_out
+    tuned_as_a_whole = Fit.tuned_as_a_whole
     beyond_belief = Fit.beyond_belief
     stds: Mapping[str, float] = field(default_factory=dict)
     stds_of_effects = Fit.stds_of_effects
 
 
 def sized(
-    name: str, nominal: float, cause: float, *effects: Effect, at_end: tuple[str, ...] = (), tuned: float = 0.0
+    name: str,
+    nominal: float,
+    cause: float,
+    *effects: Effect,
+    at_end: tuple[str, ...] = (),
+    tuned: float = 0.0,
+    rest: float = 0.0,
 ) -> Ranked:
-    """A fit of given discrepancies whose 20 tuned values are `tuned` standard deviations out."""
+    """A fit of given discrepancies, of whose 20 tuned values one is `tuned` standard deviations out, and the others `rest`."""
     layout = Layout(1, (), (), (), (0,), ((0.0, 0.0),), 1)
     spread = Spread(layout, Sizes(nominal=nominal, cause=cause), np.zeros(0), np.eye(1))
-    found = WithSizes(Hypothesis(effects), float(len(effects)), spread, at_end, x=np.full(20, tuned))
+    found = WithSizes(Hypothesis(effects), float(len(effects)), spread, at_end, x=np.array([tuned, *[rest] * 19]))
     return Ranked(name, cast(Fit, found), True)
 
 
@@ -484,6 +491,7 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
         (sized("mass", 3e-5, 1e-3, MASS, at_end=("0.mass",)), fits),
         (sized("mass", 3e-5, 1e-3, MASS, UNKNOWN, at_end=("0.mass",)), fits),
         (sized("mass", 3e-5, 1e-3, CUBIC, tuned=5.5), fits),
+        (sized("mass", 3e-5, 1e-3, MASS, tuned=8.0, rest=2.7), fits),
     ):
         strained = of_known_form([none, mass], odds, seen)
         assert strained["mass"] == pytest.approx(0.99 * SETTINGS.verdict_form)
