@@ -164,7 +164,8 @@ def fit_pairs(
     near = first if not first.hypothesis.linear and first.reduced < SETTINGS.search_enough else None
     seen: set[tuple[str, ...]] = set()
     out: list[Ranked] = []
-    simulated: list[_OnFew] = []
+    few: Records | None = None
+    on_few: dict[str, float] = {}
     for linear, of_lines in ((True, records.still.coarse), (False, records.for_laws)):
         wide, sharp = (
             of_lines(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error),
@@ -182,30 +183,24 @@ def fit_pairs(
             nominal, records, tried[:2], 1, (np.inf, first.log_evidence), workers, close=SETTINGS.pairs_close, near=near
         )
         out += [r for r in fitted if r.refined]
-        simulated += [] if linear else [_OnFew(sharp, c.name, f.objective) for c, f in tried[:2]]
+        if not linear:
+            few, on_few = sharp, {c.name: f.objective for c, f in tried}
         if tried and _enough_on_few(tried):
             break
-    # What few records tell to be far behind its pair is not simulated on all.
-    worth = partial(_may_stand_alone, nominal, {f.name: f for f in simulated})
+    # A cause that is far behind its pair on few records is not simulated on all.
+    worth = partial(_may_stand_alone, nominal, few, on_few)
     return [*out, *by_themselves(nominal, records, out, ranked, worth=worth)]
 
 
-class _OnFew(NamedTuple):
-    """A pair with a restoring force on few records, as measured."""
-
-    records: Records
-    name: str
-    objective: float
-
-
-def _may_stand_alone(nominal: Model, few: Mapping[str, _OnFew], pair: Ranked, effect: Effect) -> bool:
-    """Whether a cause of a pair is not far behind it on few records, the tuning free to give way."""
-    on = few.get(pair.name)
-    if on is None:
+def _may_stand_alone(
+    nominal: Model, few: Records | None, on_few: Mapping[str, float], pair: Ranked, effect: Effect
+) -> bool:
+    """Whether a cause of a pair is not far behind the pair's objective on few records, the tuning free to give way."""
+    if few is None or pair.name not in on_few:
         return True
-    hypothesis = replace(pair.fit.hypothesis, effects=(effect,))
-    alone = first_steps(nominal, on.records, hypothesis, pair.fit.x[: pair.fit.first_effect], SETTINGS.search_law_steps)
-    return alone is not None and alone.objective - on.objective < SETTINGS.search_close
+    hypothesis, x = replace(pair.fit.hypothesis, effects=(effect,)), pair.fit.x[: pair.fit.first_effect]
+    alone = first_steps(nominal, few, hypothesis, x, SETTINGS.search_law_steps)
+    return alone is not None and alone.objective - on_few[pair.name] < SETTINGS.search_close
 
 
 def _enough_on_few(tried: Sequence[tuple[Candidate, Fit]]) -> bool:

@@ -242,7 +242,7 @@ class _Seeing:
         return best
 
     def judged(self, seen: _Seen) -> Left:
-        """What is left of each channel by itself, and of all together."""
+        """Residual of each channel by itself, and of all together."""
         own, lay = self.own, self.own.layout
         mean, noise, scale = own.offsets.copy(), own.noise, lay.scale(own.sizes)
         for at, _ in self.drifts:

@@ -274,12 +274,12 @@ def sweep(
                     break
                 if steps > 1:
                     # What the last step has left tells how far ∂R/∂ω has changed since the arc's start.
-                    moved = 0.0
+                    squares = 0.0
                     for k in range(n):
-                        moved += right[k] * right[k]
-                    moved = right[n] / (right[n] * right[n] + _ALONG * moved + 1e-300)
+                        squares += right[k] * right[k]
+                    part = right[n] / (right[n] * right[n] + _ALONG * squares + 1e-300)
                     for k in range(n):
-                        turning[k] += moved * r[k] / size
+                        turning[k] += part * r[k] / size
                 _border(bordered, j, turning, tangent)
                 for k in range(n):
                     right[k] = -r[k] / size
