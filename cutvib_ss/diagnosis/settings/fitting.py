@@ -146,8 +146,8 @@ class FitSettings:
 
     # One fit
     fit_tuned_away: float = of(3.0, "tolerances",
-        "By which a tuned value is off where causes that move it are fitted in any case, and all by their root mean square where the "
-        "answer is not sure", "longer; more such answers are sure",
+        "By which a tuned value is off where causes that move it are fitted in any case, and all by their root mean square where "
+        "the answer is not sure", "longer; more such answers are sure",
         "one of 370 right models has a given value that far out")
     fit_strained: float = of(5.0, "tolerances",
         "Of a tuned value beside a restoring force or no cause, from which another cause stands behind it",
