@@ -30,6 +30,10 @@ from cutvib_ss.errors import CutvibError, DiagnosisError
 from cutvib_ss.results import FloatArray
 
 
+EVEN = 12.0
+"""Precision of an even prior over a unit range."""
+
+
 @dataclass(frozen=True)
 class Fit:
     """A fitted hypothesis."""
@@ -52,6 +56,8 @@ class Fit:
     at_end: tuple[str, ...]
     correlation: float  # Number of residuals that tell the same thing; 1 where they are white
     spread: Spread  # Drift and discrepancy: their sizes, and what the records say of them
+    precision: FloatArray  # Of the prior of each unknown; of an even one that of its range
+    log_prior: float  # What of the evidence is the priors' by themselves: those of parameters that are not even where they were fitted
     # Unknowns that are the constant part of each channel's calibration error, real and imaginary, in tolerances
     constant: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     derivatives: Derivatives = "no"  # By simulation beside a restoring force; those of fits near it are as good
@@ -313,7 +319,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
     unit = quadratic.layout.scale(search.sizes)[: problem.size]
     own, pull = quadratic.system(search.sizes)
     # An even prior over a unit range knows a parameter to no better than its range.
-    own[even, even] += 12.0
+    own[even, even] += EVEN
     size = np.sqrt(np.diag(own))
     unique = own / np.outer(size, size) + SETTINGS.likelihood_precision_floor * np.eye(size.size)
     covariance = linalg.inv(unique) / np.outer(size, size)
@@ -348,6 +354,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         for (k, name, r), value in zip(problem.parameters, x[index], strict=True)
         if not r.limits and r.scale != "normal" and (value >= 1.0 or (value <= 0.0 and r.low != r.minimum))
     )
+    precision = np.where(problem.even, EVEN, quadratic.precision / unit**2)
     return Fit(
         hypothesis=replace(problem.hypothesis, effects=problem.effects(x)),
         model=problem.applied(x),
@@ -361,6 +368,8 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         objective=search.at.objective,
         # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
         log_evidence=quadratic.summed(search.sizes, search.known) + of_priors,
+        precision=precision,
+        log_prior=of_priors + 0.5 * even.size * float(np.log(2.0 * np.pi)),
         stds=stds,
         stds_beside=stds_beside,
         at_end=at_end,

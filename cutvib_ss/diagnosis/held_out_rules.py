@@ -19,6 +19,7 @@ from cutvib_ss.diagnosis.known_form import of_another_form
 from cutvib_ss.diagnosis.posterior import UNKNOWN, best, give, is_there, kind_of
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.tempered import tempered_evidence
 from cutvib_ss.effects.base import Effect
 
 
@@ -156,18 +157,18 @@ class _HeldOutRules:
 
     def by_both_leads(self, r: Ranked, simpler: Ranked) -> None:
         """Share the probability of a hypothesis with a simpler one that predicts held-out records better."""
-        predicted = self.held(r).log_density - self.held(simpler).log_density
+        predicted = (self.held(r).log_density - self.held(simpler).log_density) / self.heat
         # What a value tuned far out of its tolerance predicts, its shift predicts as well: the lead is the prior's, and what more
         # parameters cost by chance says nothing against it.
         if predicted >= (-_by_chance(len(r.fit.stds)) if simpler.fit.tuned_away else 0.0):
             return
         # The lead was estimated twice, by evidence and by prediction, and the two disagree in its sign: the mean of both decides,
         # and the hypothesis keeps half at most.
-        lead = r.fit.log_evidence - simpler.fit.log_evidence
+        lead = tempered_evidence(r.fit, self.heat) - tempered_evidence(simpler.fit, self.heat)
         own, other = self.odds[r.name], self.odds[simpler.name]
         # A probability too small for a number is known by its evidence.
-        leads = np.log(own / other) if min(own, other) > 0.0 else lead / self.heat
-        ratio = leads + (predicted - lead) / (2.0 * self.heat)
+        leads = np.log(own / other) if min(own, other) > 0.0 else lead
+        ratio = leads + (predicted - lead) / 2.0
         kept = (own + other) * min(0.5, float(special.expit(ratio)))
         if kept < own:
             give(self.odds, r, simpler, 1.0 - kept / own)

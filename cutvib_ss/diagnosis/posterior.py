@@ -21,6 +21,7 @@ from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.tempered import tempered_evidence
 from cutvib_ss.results import FloatArray
 
 UNKNOWN = "unknown"
@@ -61,8 +62,8 @@ def probabilities(
         prior = SETTINGS.priors[kind_of(h)] * share[kind_of(h)] / each
         score.append(np.log(prior))
     # What was not fitted on all lines has no evidence to count with: it lay far behind on few.
-    evidence = np.array([r.fit.log_evidence if r.refined else -np.inf for r in ranked])
-    total = np.array(score) + (evidence - evidence.max()) / heat
+    evidence = np.array([tempered_evidence(r.fit, heat) if r.refined else -np.inf for r in ranked])
+    total = np.array(score) + evidence - evidence.max()
     weight = np.exp(total - total.max())
     return dict(zip([r.name for r in ranked], (weight / weight.sum()).tolist(), strict=True))
 

@@ -93,15 +93,16 @@ def relieved(
         return []
     first = dict(best.fit.hypothesis.causes)
     others = [c for c in linear if first.get(c.starts[0].effect) != c.starts[0].place]
-    # As a lever's length or a damping the first cause's own form may appear.
+    # As a lever's length the first cause's own form may appear, and as a damping what rubs: beside a linear cause nothing does.
+    alias = partial(is_alias, beside_linear=best.fit.hypothesis.linear)
+    moved = [c for c in others if not alias(c.starts[0].effect, vars(c.starts[0])) and tuned_away(nominal, best.fit, c.starts[0])]
     named = [c for c in others if not is_alias(c.starts[0].effect, vars(c.starts[0]))]
-    moved = [c for c in named if tuned_away(nominal, best.fit, c.starts[0])]
     errs, enough = best.fit.spread.is_large("cause"), best.reduced < SETTINGS.search_enough
     if not best.fit.hypothesis.linear:
         # For the form of a restoring force that errs tuning and gains may make up.
         return _in_place_of_tuning(nominal, records, best, moved, workers) if enough and not errs else []
     in_error = errs and enough
-    missed = named if in_error else moved
+    missed = [*named, *(c for c in moved if c not in named)] if in_error else moved
     if not missed:
         return []
     found = beside_tuned(nominal, records, best, missed, workers)

@@ -55,6 +55,7 @@ from cutvib_ss.diagnosis.simulation import problem_for
 from cutvib_ss.diagnosis.small_sizes import SmallSize
 from cutvib_ss.diagnosis.standing import (
     best_of,
+    first_known,
     forces_come_close,
     is_enough,
     lacks_a_form,
@@ -216,7 +217,7 @@ def search(
     if by_force and not of_one_place(ranked, leaves) and workers.begin("fitting restoring forces of unknown form"):
         ranked += unknown_by_level(nominal, records, few, observed, none, ranked, rival, workers)
     if shows_gap(ranked, none):
-        ranked += relieved(nominal, records, best_of(ranked, none), linear, workers)
+        ranked += relieved(nominal, records, first_known(ranked, none), linear, workers)
     if forces is not None and tried is None and compared and lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
         ranked = _with(nominal, records, forces, ranked, best_of(ranked, none), workers)

@@ -58,6 +58,13 @@ def is_enough(ranked: Sequence[Ranked], none: Ranked, leaves: Callable[[Ranked],
     return left < SETTINGS.search_left + SETTINGS.search_left_of_gap * max(none.reduced - 1.0, 0.0)
 
 
+def first_known(ranked: Sequence[Ranked], none: Ranked) -> Ranked:
+    """The best known cause by itself, if the best hypothesis is that cause, alone or beside another; else the best hypothesis."""
+    best = best_of(ranked, none)
+    alone = best_of([r for r in ranked if len(r.fit.hypothesis.causes) == 1 and r.fit.hypothesis.effect != "unknown"], none)
+    return alone if set(alone.fit.hypothesis.causes) <= set(best.fit.hypothesis.causes) else best
+
+
 def forces_come_close(ranked: Sequence[Ranked]) -> bool:
     """Whether some restoring force comes close to the best linear hypothesis: where none does, none of unknown form will."""
     # Few lines say how close those come at the most that were not fitted on all.

@@ -195,8 +195,8 @@ class Effect(ABC):
         return {f.name: f.metadata["range"].unit for f in parameter_fields(type(self))}
 
     @classmethod
-    def is_alias(cls, values: Mapping[str, object]) -> bool:
-        """Whether causes outside the catalogue may appear as the effect with these discrete values."""
+    def is_alias(cls, values: Mapping[str, object], beside_linear: bool = False) -> bool:
+        """Whether causes outside the catalogue may appear as the effect with these discrete values, or a linear cause's form may."""
         return False
 
     @classmethod

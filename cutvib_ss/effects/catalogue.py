@@ -210,10 +210,10 @@ def check_effect(kind: Any) -> None:
         raise ParameterError(f"{who}.severity names {', '.join(missing)}, which it does not have")
 
 
-def is_alias(effect: str, values: Mapping[str, object]) -> bool:
-    """Whether causes outside the catalogue may appear as an effect with these discrete values."""
+def is_alias(effect: str, values: Mapping[str, object], beside_linear: bool = False) -> bool:
+    """Whether causes outside the catalogue may appear as an effect with these discrete values, or a linear cause's form may."""
     kind = EFFECTS.get(effect)
-    return kind is not None and kind.is_alias(values)
+    return kind is not None and kind.is_alias(values, beside_linear)
 
 
 def catalogue_table() -> str:

@@ -25,7 +25,8 @@ Place of each parameter of the cutting machine; m1 and m2 go by `added_mass`.
 Of any other structure they are its matrices where they are not zero, and their place is ``"structure"``.
 """
 
-ALIASES = frozenset({"l1", "l2", "c1", "c2", "damping", "damping_ratio"})
+DAMPINGS = frozenset({"c1", "c2", "damping", "damping_ratio"})
+ALIASES = frozenset({"l1", "l2"}) | DAMPINGS
 """
 Parameters as which causes that nobody catalogued appear: a spring beside the tool acts as a shorter lever, another law of friction
 as another coefficient of damping.
@@ -67,8 +68,8 @@ class ParameterShift(Effect):
             yield f"{place}.{name}", tuple(cls(place, name, f) for f in (1.0, 0.6, 0.8, 1.25, 1.7))
 
     @classmethod
-    def is_alias(cls, values: Mapping[str, object]) -> bool:
-        return values.get("parameter") in ALIASES
+    def is_alias(cls, values: Mapping[str, object], beside_linear: bool = False) -> bool:
+        return values.get("parameter") in (ALIASES - DAMPINGS if beside_linear else ALIASES)
 
     @classmethod
     def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
