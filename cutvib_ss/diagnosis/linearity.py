@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import signal, stats
+from scipy import signal, special, stats
 
 from cutvib_ss.diagnosis.comparison import across_grids, with_like_tails
 from cutvib_ss.diagnosis.fit import Fit
@@ -70,6 +71,17 @@ def blows_order(records: Records) -> bool:
     """Whether single blows order with their force, in some record and channel, beyond what chance does anywhere."""
     chances = [p for e in records.entries for p in e.estimator.ordering if p is not None]
     return bool(chances) and min(chances) * len(chances) < SETTINGS.level_ordered
+
+
+def few_orders(records: Records) -> bool:
+    """Whether so few orders of the levels within sessions are possible that drift may have any of them by chance."""
+    sessions: dict[tuple[float | str, ...], Counter[int]] = {}
+    for e in records.entries:
+        step = round(np.log(e.driven or 1.0) / np.log(SETTINGS.level_apart))
+        sessions.setdefault(session_of(e), Counter())[step] += 1
+    # n!/(n1! n2! ...) of each session.
+    orders = [special.gammaln(s.total() + 1) - special.gammaln(np.array([*s.values()]) + 1).sum() for s in sessions.values()]
+    return bool(np.sum(orders) < -np.log(SETTINGS.level_drift))
 
 
 def chance_of_order(spread: Spread, records: Records) -> float:

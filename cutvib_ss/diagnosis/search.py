@@ -22,6 +22,7 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import (
     chance_of_order,
     drift_for_levels,
+    few_orders,
     level_stands_out,
     levels_compared,
     motions,
@@ -149,11 +150,14 @@ def search(
         workers.say("following the machine from record to record")
         none = _followed(nominal, records, none)
     # Drift from record to record may take all up that a restoring force does.
-    ordered = by_level and chance_of_order(none.fit.spread, records) < SETTINGS.level_drift
+    moved = apart and none.fit.spread.sizes.within >= SETTINGS.level_hiding_within
+    by_order = chance_of_order(none.fit.spread, records) < SETTINGS.level_drift or (moved and few_orders(records))
+    ordered = by_level and by_order
     # Or drift from session to session does, where each has a level of its own.
     ordered = ordered or drift_for_levels(none.fit, records)
-    # Where the re-tuned model leaves less than the noise itself, a widened noise would hide all that is left.
-    small = none.reduced < SETTINGS.search_small
+    # Where the re-tuned model leaves less than the noise itself, a widened noise would hide all that is left; not so where its
+    # drift may have taken it up.
+    small = none.reduced < SETTINGS.search_small and not ordered
     error = 0.0 if small else SETTINGS.search_coarse_error
     outlook = records.for_laws(SETTINGS.search_coarse_lines, error) if laws else None
     # Restoring forces first, where they are tried in any case: what they reach the linear causes have to come up to.

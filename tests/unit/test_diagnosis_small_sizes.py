@@ -198,6 +198,23 @@ def test_neither_a_length_nor_what_stands_beside_a_force_that_errs_is_a_second_c
     assert relieved(steady, records, Ranked("cubic_stiffness joint2", spring, True), linear, Workers(1)) == []
 
 
+def test_a_damping_is_a_second_cause_beside_a_linear_one() -> None:
+    """A window beside a rail's damping of 2.5 times the model's was named alone, with 0.97, and the damping only warned of."""
+    steady = replace(MACHINE, tolerance=replace(MACHINE.tolerance, drift=1e-4))
+    records, _ = measured(3e-3, 0.3, ParameterShift("rail", "damping_ratio", 9.0).apply(steady))
+    linear = candidates(steady, (16.0, 300.0), CHANNELS)
+    alone = fit(steady, records, Hypothesis((AddedMass("tool", 0.3),)))
+    assert alone.reduced < SETTINGS.search_enough
+    found = relieved(steady, records, Ranked("added_mass tool", alone, True), linear, Workers(1))
+    best = max(found, key=lambda r: r.fit.log_evidence)
+    assert best.name == "added_mass tool + parameter_shift rail.damping_ratio"
+    assert best.fit.log_evidence > alone.log_evidence + SETTINGS.search_caught
+    # What rubs shows as damping, too.
+    spring = replace(alone, hypothesis=Hypothesis((CubicStiffness("joint2", 1e9),)))
+    beside = relieved(steady, records, Ranked("cubic_stiffness joint2", spring, True), linear, Workers(1))
+    assert all("damping" not in r.name for r in beside)
+
+
 def test_a_weak_cause_has_the_sign_of_its_estimate_where_it_may() -> None:
     records, _ = measured(3e-3, -0.1)
     tuned = fit(MACHINE, records, Hypothesis())
