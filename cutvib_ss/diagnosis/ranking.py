@@ -142,7 +142,10 @@ def in_kindred_form(nominal: Model, records: Records, best: Ranked) -> list[Rank
         return []
     each = zip(names, effects, kindred, strict=True)
     # Named as candidates are: what is fitted better of a name stands for it.
-    return [Ranked(" + ".join(n if a is e else n.replace(e.effect, a.effect) for n, e, a in each), again, True)]
+    other = Ranked(" + ".join(n if a is e else n.replace(e.effect, a.effect) for n, e, a in each), again, True)
+    # Where that leads, the first form may do better from there, too.
+    further = again.log_evidence > best.fit.log_evidence + SETTINGS.search_caught
+    return [other, *(in_kindred_form(nominal, records, other) if further else ())]
 
 
 def once(ranked: Sequence[Ranked]) -> tuple[Ranked, ...]:

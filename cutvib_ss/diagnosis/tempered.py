@@ -12,7 +12,7 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.fit import EVEN, Fit
-from cutvib_ss.diagnosis.likelihood import log_determinant
+from cutvib_ss.diagnosis.likelihood import log_determinant, solved
 from cutvib_ss.diagnosis.settings import SETTINGS
 
 
@@ -28,9 +28,9 @@ def tempered_evidence(fit: Fit, heat: float) -> float:
     # At the fit the data pull as much as the priors; with fewer data the unknowns go back to where these leave them. What a bound
     # holds stays there.
     free = np.abs(x) < SETTINGS.fit_within
-    inner = (of_data / heat + np.diag(prior))[np.ix_(free, free)]
+    inner = (of_data / heat + np.diag(prior + SETTINGS.likelihood_precision_floor))[np.ix_(free, free)]
     step = np.zeros(x.size)
-    step[free] = linalg.solve(inner, (1.0 / heat - 1.0) * (prior * x)[free], assume_a="sym")
+    step[free] = solved(inner, (1.0 / heat - 1.0) * (prior * x)[free])
     gained = (prior * x) @ step - 0.5 * step @ of_data @ step
     priors = fit.log_prior + 0.5 * float(np.sum(np.log(prior[~even])))
     likelihood = fit.log_evidence - priors + 0.5 * (float(prior @ x**2) + log_determinant(whole))
