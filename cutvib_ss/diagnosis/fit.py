@@ -17,7 +17,7 @@ from cutvib_ss.diagnosis.closest import closest_by_quadratic, closest_simulated
 from cutvib_ss.diagnosis.drifted import problems_of
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.level_trend import evidence_of_trend
-from cutvib_ss.diagnosis.likelihood import Quadratic, solved
+from cutvib_ss.diagnosis.likelihood import EVEN, Quadratic, solved
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Derivatives, Problem
 from cutvib_ss.diagnosis.records import Records
@@ -28,10 +28,6 @@ from cutvib_ss.diagnosis.unknowns import from_unknown
 from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import CutvibError, DiagnosisError
 from cutvib_ss.results import FloatArray
-
-
-EVEN = 12.0
-"""Precision of an even prior over a unit range."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +53,7 @@ class Fit:
     correlation: float  # Number of residuals that tell the same thing; 1 where they are white
     spread: Spread  # Drift and discrepancy: their sizes, and what the records say of them
     precision: FloatArray  # Of the prior of each unknown; of an even one that of its range
-    log_prior: float  # What of the evidence is the priors' by themselves: those of parameters that are not even where they were fitted
+    log_prior: float  # Of the evidence the densities of the parameters' priors
     # Unknowns that are the constant part of each channel's calibration error, real and imaginary, in tolerances
     constant: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     derivatives: Derivatives = "no"  # By simulation beside a restoring force; those of fits near it are as good

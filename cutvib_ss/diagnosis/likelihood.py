@@ -27,6 +27,9 @@ from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import FloatArray
 
+EVEN = 12.0
+"""Precision of an even prior over a unit range: that of its variance."""
+
 
 @dataclass(frozen=True)
 class Quadratic:
@@ -69,7 +72,7 @@ class Quadratic:
         matrix, gradient = self.system(sizes)
         n, index = self.layout.unknowns, np.flatnonzero(self.even)
         e = index.size
-        matrix[index, index] += 12.0
+        matrix[index, index] += EVEN
         free = np.concatenate([self.free, np.ones(self.layout.size - n, dtype=bool)])
         # An unknown at its bound keeps its share of the determinant, but does not move.
         whole = Factored(matrix)

@@ -73,15 +73,18 @@ def blows_order(records: Records) -> bool:
     return bool(chances) and min(chances) * len(chances) < SETTINGS.level_ordered
 
 
-def few_orders(records: Records) -> bool:
-    """Whether so few orders of the levels within sessions are possible that drift may have any of them by chance."""
+def drift_of_any_order(fit: Fit, records: Records) -> bool:
+    """Whether records drift within their sessions, and are so few that this drift may have any order of their levels by chance."""
+    if not fit.spread.layout.records or fit.spread.sizes.within < SETTINGS.level_hiding_within:
+        return False
     sessions: dict[tuple[float | str, ...], Counter[int]] = {}
     for e in records.entries:
-        step = round(np.log(e.driven or 1.0) / np.log(SETTINGS.level_apart))
-        sessions.setdefault(session_of(e), Counter())[step] += 1
+        sessions.setdefault(session_of(e), Counter())[e.level_step] += 1
     # n!/(n1! n2! ...) of each session.
-    orders = [special.gammaln(s.total() + 1) - special.gammaln(np.array([*s.values()]) + 1).sum() for s in sessions.values()]
-    return bool(np.sum(orders) < -np.log(SETTINGS.level_drift))
+    each = [
+        special.gammaln(s.total() + 1) - special.gammaln(np.array([*s.values()]) + 1).sum() for s in sessions.values()
+    ]
+    return bool(np.sum(each) < -np.log(SETTINGS.level_drift))
 
 
 def chance_of_order(spread: Spread, records: Records) -> float:

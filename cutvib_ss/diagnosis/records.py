@@ -102,6 +102,11 @@ class Entry:
         return float(np.sqrt(np.mean([np.mean(f**2) for f in self.replay.forces]))) or None
 
     @property
+    def level_step(self) -> int:
+        """Its level in steps of what tells two levels apart."""
+        return round(float(np.log(self.driven or 1.0) / np.log(SETTINGS.level_apart)))
+
+    @property
     def continuous(self) -> bool:
         """Whether it is a continuous recording, cut into blocks."""
         return self.replay is not None and self.replay.block > 0
@@ -272,8 +277,7 @@ class Records:
         # Of continuous recordings one of each level: another session at a level tells of drift only.
         seen: dict[tuple[object, ...], Entry] = {}
         for e in (e for e in self.entries if site(e) in chosen):
-            step = round(np.log(e.driven or 1.0) / np.log(SETTINGS.level_apart))
-            seen.setdefault((*measured_at(e), *block_and_window(e), step) if e.continuous else (e.record,), e)
+            seen.setdefault((*measured_at(e), *block_and_window(e), e.level_step) if e.continuous else (e.record,), e)
         return Records(tuple(in_short(e) for e in seen.values())).coarse(lines, error, replayed=True)
 
 

@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.directions import Directions, Sizes
 from cutvib_ss.diagnosis.drifted import Drifted, problems_of
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import Factored
+from cutvib_ss.diagnosis.likelihood import EVEN, Factored
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import By, Records
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -141,8 +141,7 @@ class Scan:
         along = rows @ self.left + pulled.T @ (self.strain - self.of_left)
         matrix = rows @ rows.T - seen.T @ pulled
         scaled = ~problem.even[own]
-        # An even prior from 0 to 1 has a variance of 1/12.
-        precision = np.where(scaled, 1.0, 12.0)
+        precision = np.where(scaled, 1.0, EVEN)
         found = []
         for amplitude in amplitudes:
             size = np.where(scaled, amplitude, 1.0)

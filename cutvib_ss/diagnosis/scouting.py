@@ -95,7 +95,11 @@ def relieved(
     others = [c for c in linear if first.get(c.starts[0].effect) != c.starts[0].place]
     # As a lever's length the first cause's own form may appear, and as a damping what rubs: beside a linear cause nothing does.
     alias = partial(is_alias, beside_linear=best.fit.hypothesis.linear)
-    moved = [c for c in others if not alias(c.starts[0].effect, vars(c.starts[0])) and tuned_away(nominal, best.fit, c.starts[0])]
+    moved = [
+        c
+        for c in others
+        if not alias(c.starts[0].effect, vars(c.starts[0])) and tuned_away(nominal, best.fit, c.starts[0])
+    ]
     named = [c for c in others if not is_alias(c.starts[0].effect, vars(c.starts[0]))]
     errs, enough = best.fit.spread.is_large("cause"), best.reduced < SETTINGS.search_enough
     if not best.fit.hypothesis.linear:

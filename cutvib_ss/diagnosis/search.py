@@ -1,10 +1,9 @@
 """
 Which: every cause fitted together with the tuning, and the evidence for each.
 
-Starts are first fitted on few lines with a noise widened by some percent of the response: sharp peaks then pull from afar, and
-no start is lost in a side minimum of a precise measurement. The best are fitted again on all lines as measured. Linear causes
-come first, all of them; causes that depend on the level follow where the level shows or no linear cause is enough; elements of
-unknown form follow, and pairs where none of these explains all at one place.
+Starts are first fitted on few lines with a noise widened by some percent of the response: sharp peaks then pull from afar, and no
+start is lost in a side minimum of a precise measurement. The best are fitted again on all lines as measured. Linear causes come
+first; causes that depend on the level where the level shows or no linear cause is enough; then elements of unknown form and pairs.
 """
 
 from __future__ import annotations
@@ -17,12 +16,13 @@ from typing import NamedTuple
 import numpy as np
 
 from cutvib_ss.diagnosis.fit import Fit, fit, led_by_the_model
+from cutvib_ss.diagnosis.following import followed, moving
 from cutvib_ss.diagnosis.hypotheses import Candidate, candidates, nonlinear_candidates
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import (
     chance_of_order,
     drift_for_levels,
-    few_orders,
+    drift_of_any_order,
     level_stands_out,
     levels_compared,
     motions,
@@ -144,38 +144,34 @@ def search(
     by_level = level_stands_out(records, none.fit.model)
     apart = by_level or level_stands_out(records)
     if apart:
-        # Levels of one session that differ since the machine moved between them would pass for a cause that depends on the level,
-        # and what blocks cut off of blows at unlike instants, once merged, for noise.
+        # Levels of a session that differ since the machine moved would pass for a cause that depends on the level, and what blocks
+        # cut off of blows at unlike instants, once merged, for noise.
         records = replace(records, moving=True)
         workers.say("following the machine from record to record")
-        none = _followed(nominal, records, none)
-    # Drift from record to record may take all up that a restoring force does.
-    moved = apart and none.fit.spread.sizes.within >= SETTINGS.level_hiding_within
-    by_order = chance_of_order(none.fit.spread, records) < SETTINGS.level_drift or (moved and few_orders(records))
-    ordered = by_level and by_order
-    # Or drift from session to session does, where each has a level of its own.
-    ordered = ordered or drift_for_levels(none.fit, records)
-    # Where the re-tuned model leaves less than the noise itself, a widened noise would hide all that is left; not so where its
-    # drift may have taken it up.
-    small = none.reduced < SETTINGS.search_small and not ordered
+        none = followed(nominal, records, none)
+    # Drift from record to record, or of sessions where each has a level of its own, may take all up that a restoring force does.
+    any_order = by_level and drift_of_any_order(none.fit, records)
+    by_order = by_level and chance_of_order(none.fit.spread, records) < SETTINGS.level_drift
+    ordered = any_order or by_order or drift_for_levels(none.fit, records)
+    # Where the re-tuned model leaves less than the noise itself, a widened noise would hide all that is left.
+    small = none.reduced < SETTINGS.search_small and not any_order
     error = 0.0 if small else SETTINGS.search_coarse_error
     outlook = records.for_laws(SETTINGS.search_coarse_lines, error) if laws else None
     # Restoring forces first, where they are tried in any case: what they reach the linear causes have to come up to.
     later = by_level and outlook is not None and none.reduced > SETTINGS.search_enough
     unfollowed = ranked if later else []
-    ranked = [] if later else _moving(nominal, records, none, ranked, workers) if apart else ranked
+    ranked = [] if later else moving(nominal, records, none, ranked, workers) if apart else ranked
     compared = levels_compared(records, none.fit.model)
     likely = shows_gap(ranked, none) and (by_level or not compared or not is_enough(ranked, none, leaves))
     forces = None if outlook is None else _restoring_forces(nominal, none, outlook, small, compared and not by_level)
-    # Or the scatter of many blocks does, where no other level tells: what a restoring force does to them has passed for noise.
+    # Or scatter of many blocks does, where no other level tells: what a restoring force does has passed for noise.
     hidden = not (likely or ordered or compared) and any(e.continuous for e in records.entries)
     tried = forces if likely or ordered or hidden else None
     if tried is not None:
         # What is still to be followed reaches as much at the least.
-        reached = best_of([*ranked, *unfollowed], none)
-        ranked = _with(nominal, records, tried, ranked, reached, workers, leading=hidden)
+        ranked = _with(nominal, records, tried, ranked, best_of([*ranked, *unfollowed], none), workers, leading=hidden)
     if later:
-        ranked += _moving(nominal, records, best_of(ranked, none), unfollowed, workers)
+        ranked += moving(nominal, records, best_of(ranked, none), unfollowed, workers)
     if not shows_gap(ranked, none):
         ranked += _favoured(nominal, records, none.fit, ranked, sizes(none.fit), workers)
     left = not is_enough(ranked, none, leaves)
@@ -313,55 +309,6 @@ def _told_apart(effect: Effect) -> tuple[object, ...]:
 def _beside(none: Fit) -> Fit | None:
     """The tuned model where it leaves noise, for causes to start beside; not where it may have taken up what a cause does."""
     return none if none.reduced < SETTINGS.search_enough and not none.taken_up else None
-
-
-def _moving(
-    nominal: Model, records: Records, reached: Ranked, ranked: Sequence[Ranked], workers: Workers
-) -> list[Ranked]:
-    """The best linear causes fitted to every record by itself, as long as they lead to what another hypothesis has reached."""
-    workers.say("following linear causes from record to record")
-    # Where the machine moves within its sessions, fits that do not follow it are in no order, and few were fitted on all lines.
-    moves = reached.fit.hypothesis.linear and _is_moving(reached)
-    known = ranked if moves else [r for r in ranked if r.refined]
-    count = SETTINGS.search_scouted if moves else SETTINGS.search_moving
-    best = sorted(known, key=lambda r: -r.fit.log_evidence)[:count]
-    # Beside a restoring force few steps tell whether a linear cause leads there, beside drift alone it may take many.
-    alone = reached.fit.hypothesis.linear
-    steps = SETTINGS.search_most_steps if alone else SETTINGS.search_later_steps
-    rival, again = np.inf if alone else reached.fit.objective, []
-    # What the best reaches the others have to come up to.
-    for some_of in (slice(1), slice(1, SETTINGS.search_moving), slice(SETTINGS.search_moving, None)):
-        if len(best) > SETTINGS.search_moving == some_of.start and not workers.begin("following more linear causes"):
-            best = best[: SETTINGS.search_moving]
-            break
-        follow = partial(_followed, nominal, records, steps=steps, rival=rival)
-        again += [r for r in workers.map(follow, best[some_of]) if r.refined]
-        rival = min([reached.fit.objective, *(r.fit.objective for r in again)])
-    return [*again, *(r for r in ranked if r not in best)]
-
-
-def _followed(
-    nominal: Model, records: Records, r: Ranked, steps: int = SETTINGS.search_most_steps, rival: float = np.inf
-) -> Ranked:
-    again = refit(nominal, records, r.fit.hypothesis, r.fit.x, steps, near=r.fit, rival=rival)
-    if again is None:
-        return r
-    followed = Ranked(r.name, again, True)
-    if not _moves(followed):
-        return followed
-    # Resonances that move by more than they are wide are followed from afar.
-    afar = refit(nominal, records, r.fit.hypothesis, r.fit.x, steps, rival=rival)
-    return followed if afar is None or afar.log_evidence < again.log_evidence else replace(followed, fit=afar)
-
-
-def _moves(r: Ranked) -> bool:
-    """Whether a linear fit that was followed leaves far more than noise, on a machine that moves within its sessions."""
-    return r.fit.hypothesis.linear and _is_moving(r) and r.reduced > SETTINGS.search_small
-
-
-def _is_moving(r: Ranked) -> bool:
-    """Whether a fit that was followed moves within its sessions."""
-    return r.fit.spread.sizes.within > SETTINGS.sizes["within"][0][0]
 
 
 def _other_instants(nominal: Model, records: Records, r: Ranked) -> Ranked:

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import linalg
 
-from cutvib_ss.diagnosis.fit import EVEN, Fit
-from cutvib_ss.diagnosis.likelihood import log_determinant, solved
+from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.likelihood import EVEN, log_determinant, solved
 from cutvib_ss.diagnosis.settings import SETTINGS
 
 

@@ -196,7 +196,7 @@ class Effect(ABC):
 
     @classmethod
     def is_alias(cls, values: Mapping[str, object], beside_linear: bool = False) -> bool:
-        """Whether causes outside the catalogue may appear as the effect with these discrete values, or a linear cause's form may."""
+        """Whether causes that nobody catalogued appear as the effect with these discrete values, or a linear cause's form does."""
         return False
 
     @classmethod

@@ -211,7 +211,7 @@ def check_effect(kind: Any) -> None:
 
 
 def is_alias(effect: str, values: Mapping[str, object], beside_linear: bool = False) -> bool:
-    """Whether causes outside the catalogue may appear as an effect with these discrete values, or a linear cause's form may."""
+    """Whether causes that nobody catalogued appear as an effect with these discrete values, or a linear cause's form does."""
     kind = EFFECTS.get(effect)
     return kind is not None and kind.is_alias(values, beside_linear)
 

@@ -11,10 +11,10 @@ import pytest
 
 from cutvib_ss.diagnosis.directions import Sizes
 from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.following import _moves, followed, moving
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.ranking import Ranked, refit
 from cutvib_ss.diagnosis.records import Records
-from cutvib_ss.diagnosis.search import _followed, _moves, _moving
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
@@ -55,7 +55,7 @@ def test_a_machine_that_moves_far_is_followed_from_afar() -> None:
     assert beside is not None
     # Beside the merged fit drifts end in a side minimum.
     assert beside.reduced > 10.0
-    found = _followed(MACHINE, moving, Ranked("none", merged, False))
+    found = followed(MACHINE, moving, Ranked("none", merged, False))
     assert found.reduced < 1.1
     assert found.refined
     assert not _moves(found)
@@ -84,9 +84,9 @@ def test_on_a_machine_that_moves_within_its_sessions_causes_are_followed_that_fe
         asked.append(r.name)
         return r
 
-    monkeypatch.setattr("cutvib_ss.diagnosis.search._followed", follow)
+    monkeypatch.setattr("cutvib_ss.diagnosis.following.followed", follow)
     workers = Workers(1, None, limit)
-    out = _moving(MACHINE, records(0.0), ranked("none", 0.0, True), known, workers)
+    out = moving(MACHINE, records(0.0), ranked("none", 0.0, True), known, workers)
     assert asked == [str(k) for k in range(followed)]
     assert list(workers.left_out) == (["following more linear causes"] if followed == 3 else [])
     assert {r.name for r in out} >= {str(k) for k in range(followed, 12)}

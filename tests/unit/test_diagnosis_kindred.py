@@ -142,13 +142,11 @@ def test_the_best_is_fitted_in_its_other_form_from_where_it_stands(monkeypatch: 
 
 
 def test_what_leads_in_its_other_form_is_fitted_in_the_first_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A lap joint of twelve sliders was friction: slip stood in a side optimum, 31 nats below what a start beside friction leads to."""
+    """A lap joint of twelve sliders was friction: slip stood 31 nats below what a start beside friction leads to."""
     reached = iter([20.0, 50.0, 50.0])
     asked = []
 
-    def refit(
-        nominal: object, records: object, hypothesis: Hypothesis, x: np.ndarray, steps: int, near: Fit
-    ) -> object:
+    def refit(nominal: object, records: object, hypothesis: Hypothesis, x: np.ndarray, steps: int, near: Fit) -> object:
         asked.append(hypothesis.effect)
         return replace(near, hypothesis=hypothesis, log_evidence=next(reached), x=x)
 

@@ -21,7 +21,7 @@ from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked, once
 from cutvib_ss.diagnosis.search import _better
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.diagnosis.standing import forces_come_close, is_enough, lacks_a_form, of_one_place
+from cutvib_ss.diagnosis.standing import first_known, forces_come_close, is_enough, lacks_a_form, of_one_place
 from cutvib_ss.diagnosis.unknown_element import UnknownChannelError, UnknownElement
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Effect
@@ -52,6 +52,11 @@ class OnlyEvidence:
     reduced: float = 1.0
     errs: bool = False
     correlation: float = 10.0
+    # One unknown in the middle of its prior, of which the data tell nothing
+    x: FloatArray = field(default_factory=lambda: np.zeros(1))
+    precision: FloatArray = field(default_factory=lambda: np.ones(1))
+    covariance: FloatArray = field(default_factory=lambda: np.eye(1))
+    log_prior: float = 0.0
 
     @property
     def corrected(self) -> OnlyEvidence:
@@ -195,6 +200,19 @@ def test_a_linear_answer_whose_drift_orders_with_the_level_gives_way(chance: flo
     assert found["main"] == pytest.approx(0.3 * kept, rel=0.01)
     # A restoring force says itself what the level does.
     assert that_drift_by_chance([NONE, OTHER], {"none": 0.0, "other": 1.0}, lambda r: 0.0)["other"] == 1.0
+
+
+def test_the_best_known_cause_is_asked_for_what_its_tuning_hides_whatever_leads() -> None:
+    """A tool contact beside a late channel was the contact beside something unknown, 1.00: the phase went into its calibration."""
+    none, unknown = ranked("none", 0.0), ranked("unknown", 90.0, UNKNOWN)
+    mass, spring = ranked("mass", 50.0, MASS), ranked("spring", 60.0, CUBIC)
+    assert first_known([mass, unknown], none) is mass
+    assert first_known([unknown], none) is none
+    # What is simulated takes long: only where it is the answer, alone or in part.
+    assert first_known([mass, spring, unknown], none) is unknown
+    assert first_known([mass, spring], none) is spring
+    both = ranked("spring + unknown", 95.0, CUBIC, UNKNOWN)
+    assert first_known([mass, spring, unknown, both], none) is spring
 
 
 def test_a_pair_is_one_hypothesis_whichever_cause_came_first() -> None:

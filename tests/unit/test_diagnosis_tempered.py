@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutvib_ss.diagnosis.fit import EVEN, fit
+from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.likelihood import EVEN
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.tempered import tempered_evidence
 from cutvib_ss.effects.parameter_shift import ParameterShift
