@@ -53,7 +53,6 @@ class Fit:
     correlation: float  # Number of residuals that tell the same thing; 1 where they are white
     spread: Spread  # Drift and discrepancy: their sizes, and what the records say of them
     precision: FloatArray  # Of the prior of each unknown; of an even one that of its range
-    log_prior: float  # Of the evidence the densities of the parameters' priors
     # Unknowns that are the constant part of each channel's calibration error, real and imaginary, in tolerances
     constant: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     derivatives: Derivatives = "no"  # By simulation beside a restoring force; those of fits near it are as good
@@ -365,7 +364,6 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
         log_evidence=quadratic.summed(search.sizes, search.known) + of_priors,
         precision=precision,
-        log_prior=of_priors + 0.5 * even.size * float(np.log(2.0 * np.pi)),
         stds=stds,
         stds_beside=stds_beside,
         at_end=at_end,

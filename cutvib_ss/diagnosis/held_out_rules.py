@@ -29,7 +29,7 @@ def judged_on_held_out(
     """
     Probabilities in which every hypothesis has to show on records that its fit has not seen; they sum to one or less.
 
-    Differences of log evidence and of log predictive density are divided by `heat` (`temperature`).
+    Log evidence is tempered by `heat` (`temperature`), and differences of log predictive density are divided by it.
     """
     bare = next((r for r in ranked if not r.fit.hypothesis.effects), None)
     rules = _HeldOutRules(tuple(r for r in ranked if r.refined), bare, dict(odds), held, heat)

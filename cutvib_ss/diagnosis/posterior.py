@@ -6,7 +6,7 @@ unknown element shares its by place; sums of two share theirs as if all were tri
 on all lines counts nothing. Where even the best hypothesis leaves more than noise, its likelihood is wrong everywhere:
 differences of log evidence are then divided by its reduced χ², on held-out records if that is more (quasi-likelihood,
 McCullagh and Nelder 1989, chapter 9), and by the number of residuals that tell the same thing
-(`likelihood.Directions.correlation`). What held-out records say of them: `held_out_rules`; what an unknown form does: `known_form`.
+(`likelihood.Directions.correlation`), but for the priors of tuning and calibration (`tempered`). What held-out records say of them: `held_out_rules`; what an unknown form does: `known_form`.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def kind_of(hypothesis: Hypothesis) -> str:
 def probabilities(
     ranked: Sequence[Ranked], counts: Counts, variants: dict[tuple[str, str], int], heat: float
 ) -> dict[str, float]:
-    """Probability of every hypothesis by name; they sum to one. Log evidence counts divided by `heat` (`temperature`)."""
+    """Probability of every hypothesis by name; they sum to one. Log evidence is tempered by `heat` (`temperature`)."""
     share = {"none": 1.0, "known": 1.0 / max(counts.known, 1), "unknown": 1.0 / max(counts.unknown, 1)}
     share["sums"] = 1.0 / counts.sums
     score = []

@@ -54,9 +54,9 @@ class OnlyEvidence:
     correlation: float = 10.0
     # One unknown in the middle of its prior, of which the data tell nothing
     x: FloatArray = field(default_factory=lambda: np.zeros(1))
+    first_effect: int = 1
     precision: FloatArray = field(default_factory=lambda: np.ones(1))
     covariance: FloatArray = field(default_factory=lambda: np.eye(1))
-    log_prior: float = 0.0
 
     @property
     def corrected(self) -> OnlyEvidence:
