@@ -6,7 +6,8 @@ unknown element shares its by place; sums of two share theirs as if all were tri
 on all lines counts nothing. Where even the best hypothesis leaves more than noise, its likelihood is wrong everywhere:
 differences of log evidence are then divided by its reduced χ², on held-out records if that is more (quasi-likelihood,
 McCullagh and Nelder 1989, chapter 9), and by the number of residuals that tell the same thing
-(`likelihood.Directions.correlation`), but for the priors of tuning and calibration (`tempered`). What held-out records say of them: `held_out_rules`; what an unknown form does: `known_form`.
+(`likelihood.Directions.correlation`), but for the priors of tuning and calibration (`tempered`). What held-out records say of
+them: `held_out_rules`; what an unknown form does: `known_form`.
 """
 
 from __future__ import annotations
