@@ -94,13 +94,9 @@ def relieved(
     first = dict(best.fit.hypothesis.causes)
     others = [c for c in linear if first.get(c.starts[0].effect) != c.starts[0].place]
     # As a lever's length the first cause's own form may appear, and as a damping what rubs: beside a linear cause nothing does.
-    alias = partial(is_alias, beside_linear=best.fit.hypothesis.linear)
-    moved = [
-        c
-        for c in others
-        if not alias(c.starts[0].effect, vars(c.starts[0])) and tuned_away(nominal, best.fit, c.starts[0])
-    ]
-    named = [c for c in others if not is_alias(c.starts[0].effect, vars(c.starts[0]))]
+    moved = [c for c in others if tuned_away(nominal, best.fit, c.starts[0])]
+    moved = [c for c in moved if not _is_alias(c, beside_linear=best.fit.hypothesis.linear)]
+    named = [c for c in others if not _is_alias(c)]
     errs, enough = best.fit.spread.is_large("cause"), best.reduced < SETTINGS.search_enough
     if not best.fit.hypothesis.linear:
         # For the form of a restoring force that errs tuning and gains may make up.
@@ -122,6 +118,11 @@ def relieved(
     if further is None or further.log_evidence < leading.fit.log_evidence:
         return found
     return [replace(r, fit=further) if r is leading else r for r in found]
+
+
+def _is_alias(c: Candidate, beside_linear: bool = False) -> bool:
+    """Whether another cause, or a first one's form, may appear as this one."""
+    return is_alias(c.starts[0].effect, vars(c.starts[0]), beside_linear)
 
 
 def _in_place_of_tuning(

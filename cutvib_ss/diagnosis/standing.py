@@ -62,9 +62,9 @@ def first_known(ranked: Sequence[Ranked], none: Ranked) -> Ranked:
     """The best known cause by itself; one that is simulated only if the best hypothesis is that cause, alone or beside another."""
     best = best_of(ranked, none)
     singles = [r for r in ranked if len(r.fit.hypothesis.causes) == 1 and r.fit.hypothesis.effect != "unknown"]
-    alone = best_of(singles, none).fit.hypothesis
-    leads = set(alone.causes) <= set(best.fit.hypothesis.causes)
-    return best_of(singles, none) if leads or alone.linear else best
+    alone = best_of(singles, none)
+    leads = set(alone.fit.hypothesis.causes) <= set(best.fit.hypothesis.causes)
+    return alone if leads or alone.fit.hypothesis.linear else best
 
 
 def forces_come_close(ranked: Sequence[Ranked]) -> bool:
