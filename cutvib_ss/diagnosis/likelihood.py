@@ -20,15 +20,15 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, stats
 from scipy.linalg import lapack
 
 from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import FloatArray
 
-EVEN = 12.0
-"""Precision of an even prior over a unit range: that of its variance."""
+EVEN = float(1.0 / stats.uniform.var())
+"""Precision of an even prior over a unit range."""
 
 
 @dataclass(frozen=True)
