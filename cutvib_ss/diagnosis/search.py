@@ -217,7 +217,10 @@ def search(
     if by_force and not of_one_place(ranked, leaves) and workers.begin("fitting restoring forces of unknown form"):
         ranked += unknown_by_level(nominal, records, few, observed, none, ranked, rival, workers)
     if shows_gap(ranked, none):
-        ranked += relieved(nominal, records, first_known(ranked, none), linear, workers)
+        best, single = best_of(ranked, none), first_known(ranked, none)
+        found = relieved(nominal, records, single, linear, workers)
+        # Where something else leads, a pair has to lead it.
+        ranked += [r for r in found if single is best or r.fit.log_evidence > best.fit.log_evidence]
     if forces is not None and tried is None and compared and lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
         ranked = _with(nominal, records, forces, ranked, best_of(ranked, none), workers)
