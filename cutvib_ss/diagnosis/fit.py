@@ -52,7 +52,7 @@ class Fit:
     at_end: tuple[str, ...]
     correlation: float  # Number of residuals that tell the same thing; 1 where they are white
     spread: Spread  # Drift and discrepancy: their sizes, and what the records say of them
-    precision: FloatArray  # Of the prior of each unknown; of an even one that of its range
+    shared_precision: FloatArray  # Of the priors of the unknowns that all hypotheses share, those before the effects'
     # Unknowns that are the constant part of each channel's calibration error, real and imaginary, in tolerances
     constant: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     derivatives: Derivatives = "no"  # By simulation beside a restoring force; those of fits near it are as good
@@ -349,7 +349,6 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         for (k, name, r), value in zip(problem.parameters, x[index], strict=True)
         if not r.limits and r.scale != "normal" and (value >= 1.0 or (value <= 0.0 and r.low != r.minimum))
     )
-    precision = np.where(problem.even, EVEN, quadratic.precision / unit**2)
     return Fit(
         hypothesis=replace(problem.hypothesis, effects=problem.effects(x)),
         model=problem.applied(x),
@@ -363,7 +362,7 @@ def _finished(problem: Problem, search: Climb, quadratic: Quadratic) -> Fit:
         objective=search.at.objective,
         # Per parameter of the effect the Gaussian integral gains √(2π); the nuisances share theirs with every hypothesis.
         log_evidence=quadratic.summed(search.sizes, search.known) + of_priors,
-        precision=precision,
+        shared_precision=(quadratic.precision / unit**2)[: problem.first_effect],
         stds=stds,
         stds_beside=stds_beside,
         at_end=at_end,

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.fit import Fit
-from cutvib_ss.diagnosis.likelihood import EVEN, solved
+from cutvib_ss.diagnosis.likelihood import solved
 from cutvib_ss.diagnosis.settings import SETTINGS
 
 
@@ -20,11 +20,11 @@ def tempered_evidence(fit: Fit, heat: float) -> float:
     """Log evidence to the power of 1/`heat` but for the priors of the unknowns that all hypotheses share, to second order."""
     if heat == 1.0:
         return fit.log_evidence
-    x, prior = fit.x, np.where(fit.precision == EVEN, 0.0, fit.precision)
-    shared = np.where(np.arange(x.size) < fit.first_effect, prior, 0.0)
+    x, shared = fit.x, np.zeros(fit.x.size)
+    shared[: fit.first_effect] = fit.shared_precision
     size = np.sqrt(np.diag(fit.covariance))
     whole = linalg.inv(fit.covariance / np.outer(size, size)) / np.outer(size, size)
-    own = whole - np.diag(fit.precision - prior + shared)
+    own = whole - np.diag(shared)
     # At the fit the data pull as much as the priors; weaker data leave shared unknowns nearer to their middle. What a bound holds
     # stays there.
     free = np.abs(x) < SETTINGS.fit_within

@@ -55,7 +55,7 @@ class OnlyEvidence:
     # One unknown in the middle of its prior, of which the data tell nothing
     x: FloatArray = field(default_factory=lambda: np.zeros(1))
     first_effect: int = 1
-    precision: FloatArray = field(default_factory=lambda: np.ones(1))
+    shared_precision: FloatArray = field(default_factory=lambda: np.ones(1))
     covariance: FloatArray = field(default_factory=lambda: np.eye(1))
 
     @property

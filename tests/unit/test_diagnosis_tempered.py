@@ -11,14 +11,13 @@ import pytest
 
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.likelihood import EVEN
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.tempered import tempered_evidence
 from cutvib_ss.effects.parameter_shift import ParameterShift
 from tests.unit.test_diagnosis_limits import MACHINE, measured
 
-PRECISION = np.array([1.0, 1.0, 4.0, EVEN])
-SHARED = np.array([1.0, 1.0, 0.0, 0.0])  # Two unknowns of tuning, and a normal and an even one of an effect
+PRECISION = np.array([1.0, 1.0, 4.0, 2.0])  # Of two unknowns of tuning, and of two of an effect
+SHARED = np.array([True, True, False, False])
 
 
 @pytest.mark.parametrize("heat", [1.0, 3.0, 18.0])
@@ -26,21 +25,24 @@ def test_priors_that_hypotheses_share_count_as_they_are_and_all_else_as_a_power(
     rng = np.random.default_rng(0)
     slopes = rng.normal(size=(30, 4))
     data = slopes @ np.array([4.0, -1.0, 2.0, 0.5]) + rng.normal(size=30)
-    prior = np.where(PRECISION == EVEN, 0.0, PRECISION)
 
     def optimum(heat: float) -> tuple[float, np.ndarray]:
-        whole = slopes.T @ slopes / heat + np.diag(prior * np.where(SHARED == 1.0, 1.0, 1.0 / heat))
+        whole = slopes.T @ slopes / heat + np.diag(PRECISION / np.where(SHARED, 1.0, heat))
         x = np.linalg.solve(whole, slopes.T @ data / heat)
         return -0.5 * (data @ data / heat - x @ whole @ x), x
 
     at_one, x = optimum(1.0)
     # Occam's factor is one of those things that count as a power.
-    determinant = -0.5 * np.linalg.slogdet(slopes.T @ slopes + np.diag(PRECISION))[1]
-    covariance = np.linalg.inv(slopes.T @ slopes + np.diag(PRECISION))
+    whole = slopes.T @ slopes + np.diag(PRECISION)
+    occam = -0.5 * np.linalg.slogdet(whole)[1]
     fitted: Any = SimpleNamespace(
-        x=x, precision=PRECISION, covariance=covariance, log_evidence=at_one + determinant, first_effect=2
+        x=x,
+        covariance=np.linalg.inv(whole),
+        log_evidence=at_one + occam,
+        first_effect=2,
+        shared_precision=PRECISION[SHARED],
     )
-    assert tempered_evidence(fitted, heat) == pytest.approx(optimum(heat)[0] + determinant / heat, rel=1e-10)
+    assert tempered_evidence(fitted, heat) == pytest.approx(optimum(heat)[0] + occam / heat, rel=1e-10)
 
 
 def test_a_value_out_of_its_tolerance_costs_what_its_prior_says_however_many_residuals_tell_the_same() -> None:
