@@ -17,6 +17,7 @@ from cutvib_ss.diagnosis.records import Entry, Records, merged, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model, Motion
 from cutvib_ss.effects.catalogue import EFFECTS
+from cutvib_ss.measurement.blow_noise import chance_of_ordering
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step
 from cutvib_ss.results import FloatArray
@@ -68,9 +69,8 @@ def level_stands_out(records: Records, model: Model | None = None, blow_at: floa
 
 
 def blows_order(records: Records) -> bool:
-    """Whether single blows order with their force, in some record and channel, beyond what chance does anywhere."""
-    chances = [p for e in records.entries for p in e.estimator.ordering if p is not None]
-    return bool(chances) and min(chances) * len(chances) < SETTINGS.level_ordered
+    """Whether single blows order with their force beyond what chance does in so many records."""
+    return chance_of_ordering(e.estimator.ordering for e in records.entries) < SETTINGS.level_ordered
 
 
 def drift_of_any_order(fit: Fit, records: Records) -> bool:

@@ -23,6 +23,7 @@ from cutvib_ss.measurement.blow_noise import SensorNoise, blow_scatter, hit_dire
 from cutvib_ss.measurement.cut_responses import with_one_instant
 from cutvib_ss.measurement.estimation import measured_response, rounded_part, rounding_variance
 from cutvib_ss.measurement.interference import Interference, interference
+from cutvib_ss.measurement.levels import levels_of
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.replay import assumed_blow, replay_of
 from cutvib_ss.measurement.steadiness import WORDS as CHANGES
@@ -82,9 +83,12 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
         campaign = replace(campaign, records=tuple(map(aligned, campaign.records, jitter.delays)))
     settled = [without_run_in(r) if r.kind == "timeseries" else (r, 0) for r in campaign.records]
     responses = with_one_instant([measured_response(r) for r, _ in settled])
+    levels = levels_of(campaign.records)
     entries = [
-        _entry(i, record, response, begin)
-        for i, (record, response, (_, begin)) in enumerate(zip(campaign.records, responses, settled, strict=True))
+        _entry(i, record, response, begin, level)
+        for i, (record, response, (_, begin), level) in enumerate(
+            zip(campaign.records, responses, settled, levels, strict=True)
+        )
     ]
     first = _lowest_frequency(machine, [e.position for e in entries])
     bands = [_band(e, campaign.records[e.record], first) for e in entries]
@@ -202,7 +206,7 @@ def campaign_unit(entries: Sequence[Entry], machine: Model) -> str:
     return ", ".join(dict.fromkeys(f"{from_quantity[q]}/{below}" for e in entries for q in e.quantities))
 
 
-def _entry(index: int, record: Record, response: MeasuredFrequencyResponse, begin: int) -> Entry:
+def _entry(index: int, record: Record, response: MeasuredFrequencyResponse, begin: int, level: float | None) -> Entry:
     estimator = response.estimator
     replay = None
     if record.kind != "frf":
@@ -216,10 +220,10 @@ def _entry(index: int, record: Record, response: MeasuredFrequencyResponse, begi
         least = (SETTINGS.record_least_noise * np.abs(response.data)) ** 2
         response = replace(response, variance=np.maximum(response.variance, least))
     sine = _sine(record)
+    if level is None and sine is not None:
+        level = float(np.median(sine.force))
     guessed = record.kind == "frf" and record.excitation == "impact" and record.block is None
-    return Entry(
-        index, response, _level(record, sine), record.use == "check", replay, sine, not guessed, session=record.session
-    )
+    return Entry(index, response, level, record.use == "check", replay, sine, not guessed, session=record.session)
 
 
 def _sine(record: Record) -> SineTest | None:
@@ -277,13 +281,6 @@ def _with_jitter(e: Entry, jitter: TriggerJitter | None) -> Entry:
 def _excess(entries: Sequence[Entry], jitter: TriggerJitter) -> float:
     """What mean delays add to the mean square of a right model's residual, over the noise."""
     return float(np.mean(np.concatenate([(np.abs(_late(e, jitter)) ** 2 / e.variance).ravel() for e in entries])))
-
-
-def _level(record: Record, sine: SineTest | None) -> float | None:
-    """Peak force of a record [N]: stated, or the median of a sine's lines; None where neither is."""
-    if record.peak_force is not None:
-        return record.peak_force
-    return None if sine is None else float(np.median(sine.force))
 
 
 def _lowest_frequency(machine: Model, positions: Sequence[float | None]) -> float:

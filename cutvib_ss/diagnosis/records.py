@@ -34,7 +34,7 @@ class Entry:
 
     record: int  # Index of the record in the campaign
     response: MeasuredFrequencyResponse  # At one position, of one input
-    level: float | None = None  # Peak force [N], where stated
+    level: float | None = None  # Peak force [N], as stated or of its blows; None where neither tells
     check: bool = False  # Whether the record is only for judging
     # The estimator itself, through which simulated histories pass; None where no force history can be told
     replay: Replay | None = None
@@ -96,7 +96,7 @@ class Entry:
 
     @property
     def driven(self) -> float | None:
-        """Level that is stated, or of a continuous recording the root mean square of its force; None where neither tells."""
+        """Its level, or of a continuous recording that states none the root mean square of its force; None where neither tells."""
         if self.level is not None or self.replay is None or not self.replay.block:
             return self.level
         return float(np.sqrt(np.mean([np.mean(f**2) for f in self.replay.forces]))) or None

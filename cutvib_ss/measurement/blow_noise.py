@@ -7,6 +7,7 @@ blow, too; part follows the force, and is nonlinearity of the structure; the res
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -112,9 +113,12 @@ def blow_scatter(
     Significance: the sum over lines of ordered over rest is compared with an F distribution. Sensor noise is independent from
     line to line, a hit beside the point is not: with a rest of ρ times the noise, whose excess is taken as one real direction
     common to all L lines (a gain, at worst), the sum has ν = 2 L ρ² / (1 + 2(ρ-1) + 2 L (ρ-1)²) degrees of freedom (Satterthwaite
-    1946), ordered and rest alike. A structure with a law in the force orders all channels; so does a hand that hits elsewhere
-    when it hits harder: what orders with the force is evidence of nonlinearity, not proof. Of a channel rounded to steps that
-    noise does not reach it is not told: a soft blow loses more of its ringing than a hard one.
+    1946), ordered and rest alike. Such hits are one number a blow, besides, which a few blows may order by chance whatever the
+    noise: beyond the noise, ordered over rest is compared with an F distribution of 1 and n - 2 degrees of freedom, and the larger
+    chance counts. So three blows alone never tell; those of many records do (`chance_of_ordering`). A structure with a restoring
+    force orders all channels; so does a hand that hits elsewhere when it hits harder: what orders with the force is evidence of
+    nonlinearity, not proof. Of a channel rounded to steps that noise does not reach it is not told: a soft blow loses more of its
+    ringing than a hard one.
     """
     if record.kind != "impact":
         raise ParameterError(
@@ -170,10 +174,29 @@ def blow_scatter(
         weight = 1 / smooth_noise((np.abs(g) ** 2 * input_power + left) / (count - 1), np.abs(h), noise_bins)
         by_force, beside = np.mean(np.abs(g) ** 2 * input_power * weight), np.mean(left / (count - 2) * weight)
         # A channel that shows nothing tells nothing.
-        significance[k] = stats.f.sf(by_force / beside, freedom, freedom * (count - 2)) if beside > 0.0 else np.nan
+        if not beside > 0.0:
+            significance[k] = np.nan
+            continue
+        by_noise = stats.f.sf(by_force / beside, freedom, freedom * (count - 2))
+        # Hits that differ along one direction are a number each, which may go with the force by chance however small the noise is.
+        of_noise = 1.0 / max(float(ratio[k]), 1e-300)
+        differ = max(1.0 - of_noise, 2.0 * scatter * min(of_noise, 1.0), 1e-12)
+        by_hits = stats.f.sf(max(by_force / beside - of_noise, 0.0) / differ, 1, count - 2)
+        significance[k] = max(by_noise, by_hits)
     rounded = orders_by_rounding(record, [h.start for h in record.histories])
     significance = np.where(rounded, np.nan, significance)
     return BlowScatter(freq, ordered, rest, single, ratio, significance, spread)
+
+
+def chance_of_ordering(records: Iterable[Sequence[float | None]]) -> float:
+    """
+    Probability that blows order with their force as much where nothing does, by what each record's channels say; 1 where none does.
+
+    Channels of a record share their hits: its likeliest times their number stands for it. Records do not: Fisher's method.
+    """
+    each = [[p for p in channels if p is not None and np.isfinite(p)] for channels in records]
+    found = [min(min(own) * len(own), 1.0) for own in each if own]
+    return float(stats.combine_pvalues(np.maximum(found, 1e-300)).pvalue) if found else 1.0
 
 
 class Deviations(NamedTuple):

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from cutvib_ss.measurement.blow_noise import blow_scatter
+from cutvib_ss.measurement.blow_noise import blow_scatter, chance_of_ordering
 from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.interference import interference
+from cutvib_ss.measurement.levels import own_level, peaks, same_level
 from cutvib_ss.measurement.plausibility import levels_over_nominal
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.trigger_jitter import trigger_jitter
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
-
-_SAME_LEVEL = 0.15
-"""Relative difference of levels up to which two records are of the same thing."""
 
 _ORDERED = 0.01
 """Significance below which the scatter of blows is said to order with the force."""
@@ -163,13 +161,11 @@ class Summary:
                     "No dependence on the level stands out of noise and repeatability"
                     + (f": {100 * most.difference:.2g} % at most." if most.difference > 0 else ".")
                 )
-        ordered = [
-            r.name for r in self.records if any(c.ordered is not None and c.ordered < _ORDERED for c in r.channels)
-        ]
-        if ordered:
+        chance = chance_of_ordering([c.ordered for c in r.channels] for r in self.records)
+        if chance < _ORDERED:
             said.append(
-                f"In {len(ordered)} of {len(self.records)} records the scatter from blow to blow orders with the peak force: a "
-                "sign of nonlinearity, or of a hand that hits elsewhere when it hits harder."
+                f"The scatter from blow to blow orders with the peak force (by chance with a probability of {chance:.1g}): "
+                "a sign of nonlinearity, or of a hand that hits elsewhere when it hits harder."
             )
         return said
 
@@ -208,7 +204,7 @@ def summarise(campaign: Campaign) -> Summary:
             continue
         pair = compare(a, ha, b, hb)
         if pair is not None:
-            (repeated if _same_level(a.level, b.level) else levels).append(pair)
+            (repeated if same_level(a.level, b.level) else levels).append(pair)
     unit = campaign.records[0].input_unit if campaign.records else "N"
     warnings = (*campaign.warnings, *(found.words for found in (tones, jitter) if found is not None))
     return Summary(campaign.title, unit, records, tuple(repeated), tuple(levels), warnings, frfs)
@@ -269,12 +265,6 @@ def _common(first: FloatArray, second: FloatArray, low: float, high: float) -> t
     return np.flatnonzero(alike), near[alike]
 
 
-def _same_level(a: float | None, b: float | None) -> bool:
-    if a is None or b is None:
-        return a is b
-    return abs(a - b) <= _SAME_LEVEL * max(a, b)
-
-
 def _record(record: Record, frf: MeasuredFrequencyResponse, machine: Any) -> RecordSummary:
     band = record.band_hz or _clear_band(frf)
     keep = (frf.freq >= band[0]) & (frf.freq <= band[1])
@@ -310,18 +300,13 @@ def _record(record: Record, frf: MeasuredFrequencyResponse, machine: Any) -> Rec
         record.use,
         record.session,
         len(record.histories) or record.averages,
-        tuple(_peaks(record)) if record.kind == "impact" else (),
-        record.peak_force,
+        tuple(peaks(record)),
+        own_level(record),
         (float(band[0]), float(band[1])),
         float(np.median(np.diff(frf.freq))),
         min(told) if told else None,
         tuple(channels),
     )
-
-
-def _peaks(record: Record) -> Iterator[float]:
-    for history in record.histories:
-        yield float(np.max(np.abs(history.force - np.median(history.force))))
 
 
 def _clear_band(frf: MeasuredFrequencyResponse) -> tuple[float, float]:

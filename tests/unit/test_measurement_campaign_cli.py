@@ -299,7 +299,7 @@ def test_show_of_a_linear_machine_that_repeats_within_its_noise(tmp_path, capsys
 
 
 def test_show_tells_blows_that_order_with_the_force(tmp_path, capsys):
-    peaks = (40.0, 60.0, 80.0, 100.0)
+    peaks = (40.0, 50.0, 60.0, 70.0, 80.0, 100.0)
     _csv(tmp_path / "a.csv", lab.blows(peaks=peaks, noise=1e-4), scale=[1 - 0.001 * p for p in peaks])
     data = _shown(tmp_path, [RECORD.format("a.csv")], capsys)
     assert data["records"][0]["channels"][0]["ordered"] < 0.01

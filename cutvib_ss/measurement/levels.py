@@ -1,0 +1,61 @@
+"""How hard each record was driven."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cutvib_ss.measurement.records import Record
+
+SAME_LEVEL = 0.15
+"""Of the larger of two levels, within which they are meant to be one: a hand's blows differ by as much."""
+
+
+SPAN = 1.5
+"""Largest over smallest median peak of one level: from there on a response that depends on the level would show."""
+
+
+def same_level(a: float | None, b: float | None) -> bool:
+    """Whether two levels are meant to be one."""
+    if a is None or b is None:
+        return a is b
+    return abs(a - b) <= SAME_LEVEL * max(a, b)
+
+
+def peaks(record: Record) -> list[float]:
+    """Largest force of each blow [N], about what it is at rest; none of other records."""
+    if record.kind != "impact":
+        return []
+    return [float(np.max(np.abs(h.force - np.median(h.force)))) for h in record.histories]
+
+
+def own_level(record: Record) -> float | None:
+    """Level of a record [N]: as stated, else of blows the median of their peaks, and of a recording what all but 0.1 % keeps to."""
+    if record.peak_force is not None or not record.histories:
+        return record.peak_force
+    if blows := peaks(record):
+        return float(np.median(blows))
+    return float(np.quantile(np.abs(np.concatenate([h.force - np.median(h.force) for h in record.histories])), 0.999))
+
+
+def levels_of(records: Sequence[Record]) -> list[float | None]:
+    """
+    Levels of a campaign's records as a diagnosis compares them [N]: as stated, else those of blows; None where neither tells.
+
+    No two blows of a hand are alike: medians within `SAME_LEVEL` of the next lower one are one level, up to `SPAN` of the lowest:
+    that which is stated there, or else the median of all.
+    """
+    out = [r.peak_force for r in records]
+    stated = [level for level in out if level is not None]
+    struck = {i: own_level(r) for i, r in enumerate(records) if out[i] is None and r.kind == "impact"}
+    rows = sorted((level, i) for i, level in struck.items() if level)
+    while rows:
+        alike = [rows.pop(0)]
+        while rows and same_level(alike[-1][0], rows[0][0]) and rows[0][0] < SPAN * alike[0][0]:
+            alike.append(rows.pop(0))
+        typical = float(np.median([level for level, _ in alike]))
+        near = [x for x in stated if same_level(x, typical)]
+        for _, i in alike:
+            out[i] = min(near, key=lambda x: abs(x - typical), default=typical)
+    return out

@@ -1,0 +1,54 @@
+"""Levels of records that state none: by their blows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cutvib_ss.measurement import History, Record
+from cutvib_ss.measurement.levels import levels_of, own_level, same_level
+
+FS = 1000.0
+
+
+def _blows(*peaks, stated=None, kind="impact", offset=0.0):
+    pulse = np.zeros(200)
+    pulse[20:25] = [0.3, 0.8, 1.0, 0.8, 0.3]
+    histories = tuple(History(FS, offset + p * pulse, np.zeros((1, 200)), ("a",)) for p in peaks)
+    return Record("r", kind, 0.5, stated, None, ("a",), ("acceleration",), histories)
+
+
+def test_blows_of_a_hand_make_levels():
+    records = [_blows(14, 15, 17), _blows(48, 55, 50), _blows(16.5), _blows(150, 149), _blows(44)]
+    assert levels_of(records) == [15.75, 47.0, 15.75, 149.5, 47.0]
+
+
+def test_a_stated_level_goes_before_the_blows():
+    assert levels_of([_blows(14, 16, stated=20.0)]) == [20.0]
+    # What was struck as hard in another record is that level, too.
+    assert levels_of([_blows(49.0), _blows(52.0, stated=50.0)]) == [50.0, 50.0]
+
+
+def test_a_row_of_levels_is_not_one():
+    """Hits that grow by a tenth from record to record are two levels in the end, neither of which spans half as much again."""
+    peaks = 20.0 * 1.1 ** np.arange(9)
+    found = levels_of([_blows(p) for p in peaks])
+    assert len(set(found)) == 2
+    for level in set(found):
+        own = [p for p, other in zip(peaks, found, strict=True) if other == level]
+        assert max(own) / min(own) < 1.5
+
+
+def test_recordings_state_their_level_for_tables_alone():
+    rng = np.random.default_rng(0)
+    history = History(FS, 5.0 + 2.0 * rng.standard_normal(40_000), np.zeros((1, 40_000)), ("a",))
+    record = replace(_blows(1.0), kind="timeseries", histories=(history,))
+    # Of Gaussian noise 3.29 standard deviations, whatever force holds it in place.
+    assert own_level(record) == pytest.approx(6.58, rel=0.05)
+    assert levels_of([record]) == [None]
+
+
+def test_an_offset_is_no_blow():
+    assert own_level(_blows(10.0, offset=3.0)) == pytest.approx(10.0)
+    assert same_level(None, None) and not same_level(None, 1.0)
+    assert levels_of([_blows(0.0)]) == [None]
