@@ -20,6 +20,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg, stats
 from scipy.linalg import lapack
 
@@ -29,6 +30,8 @@ from cutvib_ss.results import FloatArray
 
 EVEN = float(1.0 / stats.uniform.var())
 """Precision of an even prior over a unit range."""
+NONE: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+"""No unknowns."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +73,12 @@ class Quadratic:
     def log_evidence(self, sizes: Sizes) -> float:
         """Laplace's evidence for given sizes, up to a constant of the data."""
         matrix, gradient = self.system(sizes)
-        n, index = self.layout.unknowns, np.flatnonzero(self.even)
+        index = np.flatnonzero(self.even)
         e = index.size
         matrix[index, index] += EVEN
-        free = np.concatenate([self.free, np.ones(self.layout.size - n, dtype=bool)])
         # An unknown at its bound keeps its share of the determinant, but does not move.
         whole = Factored(matrix)
-        gain = (whole if free.all() else Factored(matrix[np.ix_(free, free)])).gain(gradient[free])
+        gain = whole.gain(gradient, np.flatnonzero(~self.free))
         noise = self.count * float(np.log(sizes.noise))
         return -0.5 * (self.at(sizes) - gain + whole.log_determinant + noise) + 0.5 * e * float(np.log(2 * np.pi))
 
@@ -135,10 +137,20 @@ class Factored:
         """Logarithm of its determinant."""
         return 2.0 * float(np.sum(np.log(np.diag(self.factor))) + np.sum(np.log(self.size)))
 
-    def gain(self, right: FloatArray) -> float:
-        """By what the squares fall at the solution."""
-        pulled, _ = lapack.dtrtrs(self.factor, right / self.size, lower=1)
-        return float(pulled @ pulled)
+    def gain(self, right: FloatArray, held: NDArray[np.intp] = NONE) -> float:
+        """By what the squares fall at the solution, some unknowns held at zero."""
+        columns = np.zeros((self.size.size, 1 + held.size))
+        columns[:, 0] = right / self.size
+        columns[held, 0] = 0.0
+        columns[held, 1 + np.arange(held.size)] = 1.0
+        pulled, _ = lapack.dtrtrs(self.factor, columns, lower=1)
+        # What those that are held would take of it, were they free: their part of the inverse is that of the columns behind.
+        left, theirs = pulled[:, 0], pulled[:, 1:]
+        gain = float(left @ left)
+        if held.size:
+            across = theirs.T @ left
+            gain -= float(across @ np.linalg.solve(theirs.T @ theirs, across))
+        return gain
 
     def solved(self, right: FloatArray) -> FloatArray:
         """Solution for a right-hand side, or for several in columns."""

@@ -314,3 +314,14 @@ def test_directions_that_are_the_same_are_factored() -> None:
     right = rows @ (3.0 * one)
     found = Factored(matrix - 1e-3 * np.eye(3)).solved(right)
     assert rows.T @ found == pytest.approx(3.0 * one, abs=1e-3)
+
+
+def test_what_is_held_at_zero_takes_no_part_of_the_gain():
+    rng = np.random.default_rng(4)
+    rows, size = rng.standard_normal((30, 12)), 10.0 ** rng.uniform(-3, 3, 12)
+    matrix, right = rows.T @ rows * np.outer(size, size), rng.standard_normal(12) * size
+    held = np.array([0, 5, 11])
+    free = np.setdiff1d(np.arange(12), held)
+    expected = right[free] @ np.linalg.solve(matrix[np.ix_(free, free)], right[free])
+    assert Factored(matrix).gain(right, held) == pytest.approx(expected, rel=1e-9)
+    assert Factored(matrix).gain(right) == pytest.approx(right @ np.linalg.solve(matrix, right), rel=1e-9)
