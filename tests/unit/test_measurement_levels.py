@@ -50,5 +50,6 @@ def test_recordings_state_their_level_for_tables_alone():
 
 def test_an_offset_is_no_blow():
     assert own_level(_blows(10.0, offset=3.0)) == pytest.approx(10.0)
-    assert same_level(None, None) and not same_level(None, 1.0)
+    assert same_level(None, None)
+    assert not same_level(None, 1.0)
     assert levels_of([_blows(0.0)]) == [None]
