@@ -60,6 +60,7 @@ from cutvib_ss.diagnosis.standing import (
     forces_come_close,
     is_enough,
     lacks_a_form,
+    leaves_noise_alone,
     linear_of,
     of_one_place,
     shows_gap,
@@ -98,8 +99,7 @@ def search_linear(nominal: Model, records: Records, observed: Observations, work
     none = _other_instants(nominal, records, Ranked("none", tuned, True))
     linear = candidates(nominal, observed.band, observed.channels)
     workers.say(f"fitting {len(linear)} linear causes")
-    away = none.fit.tuned_away or none.fit.calibrated_away or none.fit.spread.largest("parts")
-    if none.reduced < SETTINGS.search_enough and not away:
+    if leaves_noise_alone(none):
         ranked = by_their_names(nominal, records, beside_tuned(nominal, records, none, linear, workers))
         return Linear(records, few, none, ranked, linear, {}, 0.0)
     rough = scouted(nominal, records, few, linear, none, workers)

@@ -40,6 +40,13 @@ def shows_gap(ranked: Sequence[Ranked], none: Ranked) -> bool:
     return none.reduced > SETTINGS.search_enough or lead > SETTINGS.search_caught
 
 
+def leaves_noise_alone(none: Ranked) -> bool:
+    """Whether the tuned model leaves noise, and not since values out of tolerance or errors of its own took a cause up."""
+    away, spread = none.fit.tuned_away or none.fit.calibrated_away, none.fit.spread
+    errs = spread.largest("parts") or spread.is_large("nominal")
+    return bool(none.reduced < SETTINGS.search_enough and not (away or errs))
+
+
 def best_of(ranked: Sequence[Ranked], none: Ranked) -> Ranked:
     """The best cause of those fitted on all lines; without one, the re-tuned model."""
     return max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence, default=none)
