@@ -120,7 +120,9 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
     disturbed = 0.0
     if jitter is not None:
         disturbed, lacking = _excess(cut, jitter), (*lacking, jitter.words)
-    if (tones := interference([e.response for e in cut if _steady(e)])) is not None:
+    steady = [e for e in cut if _steady(e)]
+    apart = [[e.response for e in steady if e.continuous is leaks] for leaks in (False, True)]
+    if (tones := interference(*apart)) is not None:
         cut, disturbed, lacking = _without_tones(cut, tones), disturbed + tones.excess, (*lacking, tones.words)
     per_unit = STANDARD_GRAVITY if per_newton else 1.0
     found = {e.record: change_within(e.replay) for e in cut if e.replay is not None and e.continuous and _steady(e)}

@@ -62,13 +62,24 @@ class Interference:
         )
 
 
-def interference(responses: Sequence[MeasuredFrequencyResponse]) -> Interference | None:
-    """Tones in responses of one position and input each, not to a sine; None where there are none."""
+def interference(
+    of_blows: Sequence[MeasuredFrequencyResponse], of_blocks: Sequence[MeasuredFrequencyResponse] = ()
+) -> Interference | None:
+    """
+    Tones in responses of one position and input each, not to a sine; None where there are none.
+
+    What leaks from the blocks of a recording scatters at a sharp resonance, too: beside blows they only show how far a tone goes.
+    """
     widths: dict[float, float] = {}
     excess, mains = 0.0, None
-    for step, own in _by_step(responses).items():
+    for step, own, struck in [
+        *((step, own, True) for step, own in _by_step(of_blows).items()),
+        *((step, own, False) for step, own in _by_step(of_blocks).items()),
+    ]:
         lines = _Lines(step, own)
         tones = lines.tones()
+        if of_blows and not struck:
+            tones = {f: p for f, p in tones.items() if _near(f, widths, step)}
         multiples = {f: lines.at_multiples(f, tones) for f in _MAINS}
         likeliest = max(multiples, key=lambda f: len(multiples[f]))
         found: dict[float, float] = {}

@@ -193,7 +193,8 @@ def summarise(campaign: Campaign) -> Summary:
     """Figures of every record of a campaign, and of the pairs that can be compared."""
     frfs = tuple(measured_response(r) for r in campaign.records)
     records = tuple(_record(r, h, campaign.machine) for r, h in zip(campaign.records, frfs, strict=True))
-    tones = interference([h for r, h in zip(campaign.records, frfs, strict=True) if r.excitation != "sine"])
+    steady = [(r, h) for r, h in zip(campaign.records, frfs, strict=True) if r.excitation != "sine"]
+    tones = interference(*([h for r, h in steady if (r.kind == "timeseries") is leaks] for leaks in (False, True)))
     jitter = trigger_jitter(campaign.records)
     # What tones do to a line is no difference of two records.
     kept = frfs if tones is None else tuple(h.at_lines(~tones.spoils(h.freq)) for h in frfs)

@@ -89,6 +89,20 @@ def test_noise_is_none():
     assert all(interference(records(averages=1, seed=s)[:1]) is None for s in range(20))
 
 
+def test_beside_blows_what_scatters_in_blocks_is_no_tone_of_its_own():
+    """What leaks from blocks at a sharp resonance scatters there as a tone does: rail modes of 25 and 13.5 Hz were tones."""
+    blocks = records((47.3,), 100.0, seed=4)
+    assert interference(records(), blocks) is None
+    alone, both = interference([], blocks), interference(records((47.3,), 30.0), blocks)
+    assert set(alone.widths) == set(both.widths)
+    # Where blows show it, too, blocks tell how far it reaches in them.
+    assert (
+        max(both.widths.values())
+        == max(alone.widths.values())
+        > max(interference(records((47.3,), 30.0)).widths.values())
+    )
+
+
 def test_excess_is_the_power_over_the_lines():
     found = interference(records((47.3,), 30.0))
     assert found.excess == pytest.approx(30.0 * np.sinc(0.4) ** 2 / FREQ.size, rel=0.5)
