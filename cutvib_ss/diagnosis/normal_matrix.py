@@ -18,6 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cutvib_ss.diagnosis import work
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray, FloatArray
 
 _AT_ONCE = 60_000
@@ -52,6 +54,7 @@ class Columns:
 
 def add_products(matrix: FloatArray, records: Alike, columns: Columns) -> None:
     """Add the products of all columns over some records to the normal matrix."""
+    work.count(SETTINGS.search_products * records.shared.size)
     count, z = len(records.plain), columns.smooth
     atoms = len(records.shared) + records.plain.shape[1] + 2
     some = max(1, _AT_ONCE // (atoms * records.plain[0].size))

@@ -115,7 +115,7 @@ def simulated(
         )
         # An unstable model runs away: it leaves no finite residual, and no step is taken there.
         with np.errstate(all="ignore"):
-            count(SETTINGS.search_response * forces.size)
+            count(SETTINGS.search_sample * forces.size)
             run = step(form, forces, replays[0].fs, elements, dynamic_below=still, steps=steps)
         if windows:
             for part in (run.responses, run.motions, run.forces):
