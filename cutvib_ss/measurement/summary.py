@@ -8,6 +8,7 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from scipy import stats
 
 from cutvib_ss.measurement.blow_noise import blow_scatter, chance_of_ordering
 from cutvib_ss.measurement.estimation import measured_response
@@ -26,6 +27,9 @@ _CLEAR = 36.0
 
 _FEWEST = 8
 """Lines that two records have to share."""
+
+_BY_CHANCE = 0.05
+"""Probability of differences between levels as large as these where none depends on the level, from which they are said to."""
 
 _STANDS_OUT = 2.0
 """Of the mean square difference over noise and repeatability, from which levels are said to differ."""
@@ -147,20 +151,7 @@ class Summary:
         elif len(self.records) > 1:
             said.append("No two records are of the same position, input and level: repeatability is not known.")
         if self.levels:
-            clear = [
-                p for p in self.levels if p.over_noise > _STANDS_OUT and p.difference > 2 * (self.repeatability or 0.0)
-            ]
-            most = max(self.levels, key=lambda p: p.difference)
-            if clear:
-                said.append(
-                    f"The response depends on the level: in {len(clear)} of {len(self.levels)} pairs of levels it differs by more "
-                    f"than noise and repeatability, by {100 * most.difference:.2g} % at most ({most.first}, {most.second})."
-                )
-            else:
-                said.append(
-                    "No dependence on the level stands out of noise and repeatability"
-                    + (f": {100 * most.difference:.2g} % at most." if most.difference > 0 else ".")
-                )
+            said.append(self._of_levels())
         chance = chance_of_ordering([c.ordered for c in r.channels] for r in self.records)
         if chance < _ORDERED:
             said.append(
@@ -168,6 +159,41 @@ class Summary:
                 "a sign of nonlinearity, or of a hand that hits elsewhere when it hits harder."
             )
         return said
+
+    def _of_levels(self) -> str:
+        """What pairs of levels say of whether the response depends on the level."""
+        clear, most = self._levels_apart(), max(self.levels, key=lambda p: p.difference)
+        size = f"by {100 * most.difference:.2g} % at most"
+        if not clear and most.difference > 2.0 * (self.repeatability or np.inf):
+            return (
+                f"Levels differ {size} ({most.first}, {most.second}), by more than twice what records of one level do; so few of "
+                f"these ({len(self.repeated)} pairs) do not tell that from chance: measure more levels twice."
+            )
+        if not clear:
+            said = "No dependence on the level stands out of noise and repeatability"
+            return f"{said}: {100 * most.difference:.2g} % at most." if most.difference > 0 else f"{said}."
+        count = f"in {len(clear)} of {len(self.levels)} pairs of levels"
+        if self.repeatability is None:
+            return (
+                f"Responses differ {count} by more than noise, {size} ({most.first}, {most.second}): they depend on the level, or "
+                "do not repeat; measure one level twice."
+            )
+        return (
+            f"The response depends on the level: {count} it differs by more than noise and repeatability, "
+            f"{size} ({most.first}, {most.second})."
+        )
+
+    def _levels_apart(self) -> list[PairSummary]:
+        """Pairs of levels that differ by more than noise, and than records of one level by chance: all together, or some alone."""
+        beyond = [p for p in self.levels if p.over_noise > _STANDS_OUT and p.difference > 0.0]
+        if not self.repeatability or not beyond:
+            return beyond
+        # What moves between two records is taken as one number that moves the response, at worst.
+        ratios = np.array([p.difference for p in self.levels]) ** 2 / self.repeatability**2
+        each, repeats = len(ratios), len(self.repeated)
+        together = stats.f.sf(ratios.mean(), each, repeats) < _BY_CHANCE
+        least = 2.0 if together else float(np.sqrt(stats.f.isf(_BY_CHANCE / each, 1, repeats)))
+        return [p for p in beyond if p.difference > least * self.repeatability]
 
     def to_dict(self) -> dict[str, Any]:
         """The figures as JSON takes them."""

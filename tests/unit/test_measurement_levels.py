@@ -7,6 +7,7 @@ import pytest
 
 from cutvib_ss.measurement import History, Record
 from cutvib_ss.measurement.levels import levels_of, own_level, same_level
+from cutvib_ss.measurement.summary import PairSummary, Summary
 
 FS = 1000.0
 
@@ -53,3 +54,31 @@ def test_an_offset_is_no_blow():
     assert same_level(None, None)
     assert not same_level(None, 1.0)
     assert levels_of([_blows(0.0)]) == [None]
+
+
+def _summary(repeated, levels):
+    def pairs(differences):
+        return tuple(
+            PairSummary("a", "b", 0.5, (10.0, 50.0), d, 10.0 if d > 0.0 else 1.0, {"x": d}, "x") for d in differences
+        )
+
+    return Summary("t", "N", (), pairs(repeated), pairs(levels), (), ())
+
+
+def _depends(repeated, levels):
+    return [s for s in _summary(repeated, levels).sentences() if "depends on the level" in s]
+
+
+def test_levels_differ_by_more_than_records_of_one_level_do_by_chance():
+    # One repetition tells little of how far others may differ: a pair at three times as much is nothing, seven at twenty times are.
+    assert not _depends([0.01], [0.03, 0.0, 0.01, 0.005, 0.01, 0.0, 0.01])
+    assert "in 7 of 7" in _depends([0.01], [0.2] * 7)[0]
+    # Eight repetitions tell that.
+    assert "in 1 of 3" in _depends([0.01] * 8, [0.05, 0.0, 0.01])[0]
+
+
+def test_levels_that_nothing_repeats_are_not_said_to_depend():
+    said = " ".join(_summary([], [0.03, 0.0]).sentences())
+    assert "differ in 1 of 2 pairs of levels by more than noise, by 3 % at most" in said
+    assert "measure one level twice" in said
+    assert "No dependence" in " ".join(_summary([], [0.0, 0.0]).sentences())
