@@ -195,7 +195,10 @@ def search(
     rival = best if noise else None
     if lacks and alike and workers.begin("fitting elements of unknown form"):
         beside = rival is None and stands_out
-        ranked += unknown_elements(nominal, records, few, observed, ranked, linear, rival, workers, beside)
+        sums = unknown_elements(nominal, records, few, observed, ranked, linear, rival, workers, beside)
+        parts = _without_the_other(nominal, records, sums, ranked)
+        ranked += [*sums, *parts]
+        left = left and not (parts and is_enough(ranked, none, leaves))
     if (
         pairs
         and left
@@ -219,8 +222,9 @@ def search(
     if shows_gap(ranked, none):
         best, single = best_of(ranked, none), first_known(ranked, none)
         found = relieved(nominal, records, single, linear, workers)
+        parts = _without_the_other(nominal, records, found, ranked)
         # Where something else leads, a pair has to lead it.
-        ranked += [r for r in found if single is best or r.fit.log_evidence > best.fit.log_evidence]
+        ranked += [r for r in [*found, *parts] if single is best or r.fit.log_evidence > best.fit.log_evidence]
     if forces is not None and tried is None and compared and lacks_a_form(ranked):
         # What depends on the sign of the motion alone is alike at all levels, and no linear cause.
         ranked = _with(nominal, records, forces, ranked, best_of(ranked, none), workers)
@@ -293,6 +297,24 @@ def _favoured(
     again = partial(refit, nominal, records, x=none.x, steps=SETTINGS.search_most_steps, near=none)
     fits = workers.map(again, [Hypothesis((effect,)) for effect in missed.values()])
     return [Ranked(name, f, True) for name, f in zip(missed, fits, strict=True) if f is not None]
+
+
+def _without_the_other(
+    nominal: Model, records: Records, sums: Sequence[Ranked], ranked: Sequence[Ranked]
+) -> list[Ranked]:
+    """Linear causes by themselves from their values in a sum that leads them: their own fits may be caught in side minima."""
+    own = {r.fit.hypothesis.causes: r for r in sorted(ranked, key=lambda r: r.fit.log_evidence) if r.refined}
+    linear = [r for r in sums if r.refined and r.fit.hypothesis.linear and len(r.fit.hypothesis.effects) == 2]
+    best = max(linear, key=lambda r: r.fit.log_evidence, default=None)
+    if best is None:
+        return []
+
+    def worth(_: Ranked, effect: Effect) -> bool:
+        first = own.get(((effect.effect, effect.place),)) if effect.effect != "unknown" else None
+        return first is not None and first.fit.log_evidence + SETTINGS.search_caught < best.fit.log_evidence
+
+    found = by_themselves(nominal, records, [best], ranked, worth=worth)
+    return [replace(r, name=own[r.fit.hypothesis.causes].name) for r in found]
 
 
 def _better(ranked: Sequence[Ranked], again: Sequence[Ranked]) -> list[Ranked]:

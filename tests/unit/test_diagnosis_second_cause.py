@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.known_form import _by_one_name, of_known_form
 from cutvib_ss.diagnosis.posterior import kind_of, that_drift_by_chance
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked, once
-from cutvib_ss.diagnosis.search import _better
+from cutvib_ss.diagnosis.search import _better, _without_the_other
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.standing import first_known, forces_come_close, is_enough, lacks_a_form, of_one_place
 from cutvib_ss.diagnosis.unknown_element import UnknownChannelError, UnknownElement
@@ -728,3 +728,28 @@ def test_of_two_fits_of_a_cause_the_better_one_stays() -> None:
     assert _better([MAIN, OTHER], [worse]) == [MAIN, OTHER]
     assert _better([MAIN, OTHER], [best]) == [best, OTHER]
     assert _better([OTHER], [best]) == [OTHER, best]
+
+
+def test_what_leads_a_cause_beside_another_starts_it_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A resonator caught at 18 Hz and 0.8 kg was found at 101 Hz beside something unknown, and nothing came of it."""
+    asked: list[tuple[str, str]] = []
+
+    def by_themselves(
+        nominal: object, records: object, sums: Sequence[Ranked], found: Sequence[Ranked], worth: Callable[..., bool]
+    ) -> list[Ranked]:
+        assert [r.name for r in found] == ["main", "other"]
+        worthy = [e for r in sums for e in r.fit.hypothesis.effects if worth(r, e)]
+        asked.extend((sums[0].name, e.effect) for e in worthy)
+        return [ranked("main 0", 150.0, e) for e in worthy]
+
+    monkeypatch.setattr("cutvib_ss.diagnosis.search.by_themselves", by_themselves)
+    nothing: Any = None
+    shift = ranked("other", 10.0, CalibrationError("measurement", "tool_x", 1.1))
+    # It goes by the name of its own fit.
+    assert [r.name for r in _without_the_other(nothing, nothing, [BESIDE], [MAIN, shift])] == ["main"]
+    assert asked == [("beside", "added_mass")]
+    # Not where its own fit is as good, where nothing was found, or beside a restoring force, each try of which is a simulation.
+    close = replace(MAIN, fit=ranked("main", 149.0, MASS).fit)
+    assert not _without_the_other(nothing, nothing, [BESIDE], [close, shift])
+    assert not _without_the_other(nothing, nothing, [], [MAIN, shift])
+    assert not _without_the_other(nothing, nothing, [BOTH], [MAIN, shift])
