@@ -134,9 +134,9 @@ def test_modes_of_a_structure():
 
 
 def blows(law, seed=0):
-    """Four blows of one record, of a mode that softens with the peak of the force, or does not."""
+    """Six blows of one record, of a mode that softens with the peak of the force, or does not."""
     rng, histories = np.random.default_rng(seed), []
-    for k, peak in enumerate((30.0, 45.0, 60.0, 75.0)):
+    for k, peak in enumerate((30.0, 40.0, 50.0, 60.0, 70.0, 75.0)):
         force, _ = blow(peak, 0.25, 4.0)
         freq = np.fft.rfftfreq(force.size, 1.0 / FS)
         s = 2j * np.pi * freq

@@ -250,7 +250,7 @@ class FitSettings:
     level_trend: float = of(0.25, "probability",
         "That drift within sessions is a trend in time and goes with the level, since all were measured in its order",
         "surer linear answers", "half of all drift is warming; of two orders of the levels half are the same in all sessions")
-    level_ordered: float = of(1e-4, "probability",
+    level_ordered: float = of(0.01, "probability",
         "Of blows that order with their force by chance as much as they do, from which it is nonlinearity",
         "more records are called nonlinear", STATISTICS)
     comparison_common_lines: int = of(8, "lines", "That two records must share to be compared", "fewer comparisons",
