@@ -70,7 +70,8 @@ def level_stands_out(records: Records, model: Model | None = None, blow_at: floa
 
 def blows_order(records: Records) -> bool:
     """Whether single blows order with their force beyond what chance does in so many records."""
-    return chance_of_ordering(e.estimator.ordering for e in records.entries) < SETTINGS.level_ordered
+    told = (e.ordering for e in records.entries if e.ordering is not None)
+    return chance_of_ordering(told) < SETTINGS.level_ordered
 
 
 def drift_of_any_order(fit: Fit, records: Records) -> bool:

@@ -257,8 +257,7 @@ def _by_blows(e: Entry, record: Record) -> Entry:
     lines, hits = hit_directions(record, e.estimator.exponential_decay, noise=noise)
     e = replace(e, hits=hits[..., np.isin(lines.round(9), e.freq.round(9))] if len(hits) else None)
     found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])), noise=noise)
-    ordering = tuple(float(p) if np.isfinite(p) else None for p in found.significance)
-    return replace(e, response=replace(e.response, estimator=replace(e.estimator, ordering=ordering)))
+    return replace(e, ordering=found.ordering)
 
 
 def _unbiased(e: Entry, noise: SensorNoise) -> Entry:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from cutvib_ss.diagnosis.pulses import Pulses
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.sine_test import SineTest
+from cutvib_ss.measurement.blow_noise import Ordering
 from cutvib_ss.measurement.noise import leaking_variance
 from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.measurement.replay import Replay
@@ -43,6 +44,7 @@ class Entry:
     session: str | None = None  # Name of its session, where stated
     # What a hand's hits do to the mean of its blows, each of unit normal size, shape (direction, channel, frequency)
     hits: ComplexArray | None = None
+    ordering: Ordering | None = None  # How much its blows order with their force; None where that was not looked at
     # Lines of each channel that a converter's steps have spoilt, shape (channel, frequency); None where there are none
     lost: NDArray[np.bool_] | None = None
     # Share of the variance that a converter's steps make, alike in all blows, shape (channel, frequency); None where they make none

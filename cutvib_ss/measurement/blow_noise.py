@@ -7,7 +7,7 @@ blow, too; part follows the force, and is nonlinearity of the structure; the res
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -47,6 +47,15 @@ class SensorNoise:
     bias: FloatArray
 
 
+class Ordering(NamedTuple):
+    """Scatter of a record's blows beyond the noise of its sensors, all channels together, over that noise."""
+
+    ordered: float  # What orders with the force
+    rest: float  # What does not, a degree of freedom
+    open: float  # Standard deviation with which that is known
+    free: int  # Degrees of freedom of the rest
+
+
 @dataclass(frozen=True)
 class BlowScatter:
     """Scatter of single blows about their H1, told apart by what orders with the force."""
@@ -61,6 +70,7 @@ class BlowScatter:
     # Probability of an ordered part as large as this where nothing orders with the force; NaN where it cannot be told
     significance: FloatArray
     force_spread: float  # Standard deviation of the peak forces over their mean
+    ordering: Ordering  # All channels together; NaN where it cannot be told
 
 
 def pretrigger_noise(record: Record) -> SensorNoise:
@@ -150,12 +160,13 @@ def blow_scatter(
     if count < 3 or spread < 1e-9:
         blank = np.full(shape, np.nan)
         none = np.full(channels, np.nan)
-        return BlowScatter(freq, blank, blank, single, none, none, spread)
+        return BlowScatter(freq, blank, blank, single, none, none, spread, Ordering(np.nan, np.nan, np.nan, count - 2))
     share = np.abs(force) ** 2 / input_power
     x = peaks[:, np.newaxis] - np.sum(share * peaks[:, np.newaxis], axis=0)
     x = x / np.sqrt(np.sum(share * x**2, axis=0))
     ordered, rest = np.empty(shape), np.empty(shape)
     ratio, significance = np.empty(channels), np.empty(channels)
+    beyond = np.full((channels, 3), np.nan)
     for k in range(channels):
         a = response[:, k][:, keep]
         h = np.sum(a * force.conj(), axis=0) / input_power
@@ -178,25 +189,39 @@ def blow_scatter(
             significance[k] = np.nan
             continue
         by_noise = stats.f.sf(by_force / beside, freedom, freedom * (count - 2))
-        # Hits that differ along one direction are a number each, which may go with the force by chance however small the noise is.
-        of_noise = 1.0 / max(float(ratio[k]), 1e-300)
-        differ = max(1.0 - of_noise, 2.0 * scatter * min(of_noise, 1.0), 1e-12)
-        by_hits = stats.f.sf(max(by_force / beside - of_noise, 0.0) / differ, 1, count - 2)
-        significance[k] = max(by_noise, by_hits)
+        # In units of the noise, beyond it.
+        beyond[k] = by_force / beside * ratio[k] - 1.0, ratio[k] - 1.0, scatter
+        significance[k] = max(by_noise, chance_of_ordering([_ordering(beyond[[k]], count - 2)]))
     rounded = orders_by_rounding(record, [h.start for h in record.histories])
     significance = np.where(rounded, np.nan, significance)
-    return BlowScatter(freq, ordered, rest, single, ratio, significance, spread)
+    told = beyond[~rounded & np.isfinite(significance)]
+    return BlowScatter(freq, ordered, rest, single, ratio, significance, spread, _ordering(told, count - 2))
 
 
-def chance_of_ordering(records: Iterable[Sequence[float | None]]) -> float:
+def _ordering(beyond: FloatArray, free: int) -> Ordering:
+    """Of what channels order with the force, what they do not and how well that is known, all together; NaN of none."""
+    if not len(beyond):
+        return Ordering(np.nan, np.nan, np.nan, free)
+    return Ordering(
+        float(beyond[:, 0].sum()), float(beyond[:, 1].sum()), float(np.sqrt(np.sum(beyond[:, 2] ** 2))), free
+    )
+
+
+def chance_of_ordering(records: Iterable[Ordering]) -> float:
     """
-    Probability that blows order with their force as much where nothing does, by what each record's channels say; 1 where none does.
+    Probability that the blows of some records order with their force as much where nothing does; 1 where none tells.
 
-    Channels of a record share their hits: its likeliest times their number stands for it. Records do not: Fisher's method.
+    Hits that differ along one direction are a number a blow. Over records ordered and rest are compared by an F distribution, whose
+    degrees of freedom are those of unlike powers (Satterthwaite 1946). The rest is no less than the noise leaves open.
     """
-    each = [[p for p in channels if p is not None and np.isfinite(p)] for channels in records]
-    found = [min(min(own) * len(own), 1.0) for own in each if own]
-    return float(stats.combine_pvalues(np.maximum(found, 1e-300)).pvalue) if found else 1.0
+    each = np.array([r for r in records if np.all(np.isfinite(r))]).reshape(-1, len(Ordering._fields))
+    if not each.size:
+        return 1.0
+    ordered, rest, open_, free = each.T
+    power = np.maximum(ordered + free * rest, open_)
+    count = float(np.sum(power) ** 2 / np.sum(power**2))
+    differ = max(float(np.sum(rest)), 2.0 * float(np.sqrt(np.sum(open_**2))))
+    return float(stats.f.sf(max(float(np.sum(ordered)), 0.0) / differ, count, count * free.mean()))
 
 
 class Deviations(NamedTuple):

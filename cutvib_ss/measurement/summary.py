@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from cutvib_ss.measurement.blow_noise import blow_scatter, chance_of_ordering
+from cutvib_ss.measurement.blow_noise import Ordering, blow_scatter, chance_of_ordering
 from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.interference import interference
 from cutvib_ss.measurement.levels import own_level, peaks, same_level
@@ -73,6 +73,7 @@ class RecordSummary:
     line_spacing: float
     coherence: float | None
     channels: tuple[ChannelSummary, ...]
+    ordering: Ordering | None = None  # How much its blows order with their force, all channels together
 
     @property
     def level(self) -> float | None:
@@ -152,7 +153,7 @@ class Summary:
             said.append("No two records are of the same position, input and level: repeatability is not known.")
         if self.levels:
             said.append(self._of_levels())
-        chance = chance_of_ordering([c.ordered for c in r.channels] for r in self.records)
+        chance = chance_of_ordering(r.ordering for r in self.records if r.ordering is not None)
         if chance < _ORDERED:
             said.append(
                 f"The scatter from blow to blow orders with the peak force (by chance with a probability of {chance:.1g}): "
@@ -212,7 +213,8 @@ class Summary:
 
 def _with_units(record: dict[str, Any]) -> dict[str, Any]:
     """A record's figures under keys that say their unit; peaks and levels are in ``input_unit``."""
-    return {{"line_spacing": "line_spacing_hz"}.get(name, name): value for name, value in record.items()}
+    names = {"line_spacing": "line_spacing_hz"}
+    return {names.get(name, name): value for name, value in record.items() if name != "ordering"}
 
 
 def summarise(campaign: Campaign) -> Summary:
@@ -298,10 +300,11 @@ def _record(record: Record, frf: MeasuredFrequencyResponse, machine: Any) -> Rec
     levels = levels_over_nominal(record, machine, frf)
     ratios: list[float | None] = [None] * len(record.channels)
     ordered: list[float | None] = [None] * len(record.channels)
+    ordering: Ordering | None = None
     if record.kind == "impact" and len(record.histories) > 2:
         scatter = blow_scatter(record, band=band)
         ratios = [_known(x) if np.all(np.isfinite(scatter.noise[k])) else None for k, x in enumerate(scatter.ratio)]
-        ordered = [_known(x) for x in scatter.significance]
+        ordered, ordering = [_known(x) for x in scatter.significance], scatter.ordering
     channels = []
     for k, (name, unit) in enumerate(zip(frf.outputs, frf.units, strict=True)):
         h, v, c = frf.data[0, k, 0, keep], frf.variance[0, k, 0, keep], frf.coherence[0, k, 0, keep]
@@ -333,6 +336,7 @@ def _record(record: Record, frf: MeasuredFrequencyResponse, machine: Any) -> Rec
         float(np.median(np.diff(frf.freq))),
         min(told) if told else None,
         tuple(channels),
+        ordering,
     )
 
 

@@ -314,9 +314,6 @@ class Estimator:
         Decay rate [1/s] of an exponential window on the response alone.
     scatter_seen : bool
         Whether the noise was seen to scatter, over repetitions or by a coherence; else it is read off how smooth the response is.
-    ordering : tuple of float or None
-        Of each output, how probable it is that single blows order with their force as much as they do by chance; None where that
-        cannot be told, nothing where it was not looked at.
     """
 
     kind: EstimatorKind | None = None
@@ -324,7 +321,6 @@ class Estimator:
     blow_at: float | None = None
     exponential_decay: float = 0.0
     scatter_seen: bool = True
-    ordering: tuple[float | None, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)
@@ -378,10 +374,6 @@ class MeasuredFrequencyResponse(FrequencyResponse):
     @property
     def _arrays(self) -> tuple[str, ...]:
         return ("data", "variance", "coherence")
-
-    def _take(self, rows: NDArray[np.intp], outs: list[int], ins: list[int]) -> Self:
-        ordering = tuple(self.estimator.ordering[k] for k in outs) if self.estimator.ordering else ()
-        return replace(super()._take(rows, outs, ins), estimator=replace(self.estimator, ordering=ordering))
 
     def _scaled(self, factor: ComplexArray) -> dict[str, Any]:
         return {"data": self.data * factor, "variance": self.variance * np.abs(factor) ** 2}

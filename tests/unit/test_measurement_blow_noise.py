@@ -8,7 +8,13 @@ from scipy import signal, stats
 
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement import History, Record, estimate
-from cutvib_ss.measurement.blow_noise import blow_scatter, chance_of_ordering, hit_directions, pretrigger_noise
+from cutvib_ss.measurement.blow_noise import (
+    Ordering,
+    blow_scatter,
+    chance_of_ordering,
+    hit_directions,
+    pretrigger_noise,
+)
 from tests.unit.measurement_rig import FS, blow, clean_blow
 
 PEAKS = (30.0, 45.0, 60.0, 75.0)
@@ -164,15 +170,29 @@ def test_many_records_tell_what_three_blows_do_not():
     def records(slope):
         for _ in range(6):
             factors = 1 + slope * np.array(PEAKS[:3]) + 1e-3 * rng.standard_normal(3)
-            yield blow_scatter(_noisy(rng, _LEVELS[:3], 1e-3, 1e-3, factors=factors), band=(30, 200)).significance
+            yield blow_scatter(_noisy(rng, _LEVELS[:3], 1e-3, 1e-3, factors=factors), band=(30, 200))
 
-    grows = [tuple(map(float, p)) for p in records(2e-3)]
-    assert min(p for own in grows for p in own) > 1e-3
-    assert chance_of_ordering(grows) < 1e-4
-    assert chance_of_ordering([tuple(map(float, p)) for p in records(0.0)]) > 1e-3
-    # Channels of one record share its hits, and what nobody saw tells nothing.
-    assert chance_of_ordering([(0.01, 0.02, None)]) == pytest.approx(0.02)
-    assert chance_of_ordering([(None, float("nan"))]) == chance_of_ordering([]) == 1.0
+    grows = list(records(2e-3))
+    assert min(found.significance[0] for found in grows) > 1e-3
+    assert chance_of_ordering(found.ordering for found in grows) < 1e-4
+    assert chance_of_ordering(found.ordering for found in records(0.0)) > 1e-3
+    # What nobody saw tells nothing.
+    assert chance_of_ordering([Ordering(np.nan, np.nan, np.nan, 1)]) == chance_of_ordering([]) == 1.0
+
+
+def test_hits_of_a_hand_order_all_records_as_rarely_as_stated():
+    """Six records of three hits that differ by little more than the noise, or by far more in one place than in another."""
+    rng, values = np.random.default_rng(13), []
+    for _ in range(60):
+        own = (
+            blow_scatter(
+                _noisy(rng, _LEVELS[:3], 3e-4, 3e-3, factors=1 + size * rng.standard_normal(3)), band=(30, 200)
+            )
+            for size in (1e-3, 1e-3, 2e-3, 5e-3, 5e-3, 1e-2)
+        )
+        values.append(chance_of_ordering(found.ordering for found in own))
+    for chance in (0.01, 0.05, 0.2):
+        assert np.mean(np.array(values) < chance) < chance + 3 * np.sqrt(chance * (1 - chance) / 60)
 
 
 def test_two_blows_tell_nothing_apart():
