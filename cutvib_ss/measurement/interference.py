@@ -69,6 +69,7 @@ def interference(
     Tones in responses of one position and input each, not to a sine; None where there are none.
 
     What leaks from the blocks of a recording scatters at a sharp resonance, too: beside blows they only show how far a tone goes.
+    Responses that were estimated elsewhere go with those of blows.
     """
     widths: dict[float, float] = {}
     excess, mains = 0.0, None

@@ -11,9 +11,8 @@ from cutvib_ss.measurement.records import Record
 SAME_LEVEL = 0.15
 """Of the larger of two levels, within which they are meant to be one: a hand's blows differ by as much."""
 
-
-SPAN = 1.5
-"""Largest over smallest median peak of one level: from there on a response that depends on the level would show."""
+LEVELS_APART = 1.5
+"""Ratio of two levels from which a response that depends on the level would show."""
 
 
 def same_level(a: float | None, b: float | None) -> bool:
@@ -43,8 +42,8 @@ def levels_of(records: Sequence[Record]) -> list[float | None]:
     """
     Levels of a campaign's records as a diagnosis compares them [N]: as stated, else those of blows; None where neither tells.
 
-    No two blows of a hand are alike: medians within `SAME_LEVEL` of the next lower one are one level, up to `SPAN` of the lowest:
-    that which is stated there, or else the median of all.
+    No two blows of a hand are alike: medians within `SAME_LEVEL` of the next lower one are one level, up to `LEVELS_APART` times
+    the lowest: that which is stated there, or else the median of all.
     """
     out = [r.peak_force for r in records]
     stated = [level for level in out if level is not None]
@@ -52,7 +51,7 @@ def levels_of(records: Sequence[Record]) -> list[float | None]:
     rows = sorted((level, i) for i, level in struck.items() if level)
     while rows:
         alike = [rows.pop(0)]
-        while rows and same_level(alike[-1][0], rows[0][0]) and rows[0][0] < SPAN * alike[0][0]:
+        while rows and same_level(alike[-1][0], rows[0][0]) and rows[0][0] < LEVELS_APART * alike[0][0]:
             alike.append(rows.pop(0))
         typical = float(np.median([level for level, _ in alike]))
         near = [x for x in stated if same_level(x, typical)]

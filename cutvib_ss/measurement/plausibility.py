@@ -10,6 +10,7 @@ import numpy as np
 
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement.inputs import response_to
+from cutvib_ss.measurement.levels import LEVELS_APART
 from cutvib_ss.measurement.records import FORCE, History, MachineLike, Record
 from cutvib_ss.model.protocol import Model
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
@@ -37,9 +38,6 @@ _FAR = 20.0
 
 _ALIKE = 1.0
 """Spread between the quartiles of that logarithm up to which the shapes are alike."""
-
-_LEVELS_APART = 1.5
-"""Ratio of two levels from which a response that grows with the force can be told from one that does not."""
 
 _IN_PROPORTION = 0.1
 """Of the logarithm of that ratio: by how much the responses' own may differ from it."""
@@ -148,7 +146,7 @@ def refuse_undivided(records: Sequence[Record], where: str) -> None:
         and b.frf is not None
         and a.peak_force
         and b.peak_force
-        and not 1 / _LEVELS_APART < a.peak_force / b.peak_force < _LEVELS_APART
+        and not 1 / LEVELS_APART < a.peak_force / b.peak_force < LEVELS_APART
     ]
     if grown and all(grows for _, _, grows in grown):
         one, other, _ = grown[0]

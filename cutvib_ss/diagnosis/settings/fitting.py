@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutvib_ss.diagnosis.settings.field import JUDGEMENT, NUMERICAL, STATISTICS, TIME, Weighted, of
+from cutvib_ss.measurement.levels import LEVELS_APART
 
 
 # fmt: off
@@ -269,7 +270,7 @@ class FitSettings:
         STATISTICS)
     level_noise_error: float = of(0.15, "1", "Added to it, for the noise itself is an estimate",
         "less level dependence is seen", STATISTICS)
-    level_apart: float = of(1.5, "1", "Ratio of levels from which a level-dependent response would show",
+    level_apart: float = of(LEVELS_APART, "1", "Ratio of levels from which a level-dependent response would show",
         "fewer campaigns compare levels", JUDGEMENT)
     level_excess: float = of(1.15, "χ² per datum", "Between levels, from which a response is called level-dependent",
         "less level dependence is reported", STATISTICS)
