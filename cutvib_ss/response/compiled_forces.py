@@ -2,6 +2,8 @@
 Compiled loops of the harmonic balance, first half: from the harmonics of a port's motion to those of a law's force.
 
 With q = Tx and v = ωT'x over the samples of a period the law's forces go back by the same table, F = P f, and so do their slopes.
+Sums are not reordered here: with that liberty the order depended on where the small arrays lie in memory, and a sweep over corners
+magnified what rounding differed by from call to call.
 """
 
 from __future__ import annotations
@@ -9,13 +11,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from cutvib_ss.model.restoring_forces.compiled import FAST, numbers, resist, tangents
+from cutvib_ss.model.restoring_forces.compiled import numbers, resist, tangents
 from cutvib_ss.model.restoring_forces.packed import SLIDES
 from cutvib_ss.response.port_motion import Tables
 from cutvib_ss.results import FloatArray
 
 
-@numba.njit(cache=True, fastmath=FAST)
+@numba.njit(cache=True)
 def forces(
     x: FloatArray,
     omega: float,

@@ -222,6 +222,24 @@ def test_the_machine_s_joint_is_what_stepping_comes_to() -> None:
     assert np.abs(linear - expected).max() > 0.05 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize(
+    ("law", "parameters"),
+    [
+        ("dry_friction", {"torque": 5.0, "sticking_stiffness": 1e6}),
+        ("joint_slip", {"stiffness": 2e6, "slip_torque": 20.0, "spread": 0.5, "exponent": -0.5}),
+    ],
+)
+def test_the_same_sweep_gives_the_same_bits_wherever_its_arrays_lie(law: str, parameters: dict[str, float]) -> None:
+    """Sums in an order that depends on memory differed by rounding in one call of ten."""
+    machine = replace(published_machine(), nonlinear=(NonlinearElement("joint2", law, parameters),))
+    rng, freq, seen, kept = np.random.default_rng(1), np.linspace(5.0, 40.0, 120), set(), []
+    force = 20.0 * (1.0 + 0.1 * rng.standard_normal(freq.size))
+    for _ in range(120):
+        kept.append(np.zeros(rng.integers(1, 64)))
+        seen.add(sine_response(machine, 0.5, freq, force).data.tobytes())
+    assert len(seen) == 1
+
+
 # --- chain, derivatives, refusals -------------------------------------------------------------------------------------
 
 
