@@ -198,7 +198,7 @@ def search(
         sums = unknown_elements(nominal, records, few, observed, ranked, linear, rival, workers, beside)
         parts = _without_the_other(nominal, records, sums, ranked)
         ranked += [*sums, *parts]
-        left = left and not (parts and is_enough(ranked, none, leaves))
+        left = left and not is_enough(parts, none, leaves)
     if (
         pairs
         and left
