@@ -83,7 +83,7 @@ class RecordSummary:
     def level_text(self) -> str:
         """Levels of the blows, for a table."""
         if not self.peaks:
-            return "" if self.peak_force is None else f"{self.peak_force:.3g}"
+            return "not stated" if self.peak_force is None else f"{self.peak_force:.3g}"
         low, high = f"{min(self.peaks):.3g}", f"{max(self.peaks):.3g}"
         return low if low == high else f"{low} to {high}"
 
@@ -113,7 +113,7 @@ class PairSummary:
     def row(self) -> list[str]:
         """A row of a table."""
         place = "" if self.position is None else f"{self.position:g}"
-        levels = " and ".join("?" if v is None else f"{v:.3g}" for v in self.levels)
+        levels = " and ".join("not stated" if v is None else f"{v:.3g}" for v in dict.fromkeys(self.levels))
         size = f"{100 * self.difference:.2g} %" if self.difference > 0 else "none beyond noise"
         return [self.first, self.second, place, levels, size, self.worst if self.difference > 0 else ""]
 
@@ -147,7 +147,7 @@ class Summary:
         if self.repeatability is not None:
             said.append(
                 f"Records of the same configuration differ by {100 * self.repeatability:.2g} % beyond their noise "
-                f"({len(self.repeated)} pairs)."
+                f"({_pairs(len(self.repeated))})."
             )
         elif len(self.records) > 1:
             said.append("No two records are of the same position, input and level: repeatability is not known.")
@@ -168,12 +168,12 @@ class Summary:
         if not clear and most.difference > 2.0 * (self.repeatability or np.inf):
             return (
                 f"Levels differ {size} ({most.first}, {most.second}), by more than twice what records of one level do; so few of "
-                f"these ({len(self.repeated)} pairs) do not tell that from chance: measure more levels twice."
+                f"these ({_pairs(len(self.repeated))}) do not tell that from chance: measure more levels twice."
             )
         if not clear:
             said = "No dependence on the level stands out of noise and repeatability"
             return f"{said}: {100 * most.difference:.2g} % at most." if most.difference > 0 else f"{said}."
-        count = f"in {len(clear)} of {len(self.levels)} pairs of levels"
+        count = f"in {len(clear)} of {_pairs(len(self.levels))} of levels"
         if self.repeatability is None:
             return (
                 f"Responses differ {count} by more than noise, {size} ({most.first}, {most.second}): they depend on the level, or "
@@ -209,6 +209,10 @@ class Summary:
             "sentences": self.sentences(),
             "warnings": list(self.warnings),
         }
+
+
+def _pairs(count: int) -> str:
+    return f"{count} pair" if count == 1 else f"{count} pairs"
 
 
 def _with_units(record: dict[str, Any]) -> dict[str, Any]:

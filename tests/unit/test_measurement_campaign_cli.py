@@ -286,7 +286,7 @@ def test_show_tells_repeatability_and_levels(tmp_path, capsys):
     assert [(p["first"], p["second"]) for p in data["levels"]] == [("a.csv", "c.csv"), ("b.csv", "c.csv")]
     assert data["levels"][0]["difference"] == pytest.approx(0.2 / np.sqrt(1 + 1.2**2), rel=0.03)
     # One repetition alone does not tell a difference of four times as much from chance.
-    assert any("so few of these (1 pairs)" in s for s in data["sentences"])
+    assert any("so few of these (1 pair)" in s for s in data["sentences"])
     assert [r["level"] for r in data["records"]] == pytest.approx([50, 50, 200], rel=0.02)
 
 
