@@ -344,7 +344,8 @@ class Climb:
             return self.at.drift
         own = step[: lay.first_nominal - lay.unknowns].reshape(len(self.at.drift), -1)[:, : self.at.drift.shape[1]]
         size = self.drifted.sizes(self.sizes)
-        most = SETTINGS.likelihood_farthest_drift * size
+        # Sizes that have shrunk since leave what has drifted where it is, to come back by steps.
+        most = np.maximum(SETTINGS.likelihood_farthest_drift * size, np.abs(self.at.drift))
         followed = np.clip(self.at.drift + size * own, -most, most)
         # What is small moves a response in proportion, as its directions say.
         return np.where(size > SETTINGS.predictive_small_drift, followed, 0.0)
