@@ -39,6 +39,7 @@ from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Diagnosis, NextTest, Where
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import ByLevel, unknown_places
+from cutvib_ss.diagnosis.unknown_search import ELEMENTS, FORCES
 from cutvib_ss.diagnosis.verdict import ambiguity_set, place_set, verdict
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model
@@ -138,7 +139,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     problem = Problem(nominal, records.merged, Hypothesis())
     workers.say("judging causes on held-out records")
     counts, variants = _considered(nominal, searched)
-    odds = _odds(searched, counts, variants)
+    odds = _odds(searched, counts, variants, not workers.left_out.keys().isdisjoint((ELEMENTS, FORCES)))
     # A right model would have left more than noise, and does not without what disturbs the records.
     measured = 1.0 + observed.disturbed > SETTINGS.search_enough and odds[none.name] >= SETTINGS.verdict_half
     if measured:
@@ -206,12 +207,12 @@ def _considered(nominal: Model, searched: Searched) -> tuple[Counts, dict[tuple[
     return Counts(len(known), len(set(sites))), {**known, **unknown}
 
 
-def _odds(searched: Searched, counts: Counts, variants: dict[tuple[str, str], int]) -> dict[str, float]:
+def _odds(searched: Searched, counts: Counts, variants: dict[tuple[str, str], int], untried: bool) -> dict[str, float]:
     """Probability of every hypothesis by name, each held against records that its fit has not seen."""
     ranked, judged = searched.ranked, searched.judged
     heat = temperature(judged(max((r for r in ranked if r.refined), key=lambda r: r.fit.log_evidence)))
     odds = judged_on_held_out(ranked, probabilities(ranked, counts, variants, heat), judged, heat)
-    odds = of_known_form(ranked, odds, judged)
+    odds = of_known_form(ranked, odds, judged, untried)
     odds = that_are_means(ranked, odds, judged, searched.observed.changes)
     return that_drift_by_chance(ranked, odds, lambda r: chance_of_order(r.fit.spread, searched.records))
 

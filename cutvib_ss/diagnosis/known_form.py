@@ -13,7 +13,10 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 
 
 def of_known_form(
-    ranked: Sequence[Ranked], odds: Mapping[str, float], held: Callable[[Ranked], HeldOut]
+    ranked: Sequence[Ranked],
+    odds: Mapping[str, float],
+    held: Callable[[Ranked], HeldOut],
+    untried: bool = False,
 ) -> dict[str, float]:
     """
     Probabilities in which an answer whose form nothing here has is not sure.
@@ -22,7 +25,8 @@ def of_known_form(
     believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, or a larger error than the re-tuned
     model has there, the form is not known, and no more is the cause. Nor is no cause sure where a tuned value lies out of any
     tolerance. What such answers lose lies on something unknown: with it the probabilities sum to one. A cause that ends where
-    another takes over, as a resonance far above the band is a mass, has that one's name by now.
+    another takes over, as a resonance far above the band is a mass, has that one's name by now. Where elements of unknown form were
+    left `untried`, no cause is sure that leaves more than noise.
 
     An unknown element has no form that could err, but a known cause in a form that the catalogue lacks fits no other hypothesis
     either: no evidence tells the two apart, and priors have to. A known cause of its place is the answer in another form, and
@@ -39,7 +43,13 @@ def of_known_form(
         for r in likely
         if not _is_unknown(r)
         and r.refined
-        and (of_another_form(r, held) or r.fit.at_end or (bare is not None and _leaves_more(held(r), held(bare))))
+        and (
+            of_another_form(r, held)
+            or r.fit.at_end
+            or (bare is not None and _leaves_more(held(r), held(bare)))
+            # What was not computed is not ruled out.
+            or (untried and held(r).reduced > SETTINGS.verdict_noise)
+        )
     ]
     if bare is not None and bare.fit.tuned_out:
         # No cause is what tuning within tolerance explains.
@@ -47,6 +57,8 @@ def of_known_form(
     for r in strained:
         out[r.name] *= SETTINGS.verdict_form
     _among_kindred(likely, [r for r in ranked if r.refined], out)
+    if bare is not None:
+        _among_places(likely, [r for r in ranked if r.refined], bare, out, held)
     # What may as well be nothing is no form of anything.
     named = [r for r in ranked if r.refined and UNKNOWN not in dict(r.fit.hypothesis.causes) and is_there(r)]
     for r in [r for r in likely if r not in strained and r.fit.hypothesis.causes[-1][0] == UNKNOWN]:
@@ -97,6 +109,33 @@ def _among_kindred(likely: Sequence[Ranked], refined: Sequence[Ranked], odds: di
         ratio = effect.odds_to_kindred(r.fit.hypothesis.motions[effect.place])
         both = odds[r.name] + odds[other.name]
         odds[r.name], odds[other.name] = both * ratio / (1.0 + ratio), both / (1.0 + ratio)
+
+
+def _among_places(
+    likely: Sequence[Ranked],
+    refined: Sequence[Ranked],
+    bare: Ranked,
+    odds: dict[str, float],
+    held: Callable[[Ranked], HeldOut],
+) -> None:
+    """Share what a linear cause that errs by as much as is believed has with the same at another place that closes as much."""
+    # What the two places differ by is less than that error, which has taken up what neither of them does.
+    for r in likely:
+        if kind_of(r.fit.hypothesis) != "known" or not (r.fit.hypothesis.linear and r.fit.spread.largest("cause")):
+            continue
+        [(effect, place)] = r.fit.hypothesis.causes
+        found: dict[str, Ranked] = {}
+        for x in sorted(refined, key=lambda x: x.fit.log_evidence):
+            if (
+                kind_of(x.fit.hypothesis) == "known"
+                and x.fit.hypothesis.effect == effect
+                and x.fit.hypothesis.place != place
+            ):
+                found[x.fit.hypothesis.place] = x
+        close = [x for x in found.values() if _as_much(held(x).squares, held(r).squares, held(bare).squares)]
+        if close and odds[r.name] > max(odds[x.name] for x in close):
+            together = (odds[r.name] + sum(odds[x.name] for x in close)) / (1 + len(close))
+            odds |= {x.name: together for x in (r, *close)}
 
 
 def _is_unknown(r: Ranked) -> bool:

@@ -67,7 +67,7 @@ from cutvib_ss.diagnosis.standing import (
     taken_away,
 )
 from cutvib_ss.diagnosis.starts import at_instants
-from cutvib_ss.diagnosis.unknown_search import unknown_by_level, unknown_elements
+from cutvib_ss.diagnosis.unknown_search import ELEMENTS, FORCES, unknown_by_level, unknown_elements
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Effect, Model, identifying_values
 from cutvib_ss.results import FloatArray
@@ -193,7 +193,7 @@ def search(
     few = records.still.coarse(SETTINGS.search_coarse_lines, 0.0) if small and left else few
     noise = lacks and best.reduced < SETTINGS.search_enough and (not by_law or leaves(best) <= SETTINGS.verdict_misfit)
     rival = best if noise else None
-    if lacks and alike and workers.begin("fitting elements of unknown form"):
+    if lacks and alike and workers.begin(ELEMENTS):
         beside = rival is None and stands_out
         sums = unknown_elements(nominal, records, few, observed, ranked, linear, rival, workers, beside)
         parts = _without_the_other(nominal, records, sums, ranked)
@@ -217,7 +217,7 @@ def search(
         ranked += fit_pairs(nominal, records, known, seconds, tried.motion if tried else {}, workers, alike)
         left = not is_enough(ranked, none, leaves)
     by_force = lacks and left and tried is not None and forces_come_close([none, *ranked])
-    if by_force and not of_one_place(ranked, leaves) and workers.begin("fitting restoring forces of unknown form"):
+    if by_force and not of_one_place(ranked, leaves) and workers.begin(FORCES):
         ranked += unknown_by_level(nominal, records, few, observed, none, ranked, rival, workers)
     if shows_gap(ranked, none):
         best, single = best_of(ranked, none), first_known(ranked, none)

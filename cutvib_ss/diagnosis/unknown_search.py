@@ -30,6 +30,9 @@ from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
 
+ELEMENTS, FORCES = "fitting elements of unknown form", "fitting restoring forces of unknown form"
+"""Steps that look for what has no known form."""
+
 
 def unknown_elements(
     nominal: Model,

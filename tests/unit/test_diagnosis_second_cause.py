@@ -519,9 +519,23 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
         assert of_known_form([none, sized("mass", nominal, cause, MASS)], odds, fits) == odds
     # So are values that tolerances, roughly stated, may hold.
     assert of_known_form([none, sized("mass", 3e-5, 1e-3, CUBIC, tuned=4.5)], odds, fits) == odds
+    # What was not computed is not ruled out, where there is more than noise.
+    for reduced, untried, kept in ((1.3, True, SETTINGS.verdict_form), (1.3, False, 1.0), (1.0, True, 1.0)):
+        seen = held(mass=Leaves(reduced=reduced))
+        found = of_known_form([none, sized("mass", 3e-5, 1e-3, CUBIC)], odds, seen, untried)
+        assert found["mass"] == pytest.approx(0.99 * kept)
     # Something unknown has no form that could err.
     gap = held(none=Leaves(against_stated=5.0), mass=Leaves(against_stated=3.0))
     assert of_known_form([none, sized("mass", 0.03, 0.3, UNKNOWN)], odds, gap) == odds
+
+
+@pytest.mark.parametrize(("error", "left", "told"), [(0.3, 0.02, False), (0.3, 0.2, True), (0.1, 0.02, True)])
+def test_a_cause_that_errs_by_as_much_as_is_believed_may_sit_elsewhere(error: float, left: float, told: bool) -> None:
+    """A resonator on the head was one on the tool (1.00), with an error of its own of 30 %, and on the head as good."""
+    here, there = (sized(place, 3e-5, error, AddedMass(place, 0.1)) for place in ("tool", "head"))
+    seen = held(none=Leaves(squares=1.0), tool=Leaves(squares=0.01), head=Leaves(squares=0.01 + left))
+    found = of_known_form([sized("none", 0.03, 0.01), here, there], {"none": 0.0, "tool": 0.99, "head": 0.01}, seen)
+    assert (found["tool"], found["head"]) == pytest.approx((0.99, 0.01) if told else (0.5, 0.5))
 
 
 def test_no_cause_that_needs_values_out_of_any_tolerance_is_not_sure() -> None:
