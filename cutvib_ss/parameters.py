@@ -126,6 +126,8 @@ class RailParameters:
         that is a sequence.
     strain_damping : float
         c_s / E of Eq. 4 [s]: damping c_s I by the rate of strain, beside that of the damping ratios (0 by default).
+    frequency_profile : tuple of float
+        Natural frequency of each of the lowest modes over r² ``first_frequency``, as measured; ones by default and beyond.
     source, caveat : str
         Where the values come from, and what to know about them.
 
@@ -142,6 +144,7 @@ class RailParameters:
     n_modes: int
     damping_profile: tuple[float, ...] = ()
     strain_damping: float = 0.0
+    frequency_profile: tuple[float, ...] = ()
     source: str = field(default="", compare=False)
     caveat: str = field(default="", compare=False)
 
@@ -157,6 +160,10 @@ class RailParameters:
             if check_number("rail.damping_ratio", ratio, 0.0) >= 1.0:
                 raise ParameterError(f"rail.damping_ratio = {ratio} must be below 1")
         check_number("rail.strain_damping", self.strain_damping, 0.0)
+        profile = tuple(check_number("rail.frequency_profile", f, 0.0, strict=True) for f in self.frequency_profile)
+        if len(profile) > self.n_modes:
+            raise ParameterError(f"rail.frequency_profile has {len(profile)} values for n_modes = {self.n_modes}")
+        object.__setattr__(self, "frequency_profile", profile)
 
     def _take_profile(self, ratios: tuple[Any, ...]) -> None:
         """The mean of a damping ratio a mode, and what each is of it."""

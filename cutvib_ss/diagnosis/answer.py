@@ -13,6 +13,7 @@ from cutvib_ss.diagnosis.held_out import HeldOut, share
 from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.records import SET_UPS
 from cutvib_ss.diagnosis.result import Cause, FittedParameter, GapFigures, Verdict
 from cutvib_ss.effects.base import parameter_fields
 
@@ -138,4 +139,5 @@ def sizes(chosen: Fit) -> dict[str, float]:
     lay = chosen.spread.layout
     absent = {"within": not lay.records, "parts": not lay.parts.matrices, "losses": not lay.parts.losses}
     absent["flexibility"] = not lay.residual_modes
+    absent |= {kind: not any(hit[0] == kind for hit in lay.hits) for kind in SET_UPS}
     return {name: v for name, v in vars(chosen.spread.sizes).items() if not absent.get(name)}

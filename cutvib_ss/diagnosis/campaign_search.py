@@ -19,6 +19,7 @@ from cutvib_ss.diagnosis.odd_records import ODD, odd_records
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.search import Linear, search, search_linear
+from cutvib_ss.diagnosis.set_ups import with_set_ups
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import SmallSize, small_sizes
 from cutvib_ss.diagnosis.stopped import with_what_stops
@@ -36,7 +37,7 @@ def observe_campaign(campaign: Campaign, nominal: Model, highest: float = math.i
         campaign = without_mean_delays(nominal, campaign, observed, observed.jitter)
         observed = observe(campaign, nominal, highest)
     observed = with_what_stops(nominal, observed)
-    return replace(observed, entries=with_lasting(nominal, observed.entries))
+    return replace(observed, entries=with_set_ups(nominal, with_lasting(nominal, observed.entries)))
 
 
 class Searched(NamedTuple):

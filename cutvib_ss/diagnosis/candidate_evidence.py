@@ -78,4 +78,6 @@ def _named(path: Path) -> str:
         return "a part of the structure's matrices"
     if path[1] == "losses":
         return f"damping_ratio of mode {int(path[2]) + 1} of the rail"
+    if path[1] == "frequencies":
+        return f"natural frequency of mode {int(path[2]) + 1} of the rail"
     return f"{path[-1]} of the {path[0]}"

@@ -264,9 +264,10 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
 
         wider = e.showing(e.data, e.variance + (SETTINGS.fit_start_error * np.abs(e.data)) ** 2)
         afar = partial(show, e=wider, here=None)
-        hits = 0 if e.hits is None else len(e.hits)
         modes = residual_modes(problem.nominal, [e.group], problem.band[1])
-        chi2, drifts, density = fitted.spread.left(problem, fitted.x, session_of(e), e.record, show, afar, hits, modes)
+        chi2, drifts, density = fitted.spread.left(
+            problem, fitted.x, session_of(e), e.record, show, afar, e.hits, modes
+        )
         chi2 = chi2 * e.freq.size / np.maximum(told, 1)
         total = fitted.spread.noise * total
     # A prediction that is uncertain by itself pays for it.

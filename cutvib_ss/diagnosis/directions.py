@@ -16,7 +16,7 @@ import numpy as np
 from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
 from cutvib_ss.diagnosis.form_errors import Form
 from cutvib_ss.diagnosis.normal_matrix import Alike, Columns, add_products
-from cutvib_ss.diagnosis.records import Entry, session_of
+from cutvib_ss.diagnosis.records import SET_UPS, Entry, Hit, session_of
 from cutvib_ss.diagnosis.residual_modes import ResidualMode
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import NO_PARTS, Parts
@@ -30,22 +30,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sizes:
-    """
-    Relative standard deviations of drift between and within sessions, and of the discrepancy of nominal elements and of the cause.
-
-    `noise` is a factor on the variance of the noise.
-    """
+    """Relative standard deviations of drifts, and of discrepancies of nominal elements and of the cause; others as they say."""
 
     drift: float = 1e-3
     nominal: float = 3e-4
     cause: float = 1e-2
-    noise: float = 1.0
+    noise: float = 1.0  # A factor on its variance
     within: float = 1e-3
-    # Of errors of single parts of a structure's matrices, and of the losses of its modes, in tolerances of the matrix
-    parts: float = 0.1
-    losses: float = 0.3
-    # Of residual modes, in their scale
-    flexibility: float = 1e-2
+    parts: float = (
+        0.1  # Errors of single parts of a structure's matrices, and of single frequencies of the rail, in tolerances
+    )
+    losses: float = 0.3  # The same of the losses of modes
+    flexibility: float = 1e-2  # Of residual modes, in their scale
+    aim: float = 0.3  # How far set-ups are off in the force's direction and point, in their units
+    placing: float = 0.3  # The same in position
 
 
 def deviations(parts: Parts, count: int, sizes: Sizes) -> FloatArray:
@@ -68,7 +66,7 @@ class Layout:
     shapes: int
     records: tuple[int, ...] = ()  # Those that drift within their session, by their index in the campaign
     cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
-    hits: tuple[tuple[int, int], ...] = ()  # What the hits of a record do: its index, and the number of the direction
+    hits: tuple[Hit, ...] = ()  # What hits and set-ups do
     parts: Parts = NO_PARTS  # Unknowns that are errors of single parts of a structure
     residual_modes: tuple[ResidualMode, ...] = ()  # That the model leaves out
     form: Form = ()  # Errors of a restoring force's form
@@ -122,6 +120,7 @@ class Layout:
         out[self.first_nominal : self.first_cause] = sizes.nominal
         out[self.first_cause : self.first_residual] = sizes.cause
         out[self.first_residual : self.first_hit] = sizes.flexibility
+        out[self.first_hit :] = [getattr(sizes, kind) if kind in SET_UPS else 1.0 for kind, *_ in self.hits]
         return out
 
     def placed(self, drift: FloatArray) -> FloatArray:

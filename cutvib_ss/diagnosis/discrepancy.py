@@ -63,6 +63,9 @@ def weights(problem: Problem) -> tuple[FloatArray, FloatArray]:
             elif part.power == 0:
                 # Half of its change stands on either side of the diagonal.
                 drift[i] = 2.0 * size
+        elif path == ("rail", "frequencies", 0):
+            # The lowest mode beside all of them; of the others, which move less, each by itself tells little more.
+            drift[i] = SETTINGS.discrepancy_modes_drift * 0.5 / own
         elif i in alone:
             # A damping drifts with what all of them do.
             continue

@@ -25,6 +25,7 @@ from scipy import linalg, stats
 from scipy.linalg import lapack
 
 from cutvib_ss.diagnosis.directions import Layout, Sizes
+from cutvib_ss.diagnosis.records import SET_UPS
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import FloatArray
 
@@ -183,6 +184,7 @@ def grids(layout: Layout, known: Known) -> dict[str, tuple[tuple[float, float], 
     parts, losses = layout.parts
     of = {"nominal": layout.nominal, "cause": layout.pivots, "parts": parts, "losses": losses}
     of["flexibility"] = layout.residual_modes
+    of |= {kind: tuple(hit for hit in layout.hits if hit[0] == kind) for kind in SET_UPS}
     out, absent = {}, [name for name, columns in of.items() if not columns]
     for f in fields(Sizes):
         grid = SETTINGS.sizes[f.name]

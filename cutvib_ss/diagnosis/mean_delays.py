@@ -29,8 +29,7 @@ def without_mean_delays(nominal: Model, campaign: Campaign, observed: Observatio
     for e in observed.entries:
         std[e.record] = jitter.of_mean(e.record)
         if std[e.record]:
-            assert e.hits is not None
-            column = spread.layout.first_hit + spread.layout.hits.index((e.record, len(e.hits) - 1))
+            column = spread.layout.first_hit + spread.layout.hits.index(("late", e.record, 0))
             late[e.record] = spread.offsets[column] * std[e.record]
     told = std > 0.0
     mean = float(np.average(late[told], weights=std[told] ** -2))

@@ -255,7 +255,8 @@ def _by_blows(e: Entry, record: Record) -> Entry:
         return e
     # The variance keeps what orders: a hand may hit elsewhere when it hits harder.
     lines, hits = hit_directions(record, e.estimator.exponential_decay, noise=noise)
-    e = replace(e, hits=hits[..., np.isin(lines.round(9), e.freq.round(9))] if len(hits) else None)
+    inside = np.isin(lines.round(9), e.freq.round(9))
+    e = replace(e, hits={("hit", e.record, k): direction[..., inside] for k, direction in enumerate(hits)})
     found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])), noise=noise)
     return replace(e, ordering=found.ordering)
 
@@ -275,8 +276,7 @@ def _with_jitter(e: Entry, jitter: TriggerJitter | None) -> Entry:
     """A record of blows with the direction in which their mean delay moves it."""
     if jitter is None or not jitter.of_mean(e.record):
         return e
-    late = _late(e, jitter)[None]
-    return replace(e, hits=late if e.hits is None else np.concatenate([e.hits, late]))
+    return replace(e, hits={**e.hits, ("late", e.record, 0): _late(e, jitter)})
 
 
 def _excess(entries: Sequence[Entry], jitter: TriggerJitter) -> float:

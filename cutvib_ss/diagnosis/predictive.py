@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -12,6 +12,7 @@ import numpy as np
 from cutvib_ss.diagnosis.directions import Directions, Layout, Sizes, real_rows
 from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.likelihood import log_determinant, solved
+from cutvib_ss.diagnosis.records import Hit
 from cutvib_ss.diagnosis.residual_modes import ResidualMode
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.errors import CutvibError
@@ -78,7 +79,7 @@ class Spread:
         return out
 
     def of_record(
-        self, name: tuple[float | str, ...], record: int, hits: int, modes: Sequence[ResidualMode] = ()
+        self, name: tuple[float | str, ...], record: int, hits: Iterable[Hit], modes: Sequence[ResidualMode] = ()
     ) -> Spread:
         """The same for one record, which shows some residual modes: in its columns, all others being left at their best."""
         lay = self.layout
@@ -88,7 +89,7 @@ class Spread:
             sessions=(name,) if lay.sessions else (),
             records=(record,) if lay.records else (),
             residual_modes=(*lay.residual_modes, *(m for m in modes if (m.input, m.channel) not in seen)),
-            hits=tuple((record, k) for k in range(hits)),
+            hits=tuple(hits),
         )
         inferred = lay.first_hit - lay.first_nominal
         # Columns here and there of the unknowns and of what all records share, then of what was seen of this one.
@@ -134,7 +135,7 @@ class Spread:
         record: int,
         show: Show,
         afar: Show,
-        hits: int = 0,
+        hits: Iterable[Hit] = (),
         modes: Sequence[ResidualMode] = (),
     ) -> Left:
         """

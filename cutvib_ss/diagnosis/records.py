@@ -8,9 +8,9 @@ judging.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,10 @@ from cutvib_ss.results.arrays import optional_array, position_at
 By = Literal["session", "record"]
 """What the groups of a problem hold one of."""
 
+# A direction in which records are off: a "hit" of a hand, "late" (of which record), "aim" or "placing" (set-up); its number.
+Hit: TypeAlias = tuple[str, int, int]
+SET_UPS = ("aim", "placing")
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -42,8 +46,8 @@ class Entry:
     sine: SineTest | None = None  # Of a stepped or swept sine
     block_stated: bool = True  # Whether how long the block of an estimated response was is more than a guess
     session: str | None = None  # Name of its session, where stated
-    # What a hand's hits do to the mean of its blows, each of unit normal size, shape (direction, channel, frequency)
-    hits: ComplexArray | None = None
+    # What a hand's hits and its set-up do to the mean of its blows, each of unit normal size, shape (channel, frequency)
+    hits: Mapping[Hit, ComplexArray] = field(default_factory=dict)
     ordering: Ordering | None = None  # How much its blows order with their force; None where that was not looked at
     # Lines of each channel that a converter's steps have spoilt, shape (channel, frequency); None where there are none
     lost: NDArray[np.bool_] | None = None
@@ -158,8 +162,9 @@ class Group:
     decay_rate: FloatArray
     entries: tuple[tuple[Entry, ...], ...] = ()  # The records behind each row
     struck: tuple[str, ...] = ()  # Where the force of each row acts, as in `Entry`; nothing: at the model's input
-    # Of each row what the hits of its records do, with their weight in it: by the record's index and the number of the direction
-    hits: tuple[Mapping[tuple[int, int], ComplexArray], ...] = ()
+    hits: tuple[
+        Mapping[Hit, ComplexArray], ...
+    ] = ()  # Of each row what the hits of its records do, with their weight in it
 
     @cached_property
     def blows(self) -> dict[tuple[int, float], tuple[Pulses, ComplexArray]]:
@@ -288,17 +293,15 @@ def _scatter(row: ComplexArray, same: Sequence[Entry]) -> float:
     weight = np.sqrt(2.0 * np.array([e.precision for e in same]))
     left = (weight * (np.array([e.data for e in same]) - row)).ravel()
     squares = float(np.vdot(left, left).real)
-    struck = [(i, direction) for i, e in enumerate(same) for direction in (() if e.hits is None else e.hits)]
-    if len(same) < 2 or not struck:
+    keys = dict.fromkeys(key for e in same for key in e.hits)
+    if len(same) < 2 or not keys:
         return squares
     share = weight**2 / np.maximum(np.sum(weight**2, axis=0), 1e-300)
-    moved = np.zeros((len(struck), *weight.shape), dtype=np.complex128)
-    for k, (i, direction) in enumerate(struck):
-        moved[k] = -share[i] * direction
-        moved[k, i] += direction
-    rows = (moved * weight).reshape(len(struck), -1)
+    still = np.zeros(weight.shape[1:])
+    moved = np.array([[e.hits.get(key, still) for e in same] for key in keys])
+    rows = ((moved - np.sum(share * moved, axis=1, keepdims=True)) * weight).reshape(len(keys), -1)
     pulled = (rows.conj() @ left).real
-    return squares - float(pulled @ np.linalg.solve((rows @ rows.conj().T).real + np.eye(len(struck)), pulled))
+    return squares - float(pulled @ np.linalg.solve((rows @ rows.conj().T).real + np.eye(len(keys)), pulled))
 
 
 def merged(entries: Sequence[Entry], apart: bool = False, by_session: bool = False) -> tuple[Group, ...]:
@@ -347,7 +350,8 @@ def in_short(e: Entry) -> Entry:
         return e
     short = r.short(SETTINGS.search_outlook_blocks)
     more = r.power / np.maximum(short.power, 1e-12 * np.max(r.power))
-    hits = None if e.hits is None else np.sqrt(more) * e.hits
+    # A set-up is the same whatever is told of it.
+    hits = {key: h if key[0] in SET_UPS else np.sqrt(more) * h for key, h in e.hits.items()}
     return replace(e.showing(short.data(short.measured), more * e.variance), replay=short, hits=hits)
 
 
@@ -363,13 +367,10 @@ def _group(members: list[Entry], apart: bool) -> Group:
         share = np.where(told, precision / np.where(told, total, 1.0), 1.0 / len(same))
         data.append(sum(w * e.data for w, e in zip(share, same, strict=True)))
         variance.append(np.where(told, 1.0 / np.where(told, total, 1.0), np.inf))
-        hits.append(
-            {
-                (e.record, k): w * direction
-                for w, e in zip(share, same, strict=True)
-                for k, direction in enumerate(() if e.hits is None else e.hits)
-            }
-        )
+        own: dict[Hit, ComplexArray] = {}
+        for w, e in zip(share, same, strict=True):
+            own |= {key: own.get(key, 0.0) + w * direction for key, direction in e.hits.items()}
+        hits.append(own)
     first = [same[0] for same in places.values()]
     return Group(
         positions=optional_array([e.position for e in first]),
@@ -391,7 +392,7 @@ def thinned(e: Entry, keep: np.ndarray | slice) -> Entry:
     """A record on some of its lines."""
     replay = None if e.replay is None else e.replay.at(keep)
     sine = None if e.sine is None else e.sine.at(keep)
-    hits = None if e.hits is None else e.hits[..., keep]
+    hits = {key: direction[..., keep] for key, direction in e.hits.items()}
     lost = None if e.lost is None else e.lost[..., keep]
     rounded = None if e.rounded is None else e.rounded[..., keep]
     return replace(

@@ -177,9 +177,9 @@ class Diagnosis(Drawn):
     sizes : mapping of str to float
         Of the accepted answer: ``drift`` between sessions, ``within`` them where their records differ, discrepancy of the
         ``nominal`` elements and of the ``cause`` (relative standard deviations), and the factor on the variance of the
-        ``noise``; errors of the ``losses`` of single modes, of a structure of single ``parts``, too (in tolerances of the matrix or
-        the damping ratio), and the ``flexibility`` of modes that it leaves out, of what the ports' masses give way at their
-        frequencies.
+        ``noise``; errors of the ``losses`` of single modes, of single ``parts`` of a structure and frequencies of the rail (in
+        tolerances), and the ``flexibility`` of modes that a structure leaves out, of what the ports' masses give way at their
+        frequencies; how far set-ups are off in ``placing`` (in mm) and in ``aim`` (in 0.01 rad and mm).
     """
 
     verdict: Verdict

@@ -38,6 +38,9 @@ def tuning_paths(model: Model) -> tuple[tuple[Path, float], ...]:
     if model.rail is not None and (scatter := float(model.tolerance.damping_ratio)) > 0.0:
         # About what all of them are off by the dampings of modes scatter one by one.
         found += [(("rail", "losses", k), scatter) for k in range(len(model.rail.losses))]
+    if model.rail is not None and (scatter := float(model.tolerance.first_frequency)) > 0.0:
+        # So do their frequencies about those of a uniform beam.
+        found += [(("rail", "frequencies", k), scatter) for k in range(len(model.rail.frequencies))]
     return tuple(found)
 
 
@@ -61,9 +64,12 @@ def parts_among(model: Model, tuning: Sequence[tuple[Path, float]]) -> Parts:
     """Which of the tuned values are errors of parts."""
     parts = model.matrix_parts
     power = {k: parts[int(path[1])].power for k, (path, _) in enumerate(tuning) if path[0] == "parts"}
-    of_rail = tuple(k for k, (path, _) in enumerate(tuning) if path[:2] == ("rail", "losses"))
-    lossy = tuple(k for k, p in power.items() if p == 1)
-    return Parts(tuple(k for k, p in power.items() if p != 1), (*lossy, *of_rail))
+
+    def of_rail(name: str) -> tuple[int, ...]:
+        return tuple(k for k, (path, _) in enumerate(tuning) if path[:2] == ("rail", name))
+
+    lossy, others = (tuple(k for k, p in power.items() if (p == 1) == damps) for damps in (True, False))
+    return Parts((*others, *of_rail("frequencies")), (*lossy, *of_rail("losses")))
 
 
 def to_unknown(value: float, r: Range) -> float:

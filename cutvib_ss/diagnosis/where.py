@@ -52,13 +52,14 @@ def bands(
 
 
 def drift_squares(problem: Problem, x: FloatArray, predictions: Sequence[Predicted], sizes: Sizes) -> list[FloatArray]:
-    """What drift between sessions, of the size that a fit found, adds to the squares of a problem's whitened residuals."""
+    """What drift and set-ups, of the sizes that a fit found, add to the squares of a problem's whitened residuals."""
     directions = Directions(problem, x, predictions)
     lay = directions.layout
+    scale = lay.scale(sizes)[:, None, None]
     out = [np.zeros(p.data.shape) for p in predictions]
     for i, rows, c, index, part in directions.chunks():
-        drift = (index >= lay.unknowns) & (index < lay.first_nominal)
-        out[i][rows, c] += np.sum(np.abs(sizes.drift * part[drift]) ** 2, axis=0)
+        repeats = ((index >= lay.unknowns) & (index < lay.first_nominal)) | (index >= lay.first_hit)
+        out[i][rows, c] += np.sum(np.abs(scale[index[repeats]] * part[repeats]) ** 2, axis=0)
         out[i][rows, c] += 2.0 * (sizes.noise - 1.0)
     return out
 

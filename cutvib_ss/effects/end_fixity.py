@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+import numpy as np
+
 from cutvib_ss.effects.base import Carried, Measured, Severity, parameter
 from cutvib_ss.effects.machine_effect import MachineEffect, Starts
+from cutvib_ss.effects.scales import TOLERATED
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import RailAttachment
@@ -38,6 +41,12 @@ class EndFixity(MachineEffect):
         turn = p.bending_stiffness / p.length
         turns = (0.1, 0.4, 1.2, 4.0, 15.0)
         yield "", tuple(cls("rail_ends", a * turn, b * turn) for a in turns for b in turns)
+
+    def tolerated(self, model: Any) -> bool:
+        # The first mode, which moves most, by no more than it may by itself: by k L/(π² EI) for each end.
+        rail = model.rail.parameters
+        moved = (self.k_left + self.k_right) * rail.length / (np.pi**2 * rail.bending_stiffness)
+        return bool(moved <= TOLERATED * model.tolerance.first_frequency)
 
     def changed_machine(self, machine: Machine) -> Machine:
         springs = tuple(

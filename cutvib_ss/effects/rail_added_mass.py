@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+import numpy as np
+
 from cutvib_ss.effects.base import Carried, Measured, Severity, parameter
 from cutvib_ss.effects.machine_effect import MachineEffect, Starts
+from cutvib_ss.effects.scales import TOLERATED
 from cutvib_ss.model.elements import SpringDamperMass
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.model.rail import RailAttachment
@@ -32,6 +35,15 @@ class RailAddedMass(MachineEffect):
         spots = (0.12, 0.25, 0.38, 0.5, 0.62, 0.75, 0.88)
         mass = machine.rail.parameters.mass
         yield "", tuple(cls("rail", y, mass * f, 1.0) for y in spots for f in (0.01, 0.06))
+
+    def tolerated(self, model: Any) -> bool:
+        # No mode moves, or dies out, by more than it may by itself: a mass at its antinode by m/μL and c/(μL ω).
+        rail, own = model.rail.parameters, model.tolerance
+        lost = self.damping / (rail.mass * 2 * np.pi * rail.first_frequency)
+        return bool(
+            self.mass <= TOLERATED * own.first_frequency * rail.mass
+            and lost <= TOLERATED * own.damping_ratio * rail.damping_ratio
+        )
 
     def changed_machine(self, machine: Machine) -> Machine:
         lump = RailAttachment(SpringDamperMass(mass=self.mass, damping=self.damping), self.position)

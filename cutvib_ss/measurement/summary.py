@@ -113,7 +113,7 @@ class PairSummary:
     def row(self) -> list[str]:
         """A row of a table."""
         place = "" if self.position is None else f"{self.position:g}"
-        levels = " and ".join("not stated" if v is None else f"{v:.3g}" for v in dict.fromkeys(self.levels))
+        levels = " and ".join("not stated" if v is None else f"{v:.3g}" for v in self.levels)
         size = f"{100 * self.difference:.2g} %" if self.difference > 0 else "none beyond noise"
         return [self.first, self.second, place, levels, size, self.worst if self.difference > 0 else ""]
 

@@ -16,7 +16,7 @@ that turn by less than the slope (`cutvib_ss.model.pinned_modes`). Twist is a fi
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -130,17 +130,33 @@ class Rail:
     losses: tuple[
         float, ...
     ] = ()  # Factors on the damping of each of the lowest modes, which tuning moves; ones by default
+    frequencies: tuple[float, ...] = ()  # The same on their natural frequencies
 
     def __post_init__(self) -> None:
-        if all(f == 1.0 for f in self.losses):
-            object.__setattr__(self, "losses", (1.0,) * min(self.parameters.n_modes - 1, LOSSY_MODES))
+        for name in ("losses", "frequencies"):
+            if all(f == 1.0 for f in getattr(self, name)):
+                object.__setattr__(self, name, (1.0,) * min(self.parameters.n_modes - 1, LOSSY_MODES))
 
     @property
     def modes(self) -> PinnedModes:
         """Its modes between pins."""
         if self.shear is None:
-            return euler_bernoulli(self.parameters.n_modes)
-        return timoshenko(self.parameters.n_modes, self.shear.ratio)[0]
+            return self._tuned(euler_bernoulli(self.parameters.n_modes))
+        return self._tuned(timoshenko(self.parameters.n_modes, self.shear.ratio)[0])
+
+    def _tuned(self, modes: PinnedModes) -> PinnedModes:
+        """Modes, or their derivatives, with the factors on the frequencies of the lowest of them."""
+        own = self._frequency_profile
+        return modes if not own else replace(modes, frequency=scaled(modes.frequency, own))
+
+    @property
+    def _frequency_profile(self) -> tuple[float, ...]:
+        """Natural frequencies of the lowest modes over those of the uniform beam; nothing where all are."""
+        p = self.parameters
+        if all(f == 1.0 for f in self.frequencies):
+            return p.frequency_profile
+        count = max(len(p.frequency_profile), len(self.frequencies))
+        return tuple(scaled(scaled(np.ones(count), p.frequency_profile), self.frequencies).tolist())
 
     @property
     def damping_weight(self) -> FloatArray:
@@ -151,7 +167,10 @@ class Rail:
 
     @property
     def as_written(self) -> Rail:
-        """The factors on the damping of single modes are written into its parameters."""
+        """The factors on the damping and the frequency of single modes are written into its parameters."""
+        if self._frequency_profile != self.parameters.frequency_profile:
+            stated = replace(self.parameters, frequency_profile=self._frequency_profile)
+            return replace(self, parameters=stated, frequencies=()).as_written
         p = self.parameters
         if all(f == 1.0 for f in self.losses) and not p.damping_profile:
             return self
@@ -164,7 +183,7 @@ class Rail:
     def modes_by_shear(self) -> PinnedModes:
         """Derivatives of their values to the shear ratio; only where the rail shears."""
         assert self.shear is not None
-        return timoshenko(self.parameters.n_modes, self.shear.ratio)[1]
+        return self._tuned(timoshenko(self.parameters.n_modes, self.shear.ratio)[1])
 
 
 def viscous_rail(model: Rail, viscous_at: float | None) -> Rail:
@@ -192,9 +211,16 @@ def mode_shapes(p: RailParameters, position: ArrayLike) -> FloatArray:
     return shapes
 
 
+def scaled(values: FloatArray, factors: Sequence[float]) -> FloatArray:
+    """Values, the first of them times factors."""
+    out = values.copy()
+    out[: len(factors)] *= factors
+    return out
+
+
 def natural_frequencies(p: RailParameters) -> FloatArray:
     """Natural frequencies of the pinned rail without the head (Eq. 8, Table 5), shape (mode,)."""
-    frequencies: FloatArray = p.first_frequency * euler_bernoulli(p.n_modes).frequency
+    frequencies: FloatArray = p.first_frequency * scaled(euler_bernoulli(p.n_modes).frequency, p.frequency_profile)
     return frequencies
 
 

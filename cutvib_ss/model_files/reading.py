@@ -57,6 +57,7 @@ class _RailTable(_Table):
     damping_ratio: float | list[float] = 0.0
     n_modes: int = 0
     strain_damping: float = 0.0
+    frequency_profile: list[float] = []
 
 
 class _ToleranceTable(_Table):

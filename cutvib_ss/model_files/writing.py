@@ -74,6 +74,8 @@ def _lines(model: Model) -> Iterator[str]:
         yield _entry("damping_ratio", rail.damping_ratios if rail.damping_profile else rail.damping_ratio)
         if rail.strain_damping:
             yield _entry("strain_damping", rail.strain_damping)
+        if rail.frequency_profile:
+            yield _entry("frequency_profile", rail.frequency_profile)
     else:
         yield from _structure_lines(bare)
     yield from ["", "[tolerance]"]

@@ -6,6 +6,7 @@ import math
 
 from cutvib_ss.diagnosis.observations import SPOILT
 from cutvib_ss.diagnosis.result import Diagnosis, Limit
+from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.plot.diagnosis import probability_text
 from cutvib_ss.report.wording import (
     cause_name,
@@ -186,8 +187,21 @@ def size_rows(d: Diagnosis) -> list[Row]:
         if math.isfinite(value := d.sizes.get(key, math.nan)):
             least = " or less" if value <= 3e-5 else ""
             rows.append((name, f"{100 * value:.2g} %{least}", words))
+    position, point, angle = 1e3 * SETTINGS.set_up_position, 1e3 * SETTINGS.set_up_point, SETTINGS.set_up_angle
+    for key, name, unit, words in (
+        (
+            "placing",
+            "position",
+            f"{position:g} mm",
+            "how far the head was put beside its position (standard deviation)",
+        ),
+        ("aim", "aim", f"{angle:g} rad and {point:g} mm", "how far the force acted beside its direction and point"),
+    ):
+        if math.isfinite(value := d.sizes.get(key, math.nan)):
+            least = " or less" if value <= SETTINGS.sizes[key][0][0] else ""
+            rows.append((name, f"{value:.2g} times {unit}{least}", words))
     for key, name, words in (
-        ("parts", "parts", "error of single springs and masses of the structure (standard deviation)"),
+        ("parts", "parts", "error of single springs and masses, or frequencies of the rail (standard deviation)"),
         ("losses", "losses", "error of the damping of single modes (standard deviation)"),
     ):
         if math.isfinite(value := d.sizes.get(key, math.nan)):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cutvib_ss.model.paths import Path
 from cutvib_ss.model.pinned_modes import PinnedModes
@@ -89,8 +90,8 @@ class RailPair:
         elif name[0] == "s":
             value = 2 * half * p.damping_ratio * damped[0] + 2 * s * self._kinetic
             value = value + half * p.strain_damping * undamped[1]
-        elif name[0] == "losses":
-            value = self._of_mode(int(name[1]))
+        elif name[0] in ("losses", "frequencies"):
+            value = self._of_mode(str(name[0]), int(name[1]))
         elif name[0] == "strain_damping":
             value = half * s * undamped[1]
         elif name[0] == "shear":
@@ -101,18 +102,23 @@ class RailPair:
             value = np.zeros((1, s.size), dtype=np.complex128)
         return value
 
-    def _of_mode(self, k: int) -> ComplexArray:
-        """v_lᵀ dD v_r of the factor on the damping of one mode."""
+    def _of_mode(self, name: str, k: int) -> ComplexArray:
+        """v_lᵀ dD v_r of the factor on the damping, or the natural frequency, of one mode."""
         rail, p = self.rail, self.rail.model.parameters
+        of_one = 2 * rail.half / getattr(rail.model, name)[k]
         # A uniform rotation, of number 0, has the damping of the first.
-        own = np.flatnonzero(np.maximum(rail.modes.number - 1, 0) == k)
-        damped = (2 * rail.half * p.damping_ratio / rail.model.losses[k]) * rail.damped_w[own]
-        if rail.pinned:
+        own = np.flatnonzero(np.maximum(rail.modes.number - 1, 0) == k) if name == "losses" else np.array([k])
+        value: ComplexArray = rail.s * self._over(own, of_one * p.damping_ratio * rail.damped_w[own])
+        if name == "frequencies":
+            value = value + rail.strained * self._over(own, of_one * rail.w[own] ** 2)
+        return value
+
+    def _over(self, own: NDArray[np.intp], weights: FloatArray) -> ComplexArray:
+        """Σ of some modes' weights over a_l a_r."""
+        if self.rail.pinned:
             shapes = self.left.port.elastic[:, own] * self.right.port.elastic[:, own]
-            value: ComplexArray = rail.s * mixed(damped * shapes, rail.flexibility_squared[own])
-            return value
-        elastic = self.left.elastic[own] * self.right.elastic[own]
-        return np.asarray(rail.s * mixed(damped, elastic))
+            return np.asarray(mixed(weights * shapes, self.rail.flexibility_squared[own]))
+        return np.asarray(mixed(weights, self.left.elastic[own] * self.right.elastic[own]))
 
     def _ports_under_shear(self) -> ComplexArray:
         out: ComplexArray = np.zeros((1, self.rail.s.size), dtype=np.complex128)

@@ -106,7 +106,9 @@ def test_the_normal_matrix_is_that_of_the_columns_written_down(by: By | None) ->
     structure = example_structure()
     rng = np.random.default_rng(3)
     struck = tuple(
-        e if e.record % 2 else replace(e, hits=rng.standard_normal((2, *e.data.shape)) + 0j)
+        e
+        if e.record % 2
+        else replace(e, hits={("hit", e.record, k): rng.standard_normal(e.data.shape) + 0j for k in range(2)})
         for e in entries(structure, 3e-3, count=4)
     )
     cause = ParameterShift("structure", "stiffness", 1.2)
@@ -204,11 +206,14 @@ def test_what_hits_do_is_no_discrepancy(merged_by_position: bool) -> None:
     steady = [replace(e, session="one" if merged_by_position else str(e.record)) for e in entries(structure, 0.0)]
     beside = 0.05 * response(structure, 0.8)
     struck = [
-        replace(e.showing(e.data + rng.standard_normal() * beside), hits=beside[None].astype(np.complex128))
+        replace(
+            e.showing(e.data + rng.standard_normal() * beside),
+            hits={("hit", e.record, 0): beside.astype(np.complex128)},
+        )
         for e in steady
     ]
     known = fit(structure, Records(tuple(struck)), Hypothesis())
-    blind = fit(structure, Records(tuple(replace(e, hits=None) for e in struck)), Hypothesis())
+    blind = fit(structure, Records(tuple(replace(e, hits={}) for e in struck)), Hypothesis())
     assert known.reduced < 1.1
     assert known.spread.sizes.nominal < 1e-3
     assert known.spread.sizes.drift <= 1e-3

@@ -66,8 +66,8 @@ def test_added_mass_is_bounded_as_by_the_profile_likelihood(found: dict[tuple[st
     records, _ = measured(3e-3)
 
     def profile(mass: float) -> float:
-        # All that the fit may move is fitted anew at each mass.
-        return fit(AddedMass("tool", mass).apply(MACHINE), records, Hypothesis()).objective
+        # All that the fit may move is fitted anew at each mass, and summed over, sizes as well.
+        return -2.0 * fit(AddedMass("tool", mass).apply(MACHINE), records, Hypothesis()).log_evidence
 
     masses = np.linspace(-0.8, 0.8, 9) * found["added_mass", "tool"].allowed
     curve = np.polynomial.Polynomial.fit(masses, [profile(m) for m in masses], 2)

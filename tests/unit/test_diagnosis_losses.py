@@ -19,6 +19,7 @@ from cutvib_ss.effects.modal_truncation import ModalTruncation
 from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.model.paths import with_values
 from cutvib_ss.model.rail import EndSupports, Shear
+from cutvib_ss.model.rail import rail as rail_system
 from cutvib_ss.response.frequency import ChainedResponse
 from tests.unit.record_example import entry_of
 
@@ -63,18 +64,19 @@ def records(of: dict[float, Machine], error: float, level: float = 20.0) -> Reco
         replace(MACHINE.rail, supports=EndSupports(2e7, 3e7, 1e3, 1e3)),
     ],
 )
-def test_derivatives_to_the_damping_of_one_mode(rail) -> None:
+@pytest.mark.parametrize("name", ["losses", "frequencies"])
+def test_derivatives_to_the_damping_and_the_frequency_of_one_mode(rail, name) -> None:
     machine = replace(MACHINE, rail=rail)
     at, s = np.array([0.2, 0.4]), 2j * np.pi * FREQ
 
     def response(model: Machine) -> ChainedResponse:
         return ChainedResponse(model, at, s, ("acceleration",) * 3, CHANNELS, ("force",))
 
-    for k in range(len(machine.rail.losses)):
-        path = ("rail", "losses", k)
+    for k in range(len(getattr(machine.rail, name))):
+        path = ("rail", name, k)
         own = response(machine).derivatives([path])[0]
-        ends = [response(with_values(machine, {path: 1.0 + h})).data() for h in (1e-4, -1e-4)]
-        np.testing.assert_allclose(own, (ends[0] - ends[1]) / 2e-4, atol=1e-6 * np.abs(own).max())
+        ends = [response(with_values(machine, {path: 1.0 + h})).data() for h in (1e-5, -1e-5)]
+        np.testing.assert_allclose(own, (ends[0] - ends[1]) / 2e-5, atol=1e-5 * np.abs(own).max())
 
 
 def test_a_damping_of_one_mode_is_written_as_a_damping_ratio_a_mode(tmp_path: Path) -> None:
@@ -86,6 +88,23 @@ def test_a_damping_of_one_mode_is_written_as_a_damping_ratio_a_mode(tmp_path: Pa
     assert again.rail.parameters.damping_ratios == pytest.approx(expected)
     one, two = (cv.frequency_response(m, [0.4], FREQ).data for m in (machine, again))
     np.testing.assert_allclose(one, two, rtol=1e-9)
+
+
+@pytest.mark.parametrize("shear", [None, Shear(30.0)])
+def test_frequencies_of_single_modes_are_those_of_the_pinned_rail(tmp_path: Path, shear: Shear | None) -> None:
+    factors = {("rail", "frequencies", k): f for k, f in enumerate((1.02, 0.97))}
+    bare = replace(MACHINE, rail=replace(MACHINE.rail, shear=shear))
+    one, two = (rail_system(m.rail, {}) for m in (bare, with_values(bare, factors)))
+    ratio = np.sqrt(np.diag(two.stiffness) / np.diag(one.stiffness))
+    np.testing.assert_allclose(ratio[:2], (1.02, 0.97))
+    np.testing.assert_allclose(ratio[2:], 1.0)
+    if shear is None:
+        file = tmp_path / "machine.toml"
+        cv.write_machine(with_values(MACHINE, factors), file)
+        again = cv.read_machine(file)
+        assert again.rail.parameters.frequency_profile[:2] == pytest.approx((1.02, 0.97))
+        shown = [cv.frequency_response(m, [0.4], FREQ).data for m in (with_values(MACHINE, factors), again)]
+        np.testing.assert_allclose(*shown, rtol=1e-9)
 
 
 def test_dampings_of_a_rail_of_few_modes_are_written_beside_modes_that_it_leaves_out(tmp_path: Path) -> None:

@@ -54,7 +54,8 @@ def test_a_record_on_a_wrong_range_is_odd(tmp_path: Path, gain: float) -> None:
 
 def test_a_diagnosis_says_which_record_it_left_out(tmp_path: Path) -> None:
     right = campaign(tmp_path, {"Monday": PLACES, "Tuesday": PLACES}, 3)
-    found = diagnose(with_gain(right, (5,), 0.95))
+    # A record 5 % off may be a hammer that struck askew.
+    found = diagnose(with_gain(right, (5,), 0.9))
     assert found.verdict == "no_gap"
     assert any(w.startswith("r5: left out") for w in found.warnings)
 

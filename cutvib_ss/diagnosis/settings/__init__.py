@@ -27,6 +27,8 @@ class Settings(AnswerSettings, SearchSettings, FitSettings):
             "parts": self.likelihood_parts_sizes,
             "losses": self.likelihood_losses_sizes,
             "flexibility": self.likelihood_flexibility_sizes,
+            "aim": self.likelihood_set_up_sizes,
+            "placing": self.likelihood_set_up_sizes,
         }
 
     @property
