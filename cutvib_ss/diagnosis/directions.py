@@ -37,9 +37,7 @@ class Sizes:
     cause: float = 1e-2
     noise: float = 1.0  # A factor on its variance
     within: float = 1e-3
-    parts: float = (
-        0.1  # Errors of single parts of a structure's matrices, and of single frequencies of the rail, in tolerances
-    )
+    parts: float = 0.1  # Of single parts of a structure's matrices, and single frequencies of the rail, in tolerances
     losses: float = 0.3  # The same of the losses of modes
     flexibility: float = 1e-2  # Of residual modes, in their scale
     aim: float = 0.3  # How far set-ups are off in the force's direction and point, in their units

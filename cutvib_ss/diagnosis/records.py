@@ -162,9 +162,7 @@ class Group:
     decay_rate: FloatArray
     entries: tuple[tuple[Entry, ...], ...] = ()  # The records behind each row
     struck: tuple[str, ...] = ()  # Where the force of each row acts, as in `Entry`; nothing: at the model's input
-    hits: tuple[
-        Mapping[Hit, ComplexArray], ...
-    ] = ()  # Of each row what the hits of its records do, with their weight in it
+    hits: tuple[Mapping[Hit, ComplexArray], ...] = ()  # What the hits of each row's records do, with their weight in it
 
     @cached_property
     def blows(self) -> dict[tuple[int, float], tuple[Pulses, ComplexArray]]:

@@ -17,6 +17,7 @@ from cutvib_ss.diagnosis.records import Entry, Hit, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
+from cutvib_ss.measurement.records import FORCE
 from cutvib_ss.model.machine import Machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray
@@ -39,7 +40,7 @@ def _of_set_up(nominal: Machine, e: Entry, number: int) -> Mapping[Hit, ComplexA
     """Directions of a record's set-up, each at the unit of its size; none where the model has no such response."""
     if e.position is None:
         return {}
-    struck = e.input in ("force", nominal.input_port)
+    struck = e.input in (FORCE, nominal.input_port)
     step = SETTINGS.set_up_position / nominal.rail.parameters.length
     low, high = max(e.position - step, e.position / 2), min(e.position + step, (1.0 + e.position) / 2)
     inputs = (e.input, *(("tool_z", "joint1", "joint2") if struck else ()))
