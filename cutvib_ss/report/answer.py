@@ -188,18 +188,14 @@ def size_rows(d: Diagnosis) -> list[Row]:
             least = " or less" if value <= 3e-5 else ""
             rows.append((name, f"{100 * value:.2g} %{least}", words))
     position, point, angle = 1e3 * SETTINGS.set_up_position, 1e3 * SETTINGS.set_up_point, SETTINGS.set_up_angle
-    for key, name, unit, words in (
-        (
-            "placing",
-            "position",
-            f"{position:g} mm",
-            "how far the head was put beside its position (standard deviation)",
-        ),
-        ("aim", "aim", f"{angle:g} rad and {point:g} mm", "how far the force acted beside its direction and point"),
+    beside = "how far the head was put beside its position (standard deviation)"
+    for key, name, units, words in (
+        ("placing", "position", ((position, "mm"),), beside),
+        ("aim", "aim", ((angle, "rad"), (point, "mm")), "how far the force acted beside its direction and point"),
     ):
         if math.isfinite(value := d.sizes.get(key, math.nan)):
             least = " or less" if value <= SETTINGS.sizes[key][0][0] else ""
-            rows.append((name, f"{value:.2g} times {unit}{least}", words))
+            rows.append((name, " and ".join(f"{value * size:.2g} {unit}" for size, unit in units) + least, words))
     for key, name, words in (
         ("parts", "parts", "error of single springs and masses, or frequencies of the rail (standard deviation)"),
         ("losses", "losses", "error of the damping of single modes (standard deviation)"),
