@@ -8,7 +8,7 @@ import pytest
 
 import cutvib_ss as cv
 from cutvib_ss.errors import ParameterError
-from cutvib_ss.model.rail import Rail, rail
+from cutvib_ss.model.rail import Rail, natural_frequencies, rail
 from cutvib_ss.parameters import RailParameters, recovered_rail
 from cutvib_ss.results import ComplexArray
 
@@ -67,6 +67,24 @@ def test_both_are_read_and_written(tmp_path: Path) -> None:
     cv.write_machine(cv.published_machine(), file)
     assert "damping_ratio = 0.01\n" in file.read_text()
     assert "strain" not in file.read_text()
+
+
+def test_measured_frequencies_are_read_and_written(tmp_path: Path) -> None:
+    file = tmp_path / "machine.toml"
+    file.write_text("[rail]\nfrequency_profile = [1.01, 0.98]\n")
+    machine = cv.read_machine(file)
+    plain = natural_frequencies(cv.published_machine().rail.parameters)
+    np.testing.assert_allclose(natural_frequencies(machine.rail.parameters)[:3] / plain[:3], (1.01, 0.98, 1.0))
+    cv.write_machine(machine, tmp_path / "again.toml")
+    assert cv.read_machine(tmp_path / "again.toml").rail == machine.rail
+    for wrong, told in (
+        ("[1, 1, 1, 1, 1]", "5 values"),
+        ("[1.0, 0.0]", "frequency_profile"),
+        ("[nan]", "frequency_profile"),
+    ):
+        file.write_text(f"[rail]\nfrequency_profile = {wrong}\n")
+        with pytest.raises(ParameterError, match=f"machine.toml.*{told}"):
+            cv.read_machine(file)
 
 
 def test_values_are_replaced_by_name() -> None:
