@@ -40,8 +40,8 @@ class Sizes:
     parts: float = 0.1  # Of single parts of a structure's matrices, and single frequencies of the rail, in tolerances
     losses: float = 0.3  # The same of the losses of modes
     flexibility: float = 1e-2  # Of residual modes, in their scale
-    aim: float = 0.3  # How far set-ups are off in the force's direction and point, in their units
-    placing: float = 0.3  # The same in position
+    aim: float = 0.3  # Set-up errors of the force's direction and point, in their units
+    placing: float = 0.3  # Set-up errors of the position
 
 
 def deviations(parts: Parts, count: int, sizes: Sizes) -> FloatArray:

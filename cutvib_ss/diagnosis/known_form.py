@@ -118,8 +118,8 @@ def _among_places(
     odds: dict[str, float],
     held: Callable[[Ranked], HeldOut],
 ) -> None:
-    """Share what a linear cause that errs by as much as is believed has with the same at another place that closes as much."""
-    # What the two places differ by is less than that error, which has taken up what neither of them does.
+    """Share the probability of a linear cause whose error is the largest of its prior with other places that fit as well."""
+    # The places differ by less than that error, so the evidence between them is that of the error, not of the place.
     for r in likely:
         if kind_of(r.fit.hypothesis) != "known" or not (r.fit.hypothesis.linear and r.fit.spread.largest("cause")):
             continue

@@ -46,7 +46,7 @@ class Entry:
     sine: SineTest | None = None  # Of a stepped or swept sine
     block_stated: bool = True  # Whether how long the block of an estimated response was is more than a guess
     session: str | None = None  # Name of its session, where stated
-    # What a hand's hits and its set-up do to the mean of its blows, each of unit normal size, shape (channel, frequency)
+    # Changes of the response by the hand's hits and by set-up errors, each of unit normal size, shape (channel, frequency)
     hits: Mapping[Hit, ComplexArray] = field(default_factory=dict)
     ordering: Ordering | None = None  # How much its blows order with their force; None where that was not looked at
     # Lines of each channel that a converter's steps have spoilt, shape (channel, frequency); None where there are none

@@ -179,7 +179,8 @@ class Diagnosis(Drawn):
         ``nominal`` elements and of the ``cause`` (relative standard deviations), and the factor on the variance of the
         ``noise``; errors of the ``losses`` of single modes, of single ``parts`` of a structure and frequencies of the rail (in
         tolerances), and the ``flexibility`` of modes that a structure leaves out, of what the ports' masses give way at their
-        frequencies; how far set-ups are off in ``placing`` (in mm) and in ``aim`` (in 0.01 rad and mm).
+        frequencies; set-up errors of the head's position, ``placing`` (in mm), and of
+        the force's tilt and offset, ``aim`` (in 0.01 rad and mm).
     """
 
     verdict: Verdict

@@ -1,9 +1,9 @@
 """
-What a set-up does to a response: the head is put down beside its position, the force acts beside its point and direction.
+Set-up errors: the head is not exactly at its stated position, and the force is tilted and offset from its point.
 
-A set-up is one position in one session. To first order its records are all off along a few directions that follow from the nominal
-model: the derivative to the position, the response to a force across the tool's, and that to a moment on the tool's link. How far
-set-ups are off is told by the evidence, as the drift between sessions is (`cutvib_ss.diagnosis.likelihood`).
+A set-up is one position in one session, and its records share its errors. To first order these change a response by the derivative
+to the position, by the response to a force at right angles to the nominal one, and by that to a moment on the tool's link, all of
+the nominal model. Their sizes are inferred like the drift between sessions (`cutvib_ss.diagnosis.likelihood`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from cutvib_ss.units import DERIVATIVE_ORDER
 
 
 def with_set_ups(nominal: Model, entries: Sequence[Entry]) -> tuple[Entry, ...]:
-    """The records with the directions of their set-ups; a structure has no position, and its ports no other direction."""
+    """The records with the directions of their set-up errors; a structure has no positions, and no port at right angles."""
     if nominal.rail is None:
         return tuple(entries)
     where = [(e.position, e.input, session_of(e)) for e in entries]
@@ -37,7 +37,7 @@ def with_set_ups(nominal: Model, entries: Sequence[Entry]) -> tuple[Entry, ...]:
 
 
 def _of_set_up(nominal: Machine, e: Entry, number: int) -> Mapping[Hit, ComplexArray]:
-    """Directions of a record's set-up, each at the unit of its size; none where the model has no such response."""
+    """Changes of a record's responses by unit set-up errors; none where the model has no such response."""
     if e.position is None:
         return {}
     struck = e.input in (FORCE, nominal.input_port)
@@ -57,6 +57,6 @@ def _of_set_up(nominal: Machine, e: Entry, number: int) -> Mapping[Hit, ComplexA
     out: dict[Hit, ComplexArray] = {("placing", number, 0): (h[2, :, 0] - h[0, :, 0]) * (step / (high - low))}
     if struck:
         out["aim", number, 0] = SETTINGS.set_up_angle * h[1, :, 1]
-        # A force beside its point is a moment on the tool's link, whose angle is that of both joints.
+        # An offset force is a moment on the tool's link, whose angle is the sum of both joints'.
         out["aim", number, 1] = SETTINGS.set_up_point * (h[1, :, 2] + h[1, :, 3])
     return out

@@ -188,10 +188,14 @@ def size_rows(d: Diagnosis) -> list[Row]:
             least = " or less" if value <= 3e-5 else ""
             rows.append((name, f"{100 * value:.2g} %{least}", words))
     position, point, angle = 1e3 * SETTINGS.set_up_position, 1e3 * SETTINGS.set_up_point, SETTINGS.set_up_angle
-    beside = "how far the head was put beside its position (standard deviation)"
     for key, name, units, words in (
-        ("placing", "position", ((position, "mm"),), beside),
-        ("aim", "aim", ((angle, "rad"), (point, "mm")), "how far the force acted beside its direction and point"),
+        ("placing", "position", ((position, "mm"),), "error of the head's position (standard deviation)"),
+        (
+            "aim",
+            "aim",
+            ((angle, "rad"), (point, "mm")),
+            "tilt of the force, and offset from its point (standard deviations)",
+        ),
     ):
         if math.isfinite(value := d.sizes.get(key, math.nan)):
             least = " or less" if value <= SETTINGS.sizes[key][0][0] else ""

@@ -99,11 +99,11 @@ class FitSettings:
         "a mode of a bar moves a part of what its mass does, one of a thousand parts a thousandth; some models hold all")
     likelihood_set_up_sizes: Weighted = of(
         ((1e-2, 0.35), (0.1, 0.15), (0.3, 0.20), (1.0, 0.20), (3.0, 0.10)), "of a set-up's units, probability",
-        "Priors of how far set-ups are off in position, and in the force's direction and point",
-        "set-ups that are off pass for a gap", "axes return to 0.01 mm, a hand marks and aims to some mm and degrees")
-    set_up_position: float = of(1e-3, "m", "Unit of a set-up's position", "only the unit of its size", "definition")
-    set_up_point: float = of(1e-3, "m", "Unit of how far a force acts beside its point", "only the unit", "definition")
-    set_up_angle: float = of(1e-2, "rad", "Unit of how far it acts beside its direction", "beside that of its point",
+        "Prior of set-up errors: position of the head; direction and point of the force",
+        "set-up errors are taken for a gap", "axes return to 0.01 mm, a hand marks and aims to some mm and degrees")
+    set_up_position: float = of(1e-3, "m", "Unit of the position error", "only the unit of its size", "definition")
+    set_up_point: float = of(1e-3, "m", "Unit of the force's offset from its point", "only the unit", "definition")
+    set_up_angle: float = of(1e-2, "rad", "Unit of the force's tilt", "tilt weighs more against offset",
         "a hand that aims to a millimetre at an arm of 0.1 m aims to a hundredth of a radian")
     likelihood_residual_modes: tuple[float, ...] = of((1.05, 1.15, 1.4, 2.0, 4.0), "highest natural frequency or line",
         "Frequencies of residual modes", "nothing close above the band is held",
