@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.odd_records import ODD, odd_records
 from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.search import Linear, search, search_linear
-from cutvib_ss.diagnosis.set_ups import with_set_ups
+from cutvib_ss.diagnosis.set_ups import placed_by, with_set_ups
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.small_sizes import SmallSize, small_sizes
 from cutvib_ss.diagnosis.stopped import with_what_stops
@@ -62,6 +62,11 @@ def search_campaign(
     if (below := _below_modes_beyond(campaign, nominal, observed, linear)) is not None:
         observed = below
         linear = search_linear(nominal, _to_fit(observed), observed, workers)
+    placed = placed_by(linear.best.fit, observed.entries)
+    if placed is not None:
+        other = search_linear(nominal, _to_fit(again := replace(observed, entries=placed)), again, workers)
+        if other.best.fit.log_evidence > linear.best.fit.log_evidence:
+            observed, linear = again, other
     odd = odd_records(nominal, linear.records, linear.none, linear.ranked)
     if odd:
         observed = without_odd(campaign, observed, odd)

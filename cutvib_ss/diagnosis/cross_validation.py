@@ -266,7 +266,7 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
         afar = partial(show, e=wider, here=None)
         modes = residual_modes(problem.nominal, [e.group], problem.band[1])
         chi2, drifts, density = fitted.spread.left(
-            problem, fitted.x, session_of(e), e.record, show, afar, e.hits, modes
+            problem, fitted.x, session_of(e), e.record, show, afar, e.errors, modes
         )
         chi2 = chi2 * e.freq.size / np.maximum(told, 1)
         total = fitted.spread.noise * total

@@ -65,6 +65,7 @@ class Layout:
     records: tuple[int, ...] = ()  # Those that drift within their session, by their index in the campaign
     cause_drifts: bool = False  # Whether there is a cause with a size, which drifts like the machine's values
     hits: tuple[Hit, ...] = ()  # What hits and set-ups do
+    errors: tuple[float, ...] = ()  # Where each of these is taken to be
     parts: Parts = NO_PARTS  # Unknowns that are errors of single parts of a structure
     residual_modes: tuple[ResidualMode, ...] = ()  # That the model leaves out
     form: Form = ()  # Errors of a restoring force's form
@@ -122,8 +123,9 @@ class Layout:
         return out
 
     def placed(self, drift: FloatArray) -> FloatArray:
-        """Drifts of the tuned values, of sessions and then of records, in their columns."""
+        """Drifts of the tuned values, of sessions and then of records, and errors of hits and set-ups, in their columns."""
         out = np.zeros(self.size)
+        out[self.first_hit :] = self.errors or 0.0
         for k, own in enumerate(drift if self.sessions else ()):
             first = self.unknowns + k * self.per_session
             out[first : first + own.size] = own
@@ -154,6 +156,8 @@ class Directions:
         each = [x] * len(predictions) if isinstance(x, np.ndarray) else list(x)
         self.cause = cause_weights(problem, each[0])
         self.drift, self.nominal = drift, nominal
+        errors = {key: error for g in self.groups for same in g.entries for key, error in same[0].errors.items()}
+        hits = tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else ()
         self.layout = like or Layout(
             problem.size,
             problem.sessions if spread else (),
@@ -164,7 +168,8 @@ class Directions:
             self.smooth[0].shape[0],
             problem.drifting_within if spread else (),
             cause_drifts=bool(spread and np.any(self.cause)),
-            hits=tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else (),
+            hits=hits,
+            errors=tuple(errors.get(key, 0.0) for key in hits),
             parts=problem.parts,
             residual_modes=problem.residual_modes if spread else (),
             form=form[0] if spread else (),

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy import ndimage
 
+from cutvib_ss.diagnosis.blows import of_blows
 from cutvib_ss.diagnosis.modes_beyond import resonance_beyond
 from cutvib_ss.diagnosis.records import Entry, thinned
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -19,7 +20,6 @@ from cutvib_ss.diagnosis.sine_test import SineTest
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import DiagnosisError
 from cutvib_ss.measurement.blocks import without_run_in
-from cutvib_ss.measurement.blow_noise import SensorNoise, blow_scatter, hit_directions, pretrigger_noise
 from cutvib_ss.measurement.cut_responses import with_one_instant
 from cutvib_ss.measurement.estimation import measured_response, rounded_part, rounding_variance
 from cutvib_ss.measurement.interference import Interference, interference
@@ -109,8 +109,11 @@ def observe(campaign: Campaign, machine: Model, highest: float = np.inf) -> Obse
                 + ("widen `band_hz`, or " if record.band_hz else "")
                 + ADVICE[_kind(record)]
             )
-        e = _with_jitter(_by_blows(thinned(_without_lost(e, record), keep), record), jitter)
-        cut.append(replace(e, replay=None if e.replay is None else e.replay.slower()))
+        cut.append(thinned(_without_lost(e, record), keep))
+    cut = [
+        replace(e, replay=None if e.replay is None else e.replay.slower())
+        for e in (_with_jitter(e, jitter) for e in of_blows(machine, cut, campaign.records))
+    ]
     names = tuple(n for n in machine.channels if any(n in e.channels for e in cut))
     acceleration = all(q == "acceleration" for e in cut for q in e.quantities)
     per_newton = acceleration and machine.input_quantity == "force"
@@ -243,28 +246,6 @@ def _sine(record: Record) -> SineTest | None:
         held = np.full(gain.size, record.peak_response)
         return SineTest(held / gain if force is None else force, record.sweep, held)
     return None if force is None else SineTest(force, record.sweep, force * gain)
-
-
-def _by_blows(e: Entry, record: Record) -> Entry:
-    """A record of blows without the bias of H1, and with how surely they order with their force."""
-    if record.kind != "impact":
-        return e
-    noise = pretrigger_noise(record)
-    e = _unbiased(e, noise)
-    if len(record.histories) < SETTINGS.level_blows:
-        return e
-    # The variance keeps what orders: a hand may hit elsewhere when it hits harder.
-    lines, hits = hit_directions(record, e.estimator.exponential_decay, noise=noise)
-    inside = np.isin(lines.round(9), e.freq.round(9))
-    e = replace(e, hits={("hit", e.record, k): direction[..., inside] for k, direction in enumerate(hits)})
-    found = blow_scatter(record, (float(e.freq[0]), float(e.freq[-1])), noise=noise)
-    return replace(e, ordering=found.ordering)
-
-
-def _unbiased(e: Entry, noise: SensorNoise) -> Entry:
-    """A record of blows without the bias of H1 by the force's noise, which is largest at the softest level."""
-    part = noise.bias[np.isin(noise.freq.round(9), e.freq.round(9))]
-    return e.showing(e.data / (1.0 - np.clip(np.nan_to_num(part), 0.0, SETTINGS.record_most_bias)))
 
 
 def _late(e: Entry, jitter: TriggerJitter) -> ComplexArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 Show: TypeAlias = Callable[["FloatArray"], "tuple[Predicted, ComplexArray]"]
 """A record as predicted from some unknowns, and its weighted residual."""
+
+NO_HITS: Mapping[Hit, float] = {}
+"""Of a record of no blows."""
 
 
 class Left(NamedTuple):
@@ -79,7 +82,7 @@ class Spread:
         return out
 
     def of_record(
-        self, name: tuple[float | str, ...], record: int, hits: Iterable[Hit], modes: Sequence[ResidualMode] = ()
+        self, name: tuple[float | str, ...], record: int, hits: Mapping[Hit, float], modes: Sequence[ResidualMode] = ()
     ) -> Spread:
         """The same for one record, which shows some residual modes: in its columns, all others being left at their best."""
         lay = self.layout
@@ -90,6 +93,7 @@ class Spread:
             records=(record,) if lay.records else (),
             residual_modes=(*lay.residual_modes, *(m for m in modes if (m.input, m.channel) not in seen)),
             hits=tuple(hits),
+            errors=tuple(hits.values()),
         )
         inferred = lay.first_hit - lay.first_nominal
         # Columns here and there of the unknowns and of what all records share, then of what was seen of this one.
@@ -135,7 +139,7 @@ class Spread:
         record: int,
         show: Show,
         afar: Show,
-        hits: Iterable[Hit] = (),
+        hits: Mapping[Hit, float] = NO_HITS,
         modes: Sequence[ResidualMode] = (),
     ) -> Left:
         """
@@ -207,6 +211,7 @@ class _Seeing:
         for at, size in self.drifts:
             there[tuned] += weight[tuned] * size * (own.offsets[at] + moved[at])
             mean[at] = 0.0
+        mean[lay.first_hit :] -= lay.errors / scale[lay.first_hit :]
         shown, residual = self.show(there)
         directions = Directions(self.problem, there, [shown], like=lay)
         gram, inner = directions.normal([residual[None]])
@@ -248,6 +253,7 @@ class _Seeing:
         mean, noise, scale = own.offsets.copy(), own.noise, lay.scale(own.sizes)
         for at, _ in self.drifts:
             mean[at] = 0.0
+        mean[lay.first_hit :] -= lay.errors / scale[lay.first_hit :]
         known, back = float(seen.moved @ own.precision @ seen.moved), own.precision @ seen.moved
         out, drifts, count = np.empty(seen.residual.shape[0]), [], 0
         for _, _, c, index, part in seen.directions.chunks():

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,13 @@ By = Literal["session", "record"]
 # A direction in which records are off: a "hit" of a hand, "late" (of which record), "aim" or "placing" (set-up); its number.
 Hit: TypeAlias = tuple[str, int, int]
 SET_UPS = ("aim", "placing")
+
+
+class Placed(NamedTuple):
+    """Where the head is taken to be, about which its position error is small."""
+
+    position: float  # y / L
+    error: float  # That less the stated position, in units of set-up errors
 
 
 @dataclass(frozen=True)
@@ -54,11 +61,23 @@ class Entry:
     # Share of the variance that a converter's steps make, alike in all blows, shape (channel, frequency); None where they make none
     rounded: FloatArray | None = None
     widened: bool = False  # Whether its noise has been widened, for starts
+    placed: Placed | None = None  # Where the head is; None at its stated position
 
     @cached_property
     def position(self) -> float | None:
         """Position y_b / L; None for a structure."""
         return position_at(self.response.positions[0])
+
+    @property
+    def head_at(self) -> float | None:
+        """Where the head is taken to be; None for a structure."""
+        return self.position if self.placed is None else self.placed.position
+
+    @property
+    def errors(self) -> Mapping[Hit, float]:
+        """Where its errors of hits and set-ups are taken to be, in the sizes of their directions."""
+        error = 0.0 if self.placed is None else self.placed.error
+        return {key: error if key[0] == "placing" else 0.0 for key in self.hits}
 
     @cached_property
     def group(self) -> Group:
@@ -371,7 +390,7 @@ def _group(members: list[Entry], apart: bool) -> Group:
         hits.append(own)
     first = [same[0] for same in places.values()]
     return Group(
-        positions=optional_array([e.position for e in first]),
+        positions=optional_array([e.head_at for e in first]),
         freq=first[0].freq,
         channels=first[0].channels,
         quantities=first[0].quantities,

@@ -8,12 +8,13 @@ the nominal model. Their sizes are inferred like the drift between sessions (`cu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutvib_ss.diagnosis.records import Entry, Hit, session_of
+from cutvib_ss.diagnosis.records import Entry, Placed, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
@@ -23,6 +24,9 @@ from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray
 from cutvib_ss.units import DERIVATIVE_ORDER
 
+if TYPE_CHECKING:
+    from cutvib_ss.diagnosis.fit import Fit
+
 
 def with_set_ups(nominal: Model, entries: Sequence[Entry]) -> tuple[Entry, ...]:
     """The records with the directions of their set-up errors; a structure has no positions, and no port at right angles."""
@@ -30,33 +34,63 @@ def with_set_ups(nominal: Model, entries: Sequence[Entry]) -> tuple[Entry, ...]:
         return tuple(entries)
     where = [(e.position, e.input, session_of(e)) for e in entries]
     number = {key: k for k, key in enumerate(dict.fromkeys(where))}
-    return tuple(
-        replace(e, hits={**e.hits, **_of_set_up(nominal, e, number[key])})
-        for e, key in zip(entries, where, strict=True)
-    )
+    return tuple(_directed(nominal, e, number[key]) for e, key in zip(entries, where, strict=True))
 
 
-def _of_set_up(nominal: Machine, e: Entry, number: int) -> Mapping[Hit, ComplexArray]:
-    """Changes of a record's responses by unit set-up errors; none where the model has no such response."""
-    if e.position is None:
-        return {}
-    struck = e.input in (FORCE, nominal.input_port)
-    step = SETTINGS.set_up_position / nominal.rail.parameters.length
-    low, high = max(e.position - step, e.position / 2), min(e.position + step, (1.0 + e.position) / 2)
-    inputs = (e.input, *(("tool_z", "joint1", "joint2") if struck else ()))
+def placed_by(made: Fit, entries: Sequence[Entry]) -> tuple[Entry, ...] | None:
+    """The same about where a fit found each head, and by its model; None where it found no set-up errors."""
+    lay, sizes = made.spread.layout, made.spread.sizes
+    least = SETTINGS.likelihood_set_up_sizes[0][0]
+    rail = made.model.rail
+    if rail is None or max(sizes.aim, sizes.placing) <= least or not made.hypothesis.linear:
+        return None
+    unit = SETTINGS.set_up_position / rail.parameters.length
+    out = []
+    for e in entries:
+        for key in [hit for hit in e.hits if hit[0] == "placing" and hit in lay.hits and e.position is not None]:
+            error = sizes.placing * float(made.spread.offsets[lay.first_hit + lay.hits.index(key)])
+            position = float(np.clip(e.position + unit * error, e.position / 2, (1.0 + e.position) / 2))
+            placed = Placed(position, (position - e.position) / unit)
+            e = _directed(made.corrected.model, replace(e, placed=placed), key[1])
+        out.append(e)
+    return tuple(out)
+
+
+def _directed(model: Model, e: Entry, number: int) -> Entry:
+    """A record with what unit errors of its set-up, which has a number, do; nothing where the model has no such response."""
+    if e.head_at is None:
+        return e
+    step = SETTINGS.set_up_position / model.rail.parameters.length
+    low, high = max(e.head_at - step, e.head_at / 2), min(e.head_at + step, (1.0 + e.head_at) / 2)
+    h = _responses(model, e, [low, high], (e.input,))
+    if h is None:
+        return e
+    placing = (h[1, :, 0] - h[0, :, 0]) * (step / (high - low))
+    aim = {("aim", number, k): shown for k, shown in enumerate(of_force(model, e))}
+    return replace(e, hits={**e.hits, ("placing", number, 0): placing, **aim})
+
+
+def of_force(nominal: Model, e: Entry) -> ComplexArray:
+    """Changes of a record's response by a force of unit tilt, and of unit offset; shape (change, channel, frequency)."""
+    none = np.zeros((0, len(e.channels), e.freq.size), dtype=np.complex128)
+    if nominal.rail is None or e.head_at is None or e.input not in (FORCE, nominal.input_port):
+        return none
+    h = _responses(nominal, e, [e.head_at], ("tool_z", "joint1", "joint2"))
+    if h is None:
+        return none
+    # An offset force is a moment on the tool's link, whose angle is the sum of both joints'.
+    return np.stack([SETTINGS.set_up_angle * h[0, :, 0], SETTINGS.set_up_point * (h[0, :, 1] + h[0, :, 2])])
+
+
+def _responses(
+    nominal: Machine, e: Entry, positions: Sequence[float], inputs: tuple[str, ...]
+) -> ComplexArray | None:
+    """Responses of a record's channels to some inputs, shape (position, channel, input, frequency); None where it has none."""
     decay = float(e.estimator.exponential_decay)
     try:
-        shown = frequency_response(
-            nominal, [low, e.position, high], e.freq, inputs=inputs, outputs=e.channels, decay_rate=decay
-        )
+        shown = frequency_response(nominal, positions, e.freq, inputs=inputs, outputs=e.channels, decay_rate=decay)
     except CutvibError:
-        return {}
+        return None
     order = [DERIVATIVE_ORDER[q] - DERIVATIVE_ORDER[own] for q, own in zip(e.quantities, shown.quantities, strict=True)]
     s = 2j * np.pi * e.freq + decay
-    h = shown.data * s ** np.array(order)[:, None, None]
-    out: dict[Hit, ComplexArray] = {("placing", number, 0): (h[2, :, 0] - h[0, :, 0]) * (step / (high - low))}
-    if struck:
-        out["aim", number, 0] = SETTINGS.set_up_angle * h[1, :, 1]
-        # An offset force is a moment on the tool's link, whose angle is the sum of both joints'.
-        out["aim", number, 1] = SETTINGS.set_up_point * (h[1, :, 2] + h[1, :, 3])
-    return out
+    return np.asarray(shown.data * s ** np.array(order)[:, None, None])

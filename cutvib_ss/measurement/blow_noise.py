@@ -234,6 +234,16 @@ class Deviations(NamedTuple):
     heard: np.ndarray  # Lines on which the force is heard and that variance is known
     peaks: FloatArray  # Largest force of each blow [N]
 
+    def at(self, keep: np.ndarray) -> Deviations:
+        """The same on some lines."""
+        return self._replace(
+            freq=self.freq[keep],
+            h=self.h[:, keep],
+            off=self.off[..., keep],
+            single=self.single[:, keep],
+            heard=self.heard[keep],
+        )
+
 
 def deviations(record: Record, decay_rate: float = 0.0, noise: SensorNoise | None = None) -> Deviations:
     """What the blows of a record are off its H1 by, beside what its sensors leave."""
@@ -250,11 +260,9 @@ def deviations(record: Record, decay_rate: float = 0.0, noise: SensorNoise | Non
     return Deviations(freq, h, off, single, heard, peaks)
 
 
-def hit_directions(
-    record: Record, decay_rate: float = 0.0, most: int = 2, noise: SensorNoise | None = None
-) -> tuple[FloatArray, ComplexArray]:
+def hit_directions(found: Deviations, most: int = 2) -> ComplexArray:
     """
-    What a hand's hits do to the mean of a record's blows: lines, and directions of H1 with coefficients of unit variance.
+    What a hand's hits do to the mean of a record's blows: directions of H1 with coefficients of unit variance.
 
     A blow beside the point, or not quite along its direction, shows H + c G with one G for all lines and channels, and a c of its
     own. Of the deviations of single blows from H1 what goes with the peak force is taken off, for a structure that is not linear
@@ -262,12 +270,11 @@ def hit_directions(
     of the noise are directions, and H1 is off along each by the standard deviation of their scores over the root of the number
     of blows. Shape (direction, channel, frequency); none with fewer than three blows, or where the noise is not known.
     """
-    found = deviations(record, decay_rate, noise)
-    freq, off, single, heard, peaks = found.freq, found.off, found.single, found.heard, found.peaks
+    off, single, heard, peaks = found.off.copy(), found.single, found.heard, found.peaks
     count = len(off)
     none = np.zeros((0, *off.shape[1:]), dtype=np.complex128)
     if count < 3 or not np.any(heard):
-        return freq, none
+        return none
     for same in (np.ones(count), peaks - peaks.mean()):
         off -= np.multiply.outer(same, np.tensordot(same, off, 1)) / max(float(same @ same), 1e-300)
     weighted = (off / np.sqrt(single / 2))[..., heard].reshape(count, -1)
@@ -276,8 +283,8 @@ def hit_directions(
     alone = 2.0 * weighted.shape[1]
     strong = [k for k in range(min(most, count - 2)) if sizes[k] ** 2 > _OVER_NOISE * alone]
     if not strong:
-        return freq, none
-    return freq, np.stack([np.tensordot(scores[:, k], off, 1) for k in strong]) / np.sqrt((count - 2) * count)
+        return none
+    return np.stack([np.tensordot(scores[:, k], off, 1) for k in strong]) / np.sqrt((count - 2) * count)
 
 
 def gains_of_blows(record: Record) -> tuple[FloatArray, FloatArray]:

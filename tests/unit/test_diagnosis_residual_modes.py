@@ -156,11 +156,11 @@ def test_a_record_struck_elsewhere_knows_its_residual_modes_by_their_size_only()
     none = fit(nominal, Records((first,)), Hypothesis())
     problem = Problem(nominal, Records((first,)).merged, Hypothesis())
     modes = residual_modes(nominal, [other.group], problem.band[1])
-    own = none.spread.of_record(("",), 1, (), modes)
+    own = none.spread.of_record(("",), 1, {}, modes)
     assert len(own.layout.residual_modes) == 2 * len(problem.residual_modes)
     new = own.layout.first_residual + len(problem.residual_modes) + np.arange(len(modes))
     np.testing.assert_array_equal(own.precision[np.ix_(new, new)], np.eye(len(modes)))
     assert np.all(own.offsets[new] == 0.0)
     # Of one that was struck at the same place all is known that there is.
-    again = none.spread.of_record(("",), 1, (), residual_modes(nominal, [first.group], problem.band[1]))
+    again = none.spread.of_record(("",), 1, {}, residual_modes(nominal, [first.group], problem.band[1]))
     assert again.layout.residual_modes == none.spread.layout.residual_modes
