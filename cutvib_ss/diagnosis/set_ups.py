@@ -82,9 +82,7 @@ def of_force(nominal: Model, e: Entry) -> ComplexArray:
     return np.stack([SETTINGS.set_up_angle * h[0, :, 0], SETTINGS.set_up_point * (h[0, :, 1] + h[0, :, 2])])
 
 
-def _responses(
-    nominal: Machine, e: Entry, positions: Sequence[float], inputs: tuple[str, ...]
-) -> ComplexArray | None:
+def _responses(nominal: Machine, e: Entry, positions: Sequence[float], inputs: tuple[str, ...]) -> ComplexArray | None:
     """Responses of a record's channels to some inputs, shape (position, channel, input, frequency); None where it has none."""
     decay = float(e.estimator.exponential_decay)
     try:

@@ -12,6 +12,7 @@ from cutvib_ss.measurement.blow_noise import (
     Ordering,
     blow_scatter,
     chance_of_ordering,
+    deviations,
     hit_directions,
     pretrigger_noise,
 )
@@ -237,7 +238,8 @@ def test_what_hits_do_is_told_with_its_size():
     rng = np.random.default_rng(11)
     sizes = rng.standard_normal(12)
     record, other = _beside(rng, sizes)
-    freq, found = hit_directions(record)
+    told = deviations(record)
+    freq, found = told.freq, hit_directions(told)
     assert found.shape == (1, 1, freq.size)
     band = (freq > 12) & (freq < 40)
     _, g = signal.freqz(*other, freq[band], fs=FS)
@@ -251,13 +253,13 @@ def test_what_hits_do_is_told_with_its_size():
 @pytest.mark.parametrize(("sizes", "ordered"), [((0.0,) * 6, 0.0), ((0.0,) * 6, 3.0), ((0.5, -0.5), 0.0)])
 def test_noise_what_orders_with_the_force_and_two_blows_give_no_direction(sizes, ordered):
     record, _ = _beside(np.random.default_rng(12), sizes, ordered)
-    assert len(hit_directions(record)[1]) == 0
+    assert len(hit_directions(deviations(record))) == 0
 
 
 def test_noise_that_is_known_is_not_told_again():
     record, _ = _beside(np.random.default_rng(11), (0.5, -0.5, 1.0, -1.0, 0.2, 0.0))
     noise = pretrigger_noise(record)
-    np.testing.assert_array_equal(hit_directions(record, noise=noise)[1], hit_directions(record)[1])
+    np.testing.assert_array_equal(deviations(record, noise=noise).single, deviations(record).single)
     np.testing.assert_array_equal(blow_scatter(record, noise=noise).noise, blow_scatter(record).noise)
     quieter = replace(noise, variance=noise.variance / 4)
     np.testing.assert_allclose(blow_scatter(record, noise=quieter).noise, blow_scatter(record).noise / 4)
