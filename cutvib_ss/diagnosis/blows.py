@@ -1,9 +1,9 @@
 """
 Records of blows: their scatter told apart into errors of the single hits, nonlinearity, and noise.
 
-Every hit is tilted and offset a little, and shows H + Σ c G with the G of the nominal model (`set_ups.of_force`) and a c of its own.
-What these explain of the scatter is no noise of the lines: the variance holds the rest, and no less than the sensors read before the
-blows. The mean of n blows is off along each G by the hand's standard deviation over √n.
+Every hit is tilted and offset a little, and shows H + Σ c G with the G of the nominal model (`set_ups.of_force`) and a c of its
+own. What these explain of the scatter is no noise of the lines: the variance holds the rest, and no less than the sensors read
+before the blows. The mean of n blows is off along each G by the hand's standard deviation over √n.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def _variance(e: Entry, found: Deviations, rest: Deviations) -> FloatArray:
     part = np.divide(after, before, out=np.ones_like(after), where=before > 0.0)
     steps = 0.0 if e.rounded is None else e.rounded * e.variance
     sensors = np.where(np.isfinite(found.single), found.single / len(found.off), e.variance)
-    return np.minimum(e.variance, np.maximum(np.minimum(part, 1.0) * e.variance, sensors + steps))
+    return np.asarray(np.minimum(e.variance, np.maximum(np.minimum(part, 1.0) * e.variance, sensors + steps)))
 
 
 def _power(found: Deviations) -> FloatArray:

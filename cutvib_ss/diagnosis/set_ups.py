@@ -19,7 +19,6 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.measurement.records import FORCE
-from cutvib_ss.model.machine import Machine
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.results import ComplexArray
 from cutvib_ss.units import DERIVATIVE_ORDER
@@ -47,21 +46,28 @@ def placed_by(made: Fit, entries: Sequence[Entry]) -> tuple[Entry, ...] | None:
     unit = SETTINGS.set_up_position / rail.parameters.length
     out = []
     for e in entries:
-        for key in [hit for hit in e.hits if hit[0] == "placing" and hit in lay.hits and e.position is not None]:
+        key = next((hit for hit in e.hits if hit[0] == "placing" and hit in lay.hits), None)
+        if key is not None and e.position is not None:
             error = sizes.placing * float(made.spread.offsets[lay.first_hit + lay.hits.index(key)])
-            position = float(np.clip(e.position + unit * error, e.position / 2, (1.0 + e.position) / 2))
+            low, high = _beside(e.position, unit * abs(error))
+            position = high if error > 0.0 else low
             placed = Placed(position, (position - e.position) / unit)
             e = _directed(made.corrected.model, replace(e, placed=placed), key[1])
         out.append(e)
     return tuple(out)
 
 
+def _beside(position: float, step: float) -> tuple[float, float]:
+    """Positions a step below and above one, on the rail."""
+    return max(position - step, position / 2), min(position + step, (1.0 + position) / 2)
+
+
 def _directed(model: Model, e: Entry, number: int) -> Entry:
     """A record with what unit errors of its set-up, which has a number, do; nothing where the model has no such response."""
-    if e.head_at is None:
+    if e.head_at is None or model.rail is None:
         return e
     step = SETTINGS.set_up_position / model.rail.parameters.length
-    low, high = max(e.head_at - step, e.head_at / 2), min(e.head_at + step, (1.0 + e.head_at) / 2)
+    low, high = _beside(e.head_at, step)
     h = _responses(model, e, [low, high], (e.input,))
     if h is None:
         return e
@@ -82,11 +88,11 @@ def of_force(nominal: Model, e: Entry) -> ComplexArray:
     return np.stack([SETTINGS.set_up_angle * h[0, :, 0], SETTINGS.set_up_point * (h[0, :, 1] + h[0, :, 2])])
 
 
-def _responses(nominal: Machine, e: Entry, positions: Sequence[float], inputs: tuple[str, ...]) -> ComplexArray | None:
+def _responses(model: Model, e: Entry, positions: Sequence[float], inputs: tuple[str, ...]) -> ComplexArray | None:
     """Responses of a record's channels to some inputs, shape (position, channel, input, frequency); None where it has none."""
     decay = float(e.estimator.exponential_decay)
     try:
-        shown = frequency_response(nominal, positions, e.freq, inputs=inputs, outputs=e.channels, decay_rate=decay)
+        shown = frequency_response(model, positions, e.freq, inputs=inputs, outputs=e.channels, decay_rate=decay)
     except CutvibError:
         return None
     order = [DERIVATIVE_ORDER[q] - DERIVATIVE_ORDER[own] for q, own in zip(e.quantities, shown.quantities, strict=True)]

@@ -284,7 +284,7 @@ def hit_directions(found: Deviations, most: int = 2) -> ComplexArray:
     strong = [k for k in range(min(most, count - 2)) if sizes[k] ** 2 > _OVER_NOISE * alone]
     if not strong:
         return none
-    return np.stack([np.tensordot(scores[:, k], off, 1) for k in strong]) / np.sqrt((count - 2) * count)
+    return np.asarray(np.stack([np.tensordot(scores[:, k], off, 1) for k in strong]) / np.sqrt((count - 2) * count))
 
 
 def gains_of_blows(record: Record) -> tuple[FloatArray, FloatArray]:
