@@ -7,9 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from cutvib_ss.diagnosis import cross_validation
 from cutvib_ss.diagnosis.blocks import longer_blocks
-from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.lasting import with_lasting
 from cutvib_ss.diagnosis.mean_delays import without_mean_delays
@@ -25,6 +27,7 @@ from cutvib_ss.diagnosis.small_sizes import SmallSize, small_sizes
 from cutvib_ss.diagnosis.stopped import with_what_stops
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.base import Model
+from cutvib_ss.errors import CutvibError
 from cutvib_ss.measurement.records import Campaign
 
 
@@ -62,11 +65,10 @@ def search_campaign(
     if (below := _below_modes_beyond(campaign, nominal, observed, linear)) is not None:
         observed = below
         linear = search_linear(nominal, _to_fit(observed), observed, workers)
-    placed = placed_by(linear.best.fit, observed.entries)
-    if placed is not None:
-        other = search_linear(nominal, _to_fit(again := replace(observed, entries=placed)), again, workers)
+    if (placed := _placed(nominal, observed, linear.best.fit)) is not None:
+        other = search_linear(nominal, _to_fit(placed), placed, workers)
         if other.best.fit.log_evidence > linear.best.fit.log_evidence:
-            observed, linear = again, other
+            observed, linear = placed, other
     odd = odd_records(nominal, linear.records, linear.none, linear.ranked)
     if odd:
         observed = without_odd(campaign, observed, odd)
@@ -93,6 +95,23 @@ def search_campaign(
         nominal, observed, linear, lambda r: judged(r).reduced, lambda r: judged(r).against_stated, sizes, workers
     )
     return Searched(observed, linear.records, judged, sizes, ranked)
+
+
+def _placed(nominal: Model, observed: Observations, made: Fit) -> Observations | None:
+    """The same with heads where a linear fit finds them, by steps; None where it stays where they are stated."""
+    out = None
+    for _ in range(SETTINGS.set_up_passes):
+        if (entries := placed_by(made, observed.entries)) is None:
+            break
+        there = replace(observed, entries=entries)
+        try:
+            again = fit(nominal, _to_fit(there), made.hypothesis, made.x, near=made)
+        except (CutvibError, np.linalg.LinAlgError):
+            break
+        if again.log_evidence <= made.log_evidence:
+            break
+        out, made = there, again
+    return out
 
 
 def _below_modes_beyond(

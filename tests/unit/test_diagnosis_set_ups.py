@@ -10,7 +10,7 @@ from cutvib_ss.diagnosis.directions import Sizes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.records import Entry, Records, merged
-from cutvib_ss.diagnosis.set_ups import with_set_ups
+from cutvib_ss.diagnosis.set_ups import placed_by, with_set_ups
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.end_fixity import EndFixity
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
@@ -84,6 +84,34 @@ def test_set_ups_that_repeat_are_of_no_size() -> None:
     least = SETTINGS.sizes["aim"][0][0]
     assert (found.spread.sizes.aim, found.spread.sizes.placing) == (least, least)
     assert Sizes().aim > least
+
+
+def test_heads_are_placed_where_they_are_found() -> None:
+    off = with_set_ups(MACHINE, campaign(3.0))
+    first = fit(MACHINE, Records(off), Hypothesis())
+    again, placed = first, off
+    for _ in range(SETTINGS.set_up_passes):
+        placed = placed_by(again, placed)
+        assert placed is not None
+        again = fit(MACHINE, Records(placed), Hypothesis())
+    # To first order errors of 10 mm leave much
+    assert again.reduced < 1.05 < 2.0 < first.reduced
+    rng = np.random.default_rng(3)
+    true = np.array([3.0 * rng.standard_normal(3)[0] for _ in range(6)])
+    lay = again.spread.layout
+    columns = [lay.first_hit + lay.hits.index(("placing", k, 0)) for k in range(6)]
+    found = again.spread.sizes.placing * again.spread.offsets[columns]
+    np.testing.assert_allclose(found, true, atol=0.05)
+    # Errors are those from the stated position, and have its prior
+    assert np.std(lay.placed(np.zeros((6, len(lay.drifting))))[columns]) > 1.0
+    # Where the mean stands does not matter to first order: records that were not fitted are judged alike
+    stands = replace(placed[0], placed=None)
+    assert stands.head_at == stands.position != placed[0].head_at
+
+
+def test_heads_that_are_where_they_should_be_stay_there() -> None:
+    on = with_set_ups(MACHINE, campaign(0.0))
+    assert placed_by(fit(MACHINE, Records(on), Hypothesis()), on) is None
 
 
 def test_records_of_one_set_up_share_its_directions_when_they_are_merged() -> None:

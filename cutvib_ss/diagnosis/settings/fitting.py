@@ -101,6 +101,8 @@ class FitSettings:
         ((1e-2, 0.35), (0.1, 0.15), (0.3, 0.20), (1.0, 0.20), (3.0, 0.10)), "of a set-up's units, probability",
         "Prior of set-up errors: position of the head; direction and point of the force",
         "set-up errors are taken for a gap", "axes return to 0.01 mm, a hand marks and aims to some mm and degrees")
+    set_up_passes: int = of(4, "passes", "In which heads are placed where the best linear cause finds them",
+        "slower", "errors of 10 mm, as large as any of a hand, take three")
     set_up_position: float = of(1e-3, "m", "Unit of the position error", "only the unit of its size", "definition")
     set_up_point: float = of(1e-3, "m", "Unit of the force's offset from its point", "only the unit", "definition")
     set_up_angle: float = of(1e-2, "rad", "Unit of the force's tilt", "tilt weighs more against offset",
