@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from cutvib_ss.diagnosis.blows import of_blows
@@ -293,7 +294,7 @@ def _band(e: Entry, record: Record, first: float) -> tuple[float, float]:
     high = min(_highest_quiet(e, low), float(told[-1]))
     if record.kind == "timeseries":
         # Of noise, too, some lines pass: the band begins and ends where beyond it fewer are heard than not.
-        surplus = np.cumsum(np.where(heard, 1, -1) * (e.freq >= low))
+        surplus = np.cumsum(np.where(heard & _driven(e), 1, -1) * (e.freq >= low))
         last = int(np.argmax(surplus))
         before = np.concatenate([[0], surplus])[: last + 1]
         low = max(low, float(e.freq[before.size - 1 - np.argmin(before[::-1])]))
@@ -302,6 +303,17 @@ def _band(e: Entry, record: Record, first: float) -> tuple[float, float]:
         # Near the Nyquist frequency the digitiser's filter falls off.
         high = min(high, 0.9 * float(e.freq[-1]))
     return (low, high) if low < high else (float(told[0]), float(told[-1]))
+
+
+def _driven(e: Entry) -> NDArray[np.bool_]:
+    """Lines on which the force of a continuous recording stands out of its sensor's noise; all where no line shows that noise."""
+    if e.replay is None or e.replay.power.shape != e.freq.shape:
+        return np.ones(e.freq.size, dtype=bool)
+    power = ndimage.median_filter(e.replay.power, SETTINGS.record_median_lines, mode="nearest")
+    # A shaker's signal ends somewhere below the Nyquist frequency: behind it there is the sensor alone, of even power.
+    least, more = np.quantile(power[e.freq > 0.0], [0.1 * SETTINGS.record_quiet_lines, SETTINGS.record_quiet_lines])
+    driven = power > least / SETTINGS.record_driven_bias
+    return driven if driven.any() and more < SETTINGS.record_even_noise * least else np.ones_like(driven)
 
 
 def _highest_quiet(e: Entry, low: float) -> float:

@@ -275,3 +275,26 @@ def test_lines_of_a_recording_that_nothing_drives_are_left_out():
     (e,) = observe(Campaign("", Path(), body, (record,), ()), body).entries
     assert 15.0 < e.freq[0] < 21.0
     assert 110.0 < e.freq[-1] < 125.0
+
+
+@pytest.mark.parametrize("fs", [512.0, 1500.0])
+def test_a_band_ends_where_the_forces_noise_is_a_hundredth_of_it(fs):
+    """H1 is too small by the noise's part: of a filtered signal the lines are left out on which that is beyond a calibration."""
+    rng = np.random.default_rng(8)
+    count = 131072
+    freq = np.fft.rfftfreq(count, 1 / fs)
+    gain = 1.0 / np.sqrt(1.0 + (freq / 80.0) ** 6)
+    force = np.fft.irfft(gain * np.fft.rfft(rng.standard_normal(count)))
+    system = SecondOrder(np.eye(1) * 2.0, np.eye(1), np.eye(1) * 1e5, ("x",), {"p": np.ones(1)})
+    body = Structure(system, {"a": Channel("p", "acceleration")}, "p")
+    s = 2j * np.pi * freq
+    shown = np.fft.irfft(s**2 / (2.0 * s**2 + s + 1e5) * np.fft.rfft(force))
+    shown = shown + 1e-5 * shown.std() * rng.standard_normal(count)
+    noisy = force + 1e-2 * rng.standard_normal(count)
+    record = Record(
+        "r", "timeseries", None, None, None, ("a",), ("acceleration",), (History(fs, noisy, shown[None], ("a",)),)
+    )
+    (e,) = observe(Campaign("", Path(), body, (record,), ()), body).entries
+    # The signal's power is (80/f)⁶, that of the noise 10⁻⁴, which a signal that falls up to the Nyquist frequency does not show.
+    end = 80.0 * 10 ** (1 / 3)
+    assert e.freq[-1] > 0.95 * end if fs < 1000.0 else e.freq[-1] == pytest.approx(end, rel=0.08)

@@ -44,6 +44,14 @@ class FitSettings:
     record_heard: float = of(4.0, "1",
         "Response power over noise power below which a line is left out: noise on the force biases the estimate",
         "fewer lines", JUDGEMENT)
+    record_driven_bias: float = of(0.01, "part of the force's power",
+        "That its noise may be, where a continuous recording's band ends: H1 is too small by as much", "more lines that are biased",
+        "as a channel's calibration is known")
+    record_quiet_lines: float = of(0.2, "of the lines",
+        "That the signal of a continuous recording leaves to the force's noise at least",
+        "fewer such recordings are known", "filters leave some tenths")
+    record_even_noise: float = of(2.0, "power", "Of the most over the least of these lines, up to which they show noise",
+        "a signal that falls up to the Nyquist frequency passes for noise", "a signal of third order falls by four")
     record_most_bias: float = of(0.5, "1", "Part of the force's power that is its noise, up to which the bias of H1 is taken off",
         "noisier lines", "beyond it the line is left out as not heard")
     record_late_together: float = of(3.0, "std", "Of the mean of jittering delays, beyond which a channel is late besides",
