@@ -231,3 +231,16 @@ def first_steps(
         return fit(nominal, records, hypothesis, warm, steps, SETTINGS.search_coarse_gain, rival=rival)
     except CutvibError:
         return None
+
+
+def acts_linearly(made: Fit) -> bool:
+    """Whether a restoring force is one spring and damper at all amplitudes up to the largest: slip that never slips."""
+    omega = 2 * np.pi * SETTINGS.simulation_hysteresis_at
+    for element in made.model.nonlinear:
+        motion = made.hypothesis.motions.get(element.port)
+        if motion and not element.restoring_force.scale_free:
+            amplitudes = motion * np.array([SETTINGS.search_least_amplitude, 1.0])
+            weak, strong = element.restoring_force.describing_function(amplitudes, omega)
+            if abs(strong - weak) < SETTINGS.search_level_change * max(abs(strong), abs(weak)):
+                return True
+    return False

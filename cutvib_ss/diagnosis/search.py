@@ -31,6 +31,7 @@ from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.pairs import Second, by_themselves, fit_pairs
 from cutvib_ss.diagnosis.ranking import (
     Ranked,
+    acts_linearly,
     by_their_names,
     cost,
     first_steps,
@@ -214,7 +215,8 @@ def search(
         # At one level little tells a restoring force beside a linear cause from a second linear one.
         told = compared or by_level or ordered or not best_of(ranked, none).fit.hypothesis.linear
         seconds += [Second(c, None) for c in (tried.candidates if tried and told else ())]
-        ranked += fit_pairs(nominal, records, known, seconds, tried.motion if tried else {}, workers, alike)
+        both = fit_pairs(nominal, records, known, seconds, tried.motion if tried else {}, workers, alike)
+        ranked += [r for r in both if not acts_linearly(r.fit)]
         left = not is_enough(ranked, none, leaves)
     by_force = lacks and left and tried is not None and forces_come_close([none, *ranked])
     if by_force and not of_one_place(ranked, leaves) and workers.begin(FORCES):
@@ -267,6 +269,8 @@ def _with(
     if leading:
         rough = [(c, f) for c, f in rough if cost(f) < rival[0]]
     new = on_all_lines(nominal, records, rough, 2, rival, workers, SETTINGS.search_laws_refined)
+    # What is a linear element wherever anything moves leads linear causes by how it is predicted.
+    new = [r for r in new if not acts_linearly(r.fit)]
     found = [r for r in new if r.refined]
     ahead = max(found, key=lambda r: r.fit.log_evidence, default=None)
     if ahead is not None and (ahead.reduced > SETTINGS.search_enough or ahead.fit.spread.is_large("cause")):
