@@ -77,7 +77,8 @@ class SearchSettings:
     search_by_law: float = of(0.5, "excess", "Of the best linear cause, that a restoring force takes away where the level stands "
         "out, from which elements that are the same at all levels are looked for no more", "longer", TIME)
     search_level_change: float = of(1e-3, "of the dynamic stiffness",
-        "By which a restoring force has to differ between amplitudes, to be one", "fewer restoring forces", "that of rounding, and some")
+        "By which a restoring force has to differ between amplitudes, to be one", "fewer restoring forces",
+        "that of rounding, and some")
     search_least_amplitude: float = of(0.01, "of the largest", "Amplitude with which that is compared", "the same", JUDGEMENT)
     search_odd: float = of(10.0, "χ² per datum", "Of one channel of a record under what leaves no more than noise of all others: "
         "from there it is left out", "fewer records are left out", "friction that shows that much in one shows in its neighbours")
