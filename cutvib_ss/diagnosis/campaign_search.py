@@ -98,8 +98,11 @@ def search_campaign(
 
 
 def _placed(nominal: Model, observed: Observations, made: Fit) -> Observations | None:
-    """The same with heads where a linear fit finds them, by steps; None where it stays where they are stated."""
+    """The same with heads where a linear fit finds them, by steps; None where it leaves much, or leaves them where they are."""
     out = None
+    if made.reduced > SETTINGS.search_small:
+        # What it lacks would move them.
+        return None
     for _ in range(SETTINGS.set_up_passes):
         if (entries := placed_by(made, observed.entries)) is None:
             break
