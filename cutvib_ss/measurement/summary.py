@@ -145,10 +145,8 @@ class Summary:
         """What is to be said of it in words."""
         said = []
         if self.repeatability is not None:
-            said.append(
-                f"Records of the same configuration differ by {100 * self.repeatability:.2g} % beyond their noise "
-                f"({_pairs(len(self.repeated))})."
-            )
+            by = f"{100 * self.repeatability:.2g} % beyond" if self.repeatability > 0.0 else "no more than"
+            said.append(f"Records of the same configuration differ by {by} their noise ({_pairs(len(self.repeated))}).")
         elif len(self.records) > 1:
             said.append("No two records are of the same position, input and level: repeatability is not known.")
         if self.levels:

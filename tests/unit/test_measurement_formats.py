@@ -14,7 +14,7 @@ from scipy.io import savemat
 from cutvib_ss.errors import DataFormatError, ParameterError
 from cutvib_ss.measurement import Campaign, History, Record, read_campaign
 from cutvib_ss.measurement.campaign import write_campaign
-from cutvib_ss.measurement.formats import FORMATS
+from cutvib_ss.measurement.formats import FORMATS, uff_body
 from cutvib_ss.measurement.formats.raw import (
     Contents,
     RawFrf,
@@ -477,3 +477,9 @@ def test_history_and_record_refuse_what_does_not_fit():
     assert history.time[-1] == pytest.approx(1.9)
     with pytest.raises(ValueError, match="read-only"):
         history.force[0] = 2.0
+
+
+def test_values_of_another_width_than_their_type_are_shown_as_read():
+    body = b" -1.35548e-03 -2.17900e-01  4.00000e-02\n"
+    with pytest.raises(DataFormatError, match=r"'-1.35548e-03 -2.179' is no number; .* values are 20 characters wide"):
+        uff_body._ascii(body, 6, True, "r.uff: dataset 58")

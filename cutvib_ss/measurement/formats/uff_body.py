@@ -87,4 +87,17 @@ def _ascii(body: bytes, order: int, even: bool, where: str) -> FloatArray:
     try:
         return np.asarray(cells[cells != b""], dtype=np.float64)
     except ValueError as error:
-        raise DataFormatError(f"{where}: not a number among its values ({error}); export the file again") from error
+        odd = next(cell for cell in cells if not _is_number(cell)).decode("ascii", "replace")
+        width = "/".join(str(w) for w in dict.fromkeys(fields))
+        raise DataFormatError(
+            f"{where}: {odd!r} is no number; by its ordinate data type values are {width} characters wide: export the file again"
+        ) from error
+
+
+def _is_number(cell: bytes) -> bool:
+    """Whether a field holds a number, or nothing."""
+    try:
+        float(cell or b"0")
+    except ValueError:
+        return False
+    return True
