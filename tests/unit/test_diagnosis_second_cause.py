@@ -69,6 +69,9 @@ class OnlyEvidence:
     def is_large(self, name: str) -> bool:
         return self.errs and name == "cause"
 
+    def largest(self, name: str) -> bool:
+        return False
+
 
 def ranked(name: str, evidence: float, *effects: Effect) -> Ranked:
     return Ranked(name, cast(Fit, OnlyEvidence(Hypothesis(effects), evidence)), True)
@@ -523,6 +526,17 @@ def test_an_answer_that_needs_all_the_error_that_is_believed_is_not_sure() -> No
     for reduced, untried, kept in ((1.3, True, SETTINGS.verdict_form), (1.3, False, 1.0), (1.0, True, 1.0)):
         seen = held(mass=Leaves(reduced=reduced))
         found = of_known_form([none, sized("mass", 3e-5, 1e-3, CUBIC)], odds, seen, untried)
+        assert found["mass"] == pytest.approx(0.99 * kept)
+    # One level does not show the form of a restoring force that errs as far as is believed; of what is linear levels show nothing.
+    for levels, cause, effect, kept in (
+        ((3, 3, 3), 0.3, CUBIC, SETTINGS.verdict_form),
+        ((3, 5, 3), 0.3, CUBIC, 1.0),
+        ((3, 3, 3), 0.1, CUBIC, 1.0),
+        ((3, 3, 3), 0.3, MASS, 1.0),
+    ):
+        records = tuple(SimpleNamespace(entry=SimpleNamespace(level_step=k), squares=0.0) for k in levels)
+        both = Leaves(records=records)
+        found = of_known_form([none, sized("mass", 3e-5, cause, effect)], odds, held(mass=both, none=both))
         assert found["mass"] == pytest.approx(0.99 * kept)
     # Something unknown has no form that could err.
     gap = held(none=Leaves(against_stated=5.0), mass=Leaves(against_stated=3.0))
