@@ -281,17 +281,7 @@ def _print_show(found: Summary) -> None:
         ]
         for r in found.records
     ]
-    heads = [
-        "record",
-        "kind",
-        "y/L",
-        "input",
-        "use",
-        "blows",
-        f"peak [{found.input_unit}]",
-        "band [Hz]",
-        "least coherence",
-    ]
+    heads = ["record", "kind", "y/L", "input", "use", "blows", f"peak [{found.input_unit}]", "band [Hz]", "coherence"]
     show(console, "", heads, rows, "lllll")
     say(console, "")
     rows = [

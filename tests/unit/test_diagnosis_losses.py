@@ -145,13 +145,13 @@ def test_a_start_beside_another_fit_takes_its_drift_only_where_that_leads_closer
     still = records(moved, 0.002)
     near = fit(MACHINE, still, Hypothesis())
     began = []
-    evaluated = climb.Climb.evaluated
+    climbed = climb.Climb.climb
 
-    def watched(self, x, drift):
-        began.append(drift.copy())
-        return evaluated(self, x, drift)
+    def watched(self, *steps):
+        began.append(self.at.drift.copy())
+        return climbed(self, *steps)
 
-    monkeypatch.setattr(climb.Climb, "evaluated", watched)
+    monkeypatch.setattr(climb.Climb, "climb", watched)
     fit(MACHINE, still, Hypothesis(), near.x, 0, near=near)
     assert np.abs(began[0]).max() > 1e-3
     wrong = replace(near.spread, offsets=-20.0 * near.spread.offsets)

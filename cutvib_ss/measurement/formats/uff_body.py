@@ -90,7 +90,8 @@ def _ascii(body: bytes, order: int, even: bool, where: str) -> FloatArray:
         odd = next(cell for cell in cells if not _is_number(cell)).decode("ascii", "replace")
         width = "/".join(str(w) for w in dict.fromkeys(fields))
         raise DataFormatError(
-            f"{where}: {odd!r} is no number; by its ordinate data type values are {width} characters wide: export the file again"
+            f"{where}: not a number among its values: {odd!r}, where its ordinate data type says {width} characters; "
+            "export the file again"
         ) from error
 
 
