@@ -481,7 +481,5 @@ def test_history_and_record_refuse_what_does_not_fit():
 
 def test_values_of_another_width_than_their_type_are_shown_as_read():
     body = b" -1.35548e-03 -2.17900e-01  4.00000e-02\n"
-    with pytest.raises(
-        DataFormatError, match=r"'-1.35548e-03 -2.179', where its .* says 20 characters"
-    ):
+    with pytest.raises(DataFormatError, match=r"'-1.35548e-03 -2.179', where its .* says 20 characters"):
         uff_body._ascii(body, 6, True, "r.uff: dataset 58")
