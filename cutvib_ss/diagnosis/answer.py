@@ -10,10 +10,10 @@ import numpy as np
 from cutvib_ss.diagnosis.cross_validation import Judged, mean_error, shrinkage_interval
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut, share
+from cutvib_ss.diagnosis.hit_errors import SET_UPS
 from cutvib_ss.diagnosis.metrics import Sides
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.ranking import Ranked
-from cutvib_ss.diagnosis.records import SET_UPS
 from cutvib_ss.diagnosis.result import Cause, FittedParameter, GapFigures, Verdict
 from cutvib_ss.effects.base import parameter_fields
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cutvib_ss.diagnosis.fit import Fit, fit
+from cutvib_ss.diagnosis.hit_errors import taken_at
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.prediction import Predicted, Prediction
@@ -266,7 +267,7 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
         afar = partial(show, e=wider, here=None)
         modes = residual_modes(problem.nominal, [e.group], problem.band[1])
         chi2, drifts, density = fitted.spread.left(
-            problem, fitted.x, session_of(e), e.record, show, afar, e.errors, modes
+            problem, fitted.x, session_of(e), e.record, show, afar, taken_at(e.hits, e.placed), modes
         )
         chi2 = chi2 * e.freq.size / np.maximum(told, 1)
         total = fitted.spread.noise * total

@@ -15,8 +15,9 @@ import numpy as np
 
 from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
 from cutvib_ss.diagnosis.form_errors import Form
+from cutvib_ss.diagnosis.hit_errors import SET_UPS, Hit, taken_in
 from cutvib_ss.diagnosis.normal_matrix import Alike, Columns, add_products
-from cutvib_ss.diagnosis.records import SET_UPS, Entry, Hit, session_of
+from cutvib_ss.diagnosis.records import Entry, session_of
 from cutvib_ss.diagnosis.residual_modes import ResidualMode
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import NO_PARTS, Parts
@@ -148,15 +149,12 @@ class Directions:
         like: Layout | None = None,
         form: tuple[Form, Mapping[int, ComplexArray]] = ((), {}),
     ) -> None:
-        self.problem, self.form_errors = problem, form[1]
-        self.groups = [p.group for p in predictions]
+        self.problem, self.form_errors, self.groups = problem, form[1], [p.group for p in predictions]
         band = problem.band
         self.smooth = [smooth_shapes(g.freq, band) for g in self.groups]
-        drift, nominal = weights(problem)
+        self.drift, self.nominal = drift, nominal = weights(problem)
         each = [x] * len(predictions) if isinstance(x, np.ndarray) else list(x)
         self.cause = cause_weights(problem, each[0])
-        self.drift, self.nominal = drift, nominal
-        errors = {key: error for g in self.groups for same in g.entries for key, error in same[0].errors.items()}
         hits = tuple(sorted({key for g in self.groups for row in g.hits for key in row})) if spread else ()
         self.layout = like or Layout(
             problem.size,
@@ -169,7 +167,7 @@ class Directions:
             problem.drifting_within if spread else (),
             cause_drifts=bool(spread and np.any(self.cause)),
             hits=hits,
-            errors=tuple(errors.get(key, 0.0) for key in hits),
+            errors=taken_in(self.groups, hits),
             parts=problem.parts,
             residual_modes=problem.residual_modes if spread else (),
             form=form[0] if spread else (),

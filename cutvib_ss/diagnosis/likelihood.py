@@ -25,7 +25,7 @@ from scipy import linalg, stats
 from scipy.linalg import lapack
 
 from cutvib_ss.diagnosis.directions import Layout, Sizes
-from cutvib_ss.diagnosis.records import SET_UPS
+from cutvib_ss.diagnosis.hit_errors import SET_UPS
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import FloatArray
 

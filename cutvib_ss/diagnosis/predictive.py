@@ -11,8 +11,8 @@ import numpy as np
 
 from cutvib_ss.diagnosis.directions import Directions, Layout, Sizes, real_rows
 from cutvib_ss.diagnosis.discrepancy import weights
+from cutvib_ss.diagnosis.hit_errors import Hit
 from cutvib_ss.diagnosis.likelihood import log_determinant, solved
-from cutvib_ss.diagnosis.records import Hit
 from cutvib_ss.diagnosis.residual_modes import ResidualMode
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.errors import CutvibError

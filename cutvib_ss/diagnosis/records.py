@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cutvib_ss.diagnosis.hit_errors import SET_UPS, Hit, Placed
 from cutvib_ss.diagnosis.pulses import Pulses
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.sine_test import SineTest
@@ -25,19 +26,7 @@ from cutvib_ss.measurement.replay import Replay
 from cutvib_ss.results import ComplexArray, Estimator, FloatArray, MeasuredFrequencyResponse, Quantity
 from cutvib_ss.results.arrays import optional_array, position_at
 
-By = Literal["session", "record"]
-"""What the groups of a problem hold one of."""
-
-# A direction in which records are off: a "hit" of a hand, "late" (of which record), "aim" or "placing" (set-up); its number.
-Hit: TypeAlias = tuple[str, int, int]
-SET_UPS = ("aim", "placing")
-
-
-class Placed(NamedTuple):
-    """Where the head is taken to be, about which its position error is small."""
-
-    position: float  # y / L
-    error: float  # That less the stated position, in units of set-up errors
+By = Literal["session", "record"]  # What the groups of a problem hold one of
 
 
 @dataclass(frozen=True)
@@ -72,12 +61,6 @@ class Entry:
     def head_at(self) -> float | None:
         """Where the head is taken to be; None for a structure."""
         return self.position if self.placed is None else self.placed.position
-
-    @property
-    def errors(self) -> Mapping[Hit, float]:
-        """Where its errors of hits and set-ups are taken to be, in the sizes of their directions."""
-        error = 0.0 if self.placed is None else self.placed.error
-        return {key: error if key[0] == "placing" else 0.0 for key in self.hits}
 
     @cached_property
     def group(self) -> Group:

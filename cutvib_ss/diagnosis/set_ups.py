@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutvib_ss.diagnosis.records import Entry, Placed, session_of
+from cutvib_ss.diagnosis.hit_errors import Placed
+from cutvib_ss.diagnosis.records import Entry, session_of
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model
 from cutvib_ss.errors import CutvibError
