@@ -69,6 +69,10 @@ def of_known_form(
         if known:
             give(out, r, known, part)
     _by_one_name(likely, out)
+    # Where no hypothesis is left that is believed, a known cause in another form is as possible as before.
+    nameless, nearest = 1.0 - sum(out.values()), best(r for r in named if kind_of(r.fit.hypothesis) == "known")
+    if nearest is not None and nameless > SETTINGS.verdict_form:
+        out[nearest.name] += nameless - SETTINGS.verdict_form
     return out
 
 

@@ -781,3 +781,16 @@ def test_what_leads_a_cause_beside_another_starts_it_by_itself(monkeypatch: pyte
     assert not _without_the_other(nothing, nothing, [BESIDE], [close, shift])
     assert not _without_the_other(nothing, nothing, [], [MAIN, shift])
     assert not _without_the_other(nothing, nothing, [BOTH], [MAIN, shift])
+
+
+def test_where_nothing_is_believed_the_nearest_known_cause_may_be_it_in_another_form() -> None:
+    none, near = sized("none", 3e-5, 1e-3), sized("near", 3e-5, 1e-3, MASS)
+    far = replace(
+        sized("far", 3e-5, 1e-3, CUBIC), fit=replace(near.fit, hypothesis=Hypothesis((CUBIC,)), log_evidence=-9.0)
+    )
+    kept = SETTINGS.verdict_form
+    found = of_known_form([none, near, far], {"none": 0.0, "near": 0.0, "far": 0.0}, held())
+    assert found == pytest.approx({"none": 0.0, "near": 1.0 - kept, "far": 0.0})
+    # What an answer of its own has lost is shared already.
+    odds = {"none": 0.0, "near": 0.5, "far": 0.0}
+    assert of_known_form([none, near, far], odds, held()) == odds
