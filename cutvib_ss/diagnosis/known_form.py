@@ -34,7 +34,8 @@ def of_known_form(
     keeps what such an answer keeps, where it leaves no more of what the element explains than the largest error of its dynamic
     stiffness that is believed: squared, since the excess is of squares. Else the nearest known cause has the rest of an unknown
     element, or no cause where the re-tuned model leaves little; and of a known cause beside one the nearest pair of that cause
-    with another known one, where it leaves no more than noise.
+    with another known one, where it leaves no more than noise. Where no hypothesis is believed the known cause of most evidence has
+    what is more than such an answer keeps.
     """
     out = dict(odds)
     likely = [r for r in ranked if odds[r.name] >= SETTINGS.verdict_hardly and r.fit.hypothesis.causes]
