@@ -111,10 +111,10 @@ class Climb:
         still = self.drifted.none
         drift = self.drifted.of(near) if near is not None and spread else still
         # Drifts of another fit, to first order, may lead nowhere, or be more than the model takes.
-        self.at = self.evaluated(x, drift)
-        if np.any(drift) and self._squares(x, still) < self.at.squares - self.beside.squares:
-            there = self.evaluated(x, still)
-            self.at = min(self.at, there, key=lambda at: at.objective)
+        starts = [drift]
+        if np.any(drift) and (moved := self._squares(x, drift)) > self._squares(x, still):
+            starts = [still, drift] if np.isfinite(moved) else [still]
+        self.at = min((self.evaluated(x, d) for d in starts), key=lambda at: at.objective)
 
     @property
     def beaten(self) -> bool:

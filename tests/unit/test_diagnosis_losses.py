@@ -16,6 +16,7 @@ from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.effects.modal_truncation import ModalTruncation
+from cutvib_ss.errors import ParameterError
 from cutvib_ss.model.machine import Machine, published_machine
 from cutvib_ss.model.paths import with_values
 from cutvib_ss.model.rail import EndSupports, Shear
@@ -157,4 +158,16 @@ def test_a_start_beside_another_fit_takes_its_drift_only_where_that_leads_closer
     wrong = replace(near.spread, offsets=-20.0 * near.spread.offsets)
     began.clear()
     fit(MACHINE, still, Hypothesis(), near.x, 0, near=replace(near, spread=wrong))
+    assert not began[0].any()
+
+    residuals = Problem.residuals
+
+    def refused(self, x):
+        if len({own.tobytes() for own in self.each(x)}) > 1:
+            raise ParameterError("more than the model takes")
+        return residuals(self, x)
+
+    monkeypatch.setattr(Problem, "residuals", refused)
+    began.clear()
+    fit(MACHINE, still, Hypothesis(), near.x, 0, near=near)
     assert not began[0].any()
