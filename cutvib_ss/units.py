@@ -43,7 +43,7 @@ def rate_unit(displacement: str, quantity: str) -> str:
 
 
 def ratio_unit(numerator: str, denominator: str) -> str:
-    """Unit of one over the other, in brackets where the denominator is a product."""
+    """Unit of one over the other, in brackets where the denominator is a product or a quotient."""
     return f"{numerator}/({denominator})" if {" ", "/"} & set(denominator) else f"{numerator}/{denominator}"
 
 

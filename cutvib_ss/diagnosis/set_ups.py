@@ -3,7 +3,8 @@ Set-up errors: the head is not exactly at its stated position, and the force is 
 
 A set-up is one position in one session, and its records share its errors. To first order these change a response by the derivative
 to the position, by the response to a force at right angles to the nominal one, and by that to a moment on the tool's link, all of
-the nominal model. Their sizes are inferred like the drift between sessions (`cutvib_ss.diagnosis.likelihood`).
+the nominal model, or of the best linear cause's once its fit has found where the heads are. Their sizes are inferred like the drift
+between sessions (`cutvib_ss.diagnosis.likelihood`).
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def placed_by(made: Fit, entries: Sequence[Entry]) -> tuple[Entry, ...] | None:
     lay, sizes = made.spread.layout, made.spread.sizes
     least = SETTINGS.likelihood_set_up_sizes[0][0]
     rail = made.model.rail
-    if rail is None or max(sizes.aim, sizes.placing) <= least or not made.hypothesis.linear:
+    if rail is None or max(sizes.aim, sizes.placing) <= least:
         return None
     unit = SETTINGS.set_up_position / rail.parameters.length
     out = []
@@ -77,12 +78,12 @@ def _directed(model: Model, e: Entry, number: int) -> Entry:
     return replace(e, hits={**e.hits, ("placing", number, 0): placing, **aim})
 
 
-def of_force(nominal: Model, e: Entry) -> ComplexArray:
+def of_force(model: Model, e: Entry) -> ComplexArray:
     """Changes of a record's response by a force of unit tilt, and of unit offset; shape (change, channel, frequency)."""
     none = np.zeros((0, len(e.channels), e.freq.size), dtype=np.complex128)
-    if nominal.rail is None or e.head_at is None or e.input not in (FORCE, nominal.input_port):
+    if model.rail is None or e.head_at is None or e.input not in (FORCE, model.input_port):
         return none
-    h = _responses(nominal, e, [e.head_at], ("tool_z", "joint1", "joint2"))
+    h = _responses(model, e, [e.head_at], ("tool_z", "joint1", "joint2"))
     if h is None:
         return none
     # An offset force is a moment on the tool's link, whose angle is the sum of both joints'.

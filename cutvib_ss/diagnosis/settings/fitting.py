@@ -50,7 +50,7 @@ class FitSettings:
     record_quiet_lines: float = of(0.2, "of the lines",
         "That the signal of a continuous recording leaves to the force's noise at least",
         "fewer such recordings are known", "filters leave some tenths")
-    record_even_noise: float = of(2.0, "power", "Of the most over the least of these lines, up to which they show noise",
+    record_even_noise: float = of(2.0, "power", "Of the most over the tenth least of these lines, up to which they show noise",
         "a signal that falls up to the Nyquist frequency passes for noise", "a signal of third order falls by four")
     record_most_bias: float = of(0.5, "1", "Part of the force's power that is its noise, up to which the bias of H1 is taken off",
         "noisier lines", "beyond it the line is left out as not heard")
