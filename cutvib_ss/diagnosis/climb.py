@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from cutvib_ss.diagnosis.directions import Directions, Layout, Sizes, deviations
+from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.drifted import Drifted
 from cutvib_ss.diagnosis.form_errors import Form, that_tell
+from cutvib_ss.diagnosis.layout import Layout, Sizes, deviations
 from cutvib_ss.diagnosis.likelihood import Known, Quadratic
 from cutvib_ss.diagnosis.marginal import Marginal
 from cutvib_ss.diagnosis.prediction import Predicted

@@ -12,12 +12,12 @@ from cutvib_ss.diagnosis.campaign_search import Searched, observe_campaign, sear
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of, out_of_tolerance
 from cutvib_ss.diagnosis.compared_responses import compared_responses
 from cutvib_ss.diagnosis.detail import found
-from cutvib_ss.diagnosis.directions import Sizes
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out_rules import judged_on_held_out
 from cutvib_ss.diagnosis.hypotheses import considered
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.known_form import of_known_form
+from cutvib_ss.diagnosis.layout import Sizes
 from cutvib_ss.diagnosis.limits import limits
 from cutvib_ss.diagnosis.linearity import chance_of_order, confounded, level_stands_out
 from cutvib_ss.diagnosis.next_test import next_test

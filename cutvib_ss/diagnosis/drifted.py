@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cutvib_ss.diagnosis.directions import Sizes
 from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.layout import Sizes
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import By, Records, session_of

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, optimize
 
-from cutvib_ss.diagnosis.directions import Sizes, deviations
+from cutvib_ss.diagnosis.layout import Sizes, deviations
 from cutvib_ss.diagnosis.prediction import Prediction
 from cutvib_ss.diagnosis.records import Group, merged
 from cutvib_ss.diagnosis.settings import SETTINGS

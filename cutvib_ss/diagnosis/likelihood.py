@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from scipy import linalg, stats
 from scipy.linalg import lapack
 
-from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.hit_errors import SET_UPS
+from cutvib_ss.diagnosis.layout import Layout, Sizes
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import FloatArray
 

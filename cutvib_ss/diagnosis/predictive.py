@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from cutvib_ss.diagnosis.directions import Directions, Layout, Sizes, real_rows
+from cutvib_ss.diagnosis.directions import Directions, real_rows
 from cutvib_ss.diagnosis.discrepancy import weights
 from cutvib_ss.diagnosis.hit_errors import Hit
+from cutvib_ss.diagnosis.layout import Layout, Sizes
 from cutvib_ss.diagnosis.likelihood import log_determinant, solved
 from cutvib_ss.diagnosis.residual_modes import ResidualMode
 from cutvib_ss.diagnosis.settings import SETTINGS

@@ -15,10 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
-from cutvib_ss.diagnosis.directions import Directions, Sizes
+from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.drifted import Drifted, problems_of
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.layout import Sizes
 from cutvib_ss.diagnosis.likelihood import EVEN, Factored
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import By, Records

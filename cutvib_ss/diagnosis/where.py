@@ -12,7 +12,8 @@ import numpy as np
 
 from cutvib_ss.diagnosis.comparison import across_grids
 from cutvib_ss.diagnosis.cross_validation import Judged
-from cutvib_ss.diagnosis.directions import Directions, Sizes
+from cutvib_ss.diagnosis.directions import Directions
+from cutvib_ss.diagnosis.layout import Sizes
 from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Entry, Group, estimator_of, measured_at, merged, session_of

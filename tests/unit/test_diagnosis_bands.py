@@ -10,9 +10,9 @@ import pytest
 
 from cutvib_ss.diagnosis import where
 from cutvib_ss.diagnosis.correlation import frac, mac, mode_pairs
-from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.layout import Layout, Sizes
 from cutvib_ss.diagnosis.linearity import blows_order, chance_of_order, drift_of_any_order, level_stands_out
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.predictive import Spread

@@ -8,9 +8,9 @@ import pytest
 
 from cutvib_ss.diagnosis import cross_validation
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, out_of_tolerance
-from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.layout import Layout, Sizes
 from cutvib_ss.diagnosis.observations import Observations
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem

@@ -9,10 +9,10 @@ from typing import cast
 import numpy as np
 import pytest
 
-from cutvib_ss.diagnosis.directions import Sizes
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.following import _moves, followed, moving
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.layout import Sizes
 from cutvib_ss.diagnosis.ranking import Ranked, refit
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.settings import SETTINGS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cutvib_ss.diagnosis.directions import Layout, Sizes
+from cutvib_ss.diagnosis.layout import Layout, Sizes
 from cutvib_ss.diagnosis.level_trend import about_sessions, evidence_of_trend
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.records import Records

@@ -8,10 +8,11 @@ import pytest
 from scipy import optimize, stats
 
 from cutvib_ss.diagnosis import cross_validation
-from cutvib_ss.diagnosis.directions import Directions, Sizes
+from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.discrepancy import smooth_shapes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.layout import Sizes
 from cutvib_ss.diagnosis.likelihood import Factored, Quadratic
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import By, Entry, Records, merged

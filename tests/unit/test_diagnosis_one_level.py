@@ -10,7 +10,7 @@ import pytest
 from scipy import signal
 
 from cutvib_ss.diagnosis.diagnose import diagnose
-from cutvib_ss.diagnosis.directions import Sizes
+from cutvib_ss.diagnosis.layout import Sizes
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.result import Diagnosis
 from cutvib_ss.measurement.records import Campaign, History, Record

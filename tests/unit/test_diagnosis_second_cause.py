@@ -10,12 +10,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from cutvib_ss.diagnosis.directions import Layout, Sizes
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut
 from cutvib_ss.diagnosis.held_out_rules import judged_on_held_out
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.known_form import _by_one_name, of_known_form
+from cutvib_ss.diagnosis.layout import Layout, Sizes
 from cutvib_ss.diagnosis.posterior import kind_of, that_drift_by_chance
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.ranking import Ranked, once

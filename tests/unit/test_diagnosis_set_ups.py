@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import cutvib_ss as cv
-from cutvib_ss.diagnosis.directions import Sizes
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.layout import Sizes
 from cutvib_ss.diagnosis.records import Entry, Records, merged
 from cutvib_ss.diagnosis.set_ups import placed_by, with_set_ups
 from cutvib_ss.diagnosis.settings import SETTINGS

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from cutvib_ss.diagnosis.directions import Sizes
+from cutvib_ss.diagnosis.layout import Sizes
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.standing import leaves_noise_alone
 
