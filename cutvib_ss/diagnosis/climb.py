@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from cutvib_ss.diagnosis.curvature import bent
 from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.drifted import Drifted
 from cutvib_ss.diagnosis.form_errors import Form, that_tell
 from cutvib_ss.diagnosis.layout import Layout, Sizes, deviations
-from cutvib_ss.diagnosis.likelihood import Known, Quadratic
+from cutvib_ss.diagnosis.likelihood import Known, Quadratic, solved
 from cutvib_ss.diagnosis.marginal import Marginal
 from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.predictive import Spread
@@ -51,6 +52,8 @@ class At:
     objective: float
     quadratic: Quadratic | None = None
     directions: Directions | None = None  # Behind the quadratic
+    # The same with derivatives of what the discrepancy takes up at some sizes
+    bent: tuple[Sizes, Quadratic] | None = None
 
 
 class Trail:
@@ -109,6 +112,9 @@ class Climb:
         self.parts = np.array(problem.parts.all, dtype=np.intp)
         self.low, self.high = problem.bounds()
         self.form: tuple[Form, Mapping[int, ComplexArray]] = ((), {})
+        self.can_bend = spread and not problem.apart
+        """Whether steps may follow what the discrepancy takes up: by simulation second derivatives would take too long."""
+        self.is_bent = self.can_bend and near is not None
         still = self.drifted.none
         drift = self.drifted.of(near) if near is not None and spread else still
         # Drifts of another fit, to first order, may lead nowhere, or be more than the model takes.
@@ -203,28 +209,36 @@ class Climb:
         """The quadratic there; none where the model has run away."""
         if at.squares > SETTINGS.fit_run_away * self.count:
             return
-        x = at.x
         directions = Directions(at.problem, at.each, at.predictions, self.spread, form=self.form)
         matrix, gradient = directions.normal(at.residuals)
         if not (np.isfinite(matrix).all() and np.isfinite(gradient).all()):
             return
+        at.directions, at.quadratic = directions, self._about(at, directions.layout, matrix, gradient)
+        self._weigh(at)
+
+    def _about(self, at: At, lay: Layout, matrix: FloatArray, gradient: FloatArray) -> Quadratic:
+        """The quadratic about a point by the normal matrix and gradient there."""
+        x = at.x
         pull = gradient[: x.size] - self.precision * x
         free = ~(((x <= self.low) & (pull < 0)) | ((x >= self.high) & (pull > 0)))
-        lay = directions.layout
-        at.directions = directions
-        at.quadratic = Quadratic(
-            lay,
-            matrix,
-            gradient,
-            at.squares,
-            x,
-            self.precision,
-            free,
-            self.problem.even,
-            lay.placed(at.drift),
-            self.count,
+        offsets = lay.placed(at.drift)
+        return Quadratic(
+            lay, matrix, gradient, at.squares, x, self.precision, free, self.problem.even, offsets, self.count
         )
-        self._weigh(at)
+
+    def bent(self) -> Quadratic:
+        """The quadratic where it stands, by derivatives of all that the model and its discrepancy predict."""
+        at = self.at
+        assert at.quadratic is not None
+        assert at.directions is not None
+        if at.bent is None or at.bent[0] != self.sizes:
+            directions, lay, n = at.directions, at.directions.layout, at.x.size
+            matrix, gradient = at.quadratic.system(self.sizes)
+            taken = np.zeros(lay.size)
+            taken[n:] = solved(matrix[n:, n:], gradient[n:]) * lay.scale(self.sizes)[n:]
+            added = bent(directions, at.each, taken)
+            at.bent = self.sizes, self._about(at, lay, *directions.normal(at.residuals, added))
+        return at.bent[1]
 
     def _weigh(self, at: At) -> None:
         """The objective with drift and discrepancy of the present sizes integrated out."""
@@ -251,6 +265,7 @@ class Climb:
             self._linearise(self.at)
         q = self.at.quadratic
         if q is not None and q.layout.size > q.x.size:
+            q = self.bent() if self.is_bent else q
             self.sizes = q.climbed(self.sizes, self.known)
             self._weigh(self.at)
 
@@ -267,7 +282,8 @@ class Climb:
             before = self.at.objective
             # What each of the steps left has to gain to lead to what has been found already.
             needed = (before - self.rival) / (max_iterations - k)
-            damping = self._step(damping, self.at.quadratic, trail, max(SETTINGS.fit_gain, needed))
+            quadratic = self.bent() if self.is_bent else self.at.quadratic
+            damping = self._step(damping, quadratic, trail, max(SETTINGS.fit_gain, needed))
             gain = before - self.at.objective
             # A residual of many times the noise needs no exact optimum.
             far = self.at.chi2 * self.sizes.noise > SETTINGS.fit_hopeless * self.count
@@ -275,7 +291,10 @@ class Climb:
             # Beside the drift of single records, or simulated, the objective is far from its quadratic for many small steps.
             rough = SETTINGS.fit_rough_gain * gained if self.spread and self.is_rough else 0.0
             if gain < max(SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0), rough):
-                break
+                if self.is_bent or not self.can_bend or max_iterations <= SETTINGS.fit_scout_steps:
+                    break
+                self.is_bent, damping, trail, pace = True, SETTINGS.fit_damping, Trail(), np.inf
+                continue
             gained += gain
             if max(gain, pace) < needed:
                 break
@@ -297,8 +316,13 @@ class Climb:
         # whose derivatives are those of an equivalent stiffness, no step is given up for what it promises.
         kept = np.arange(matrix.shape[0]) if self.problem.apart else self._followed(quadratic.layout)
         marginal = Marginal(matrix, gradient, kept)
+        # Nor is it damped: what it left of its share, the unknowns would have to take.
+        held = np.diag(matrix).copy()
+        if self.is_bent:
+            held[:] = 0.0
+            held[kept] = marginal.diagonal
         for harder in (1e1, 1e2, 1e3, 1e4):
-            step = _step(matrix, gradient, tried, start, low, high)
+            step = _step(matrix, gradient, tried * held, start, low, high)
             # Not even the quadratic gains by it what is needed; of a whole step it may promise too little.
             promised = marginal.gain(step[kept])
             if promised < (worth if tried > damping else SETTINGS.fit_promise * worth):
@@ -354,7 +378,7 @@ class Climb:
 
 
 def _step(
-    matrix: FloatArray, gradient: FloatArray, damping: float, x: FloatArray, low: FloatArray, high: FloatArray
+    matrix: FloatArray, gradient: FloatArray, damping: FloatArray, x: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
     """A damped step that leaves alone the unknowns that a bound holds, and is cut off or turns where it comes to others."""
     held = ((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0))
@@ -377,11 +401,13 @@ def _step(
     return np.asarray(np.clip(x + step, low, high) - x)
 
 
-def _solved(matrix: FloatArray, gradient: FloatArray, damping: float, step: FloatArray, free: np.ndarray) -> FloatArray:
+def _solved(
+    matrix: FloatArray, gradient: FloatArray, damping: FloatArray, step: FloatArray, free: np.ndarray
+) -> FloatArray:
     """What is left to go for the free unknowns, the others being where a step has taken them."""
     inner = matrix[np.ix_(free, free)]
     # Unknowns of unlike size: equilibrated, the system is as well conditioned as its physics.
     size = np.sqrt(np.diag(inner) + 1e-12)
-    scaled = inner / np.outer(size, size) + damping * np.eye(size.size)
+    scaled = (inner + np.diag(damping[free])) / np.outer(size, size)
     pulled = gradient[free] - matrix[np.ix_(free, ~free)] @ step[~free]
     return np.asarray(linalg.solve(scaled, pulled / size, assume_a="sym") / size - step[free])

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cutvib_ss.diagnosis.discrepancy import cause_weights, features, pivots_of, shapes_over, smooth_shapes, weights
 from cutvib_ss.diagnosis.form_errors import Form
@@ -25,6 +26,13 @@ from cutvib_ss.units import DERIVATIVE_ORDER
 if TYPE_CHECKING:
     from cutvib_ss.diagnosis.prediction import Predicted
     from cutvib_ss.diagnosis.problem import Problem
+
+
+class Bent(NamedTuple):
+    """What a discrepancy adds, weighted, of each group of records."""
+
+    shared: list[ComplexArray]  # To the derivatives to the unknowns that move every channel
+    plain: list[ComplexArray]  # To the prediction
 
 
 class Directions:
@@ -112,7 +120,7 @@ class Directions:
                         index.append(own_nominal)
                         parts.append(self._smoothed(self.nominal[moved, None, None] * shared[moved][:, rows, c], i))
                     if cause is not None:
-                        own_shapes = self._of_cause(i, rows)
+                        own_shapes = self.of_cause(i, rows)
                         real = own_shapes.swapaxes(0, 1) * cause[rows, c]
                         index.append(lay.first_cause + np.arange(2 * len(lay.pivots)))
                         parts.append(np.concatenate([real, 1j * real]))
@@ -127,7 +135,7 @@ class Directions:
                         parts.append(np.array(list(added.values())))
                     yield i, rows, c, np.concatenate(index), np.concatenate(parts)
 
-    def _of_cause(self, group: int, rows: np.ndarray) -> FloatArray:
+    def of_cause(self, group: int, rows: np.ndarray) -> FloatArray:
         """Shapes of the cause's discrepancy at some rows of a group, shape (row, shape, frequency)."""
         g = self.groups[group]
         return np.array([shapes_over(self.layout.pivots, *features(g, k, self.problem)) for k in rows.tolist()])
@@ -137,19 +145,23 @@ class Directions:
         real = rows[:, None] * self.smooth[group][:, None, :]
         return np.stack([real, 1j * real], axis=1).reshape(-1, *rows.shape[1:])
 
-    def normal(self, residuals: Sequence[ComplexArray]) -> tuple[FloatArray, FloatArray]:
-        """Normal matrix and gradient of the data in all columns, at unit sizes."""
-        size = self.layout.size
-        # Behind the columns the residual, and one more for what has none.
-        matrix = np.zeros((size + 2, size + 2))
+    def normal(self, residuals: Sequence[ComplexArray], bent: Bent | None = None) -> tuple[FloatArray, FloatArray]:
+        """Normal matrix and gradient of the data in all columns, at unit sizes; with what a discrepancy adds to derivatives."""
+        size, shared = self.layout.size, self.problem.shared
+        # Behind the columns the residual, one more for what has none, and what is added to derivatives.
+        beside = size + 2 + np.arange(0 if bent is None else shared.size)
+        matrix = np.zeros((size + 2 + beside.size, size + 2 + beside.size))
         alike: dict[tuple[object, ...], list[int]] = {}
         for i, g in enumerate(self.groups):
             alike.setdefault((g.channels, g.freq.tobytes()), []).append(i)
         for which in alike.values():
-            add_products(matrix, self._alike(which, residuals), self._columns(which))
+            add_products(matrix, self._alike(which, residuals, bent), self._columns(which, beside))
+        if beside.size:
+            matrix[shared] += matrix[beside]
+            matrix[:, shared] += matrix[:, beside]
         return matrix[:size, :size], matrix[:size, size]
 
-    def _alike(self, which: Sequence[int], residuals: Sequence[ComplexArray]) -> Alike:
+    def _alike(self, which: Sequence[int], residuals: Sequence[ComplexArray], bent: Bent | None) -> Alike:
         """Groups on the same lines and channels together."""
         lay, first = self.layout, which[0]
         shared = np.concatenate([self.shared[i] for i in which], axis=1)
@@ -157,10 +169,13 @@ class Directions:
         of_cause, cause = np.zeros((1, 0, plain.shape[-1])), None
         if lay.pivots:
             cause = np.tensordot(self.cause, shared[len(shared) - len(self.cause) :], 1)
-            shapes = [self._of_cause(i, np.arange(len(self.groups[i].data))) for i in which]
+            shapes = [self.of_cause(i, np.arange(len(self.groups[i].data))) for i in which]
             of_cause = np.concatenate(shapes)
             if np.array_equal(of_cause, np.broadcast_to(of_cause[:1], of_cause.shape)):
                 of_cause = of_cause[:1]
+        if bent is not None:
+            shared = np.concatenate([shared, np.concatenate([bent.shared[i] for i in which], axis=1)])
+            plain = plain + np.concatenate([bent.plain[i] for i in which])
         return Alike(
             shared=shared,
             residual=np.concatenate([residuals[i] for i in which]),
@@ -173,10 +188,10 @@ class Directions:
             nominal=[(k, float(self.nominal[k])) for k in lay.nominal],
         )
 
-    def _columns(self, which: Sequence[int]) -> Columns:
+    def _columns(self, which: Sequence[int], beside: NDArray[np.intp]) -> Columns:
         """Where the products of their columns go."""
         lay, problem, channels = self.layout, self.problem, self.groups[which[0]].channels
-        most, n = max(len(self._added(i, row)) for i, row in self._rows_of(which)), len(problem.shared)
+        most, n = max(len(self._added(i, row)) for i, row in self._rows_of(which)), len(problem.shared) + beside.size
         first_added = n + 1 + bool(lay.pivots)
         plain = first_added + most
         moved = np.array(lay.drifting, dtype=int)
@@ -191,7 +206,13 @@ class Directions:
         for i, row in self._rows_of(which):
             added = [column for column, _ in self._added(i, row)]
             firsts = self._drifts_of(i, row)
-            index = [*problem.shared.tolist(), lay.size, *(first + k for first in firsts for k in at), *added]
+            index = [
+                *problem.shared.tolist(),
+                *beside.tolist(),
+                lay.size,
+                *(first + k for first in firsts for k in at),
+                *added,
+            ]
             atoms = [*range(n + 1), *of * len(firsts), *range(first_added, first_added + len(added))]
             weights = [*[1.0] * (n + 1), *weight * len(firsts), *[1.0] * len(added)]
             of_one.append((np.array(index), np.array(atoms), np.array(weights)))

@@ -36,6 +36,11 @@ class Marginal:
         """Logarithm of the determinant of the others' matrix."""
         return 2.0 * float(np.sum(np.log(np.diag(self._factor))))
 
+    @property
+    def diagonal(self) -> FloatArray:
+        """Curvatures of the kept unknowns, the others following."""
+        return np.asarray(np.diag(self._own) - np.sum(self._coupled**2, axis=0))
+
     def of_own(self, which: NDArray[np.intp]) -> float:
         """Logarithm of the determinant of some of the kept unknowns, by their number among them."""
         if not which.size:

@@ -207,6 +207,13 @@ class Problem:
         self._circles = [p.circles for p in out]
         return out
 
+    def aside(self, x: Sequence[FloatArray]) -> Sequence[Predicted]:
+        """Predictions at unknowns close to the last ones, whose circles around slow poles stay."""
+        circles = list(self._circles)
+        out = self.predictions(x)
+        self._circles = circles
+        return out
+
     def _models(self, each: Sequence[FloatArray]) -> list[Model]:
         """The model of each group; groups that share their unknowns share it."""
         built: dict[int, Model] = {}
