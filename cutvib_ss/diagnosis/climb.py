@@ -56,37 +56,6 @@ class At:
     bent: tuple[Sizes, Quadratic] | None = None
 
 
-class Trail:
-    """
-    The last steps of an iteration, and where they lead: Anderson's extrapolation (Walker and Ni 2011, SIAM J. Numer. Anal. 49).
-
-    A Gauss-Newton step takes the directions of drift and discrepancy for constant. They change with the unknowns, so the steps
-    shrink by a constant factor near the optimum, tens of them where the noise is small.
-    """
-
-    def __init__(self) -> None:
-        self.points: list[FloatArray] = []
-        self.steps: list[FloatArray] = []
-
-    def add(self, point: FloatArray, step: FloatArray) -> None:
-        """One more step; the oldest is forgotten."""
-        self.points = [*self.points, point][-SETTINGS.fit_trail :]
-        self.steps = [*self.steps, step][-SETTINGS.fit_trail :]
-
-    def forget(self) -> None:
-        """Start anew."""
-        self.points, self.steps = [], []
-
-    def ahead(self, point: FloatArray, step: FloatArray, weight: FloatArray) -> FloatArray | None:
-        """Where a step from a point leads once the steps' own change is followed to zero; None without steps before."""
-        if not self.points:
-            return None
-        changes = np.array([step - s for s in self.steps]).T
-        moves = np.array([point - p for p in self.points]).T
-        parts = linalg.lstsq(weight[:, None] * changes, weight * step, cond=1e-8, check_finite=False)[0]
-        return np.asarray(point + step - (moves + changes) @ parts)
-
-
 class Climb:
     """Steps from one point, on the same problem with coarser to finer groups."""
 
@@ -114,7 +83,7 @@ class Climb:
         self.form: tuple[Form, Mapping[int, ComplexArray]] = ((), {})
         self.can_bend = spread and not problem.apart
         """Whether steps may follow what the discrepancy takes up: by simulation second derivatives would take too long."""
-        self.is_bent = self.can_bend and near is not None
+        self.is_bent = False
         still = self.drifted.none
         drift = self.drifted.of(near) if near is not None and spread else still
         # Drifts of another fit, to first order, may lead nowhere, or be more than the model takes.
@@ -227,17 +196,18 @@ class Climb:
         )
 
     def bent(self) -> Quadratic:
-        """The quadratic where it stands, by derivatives of all that the model and its discrepancy predict."""
+        """The quadratic where it stands, by derivatives of all that the model and its discrepancy predict, where these differ."""
         at = self.at
         assert at.quadratic is not None
         assert at.directions is not None
         if at.bent is None or at.bent[0] != self.sizes:
-            directions, lay, n = at.directions, at.directions.layout, at.x.size
+            lay, n = at.directions.layout, at.x.size
             matrix, gradient = at.quadratic.system(self.sizes)
             taken = np.zeros(lay.size)
             taken[n:] = solved(matrix[n:, n:], gradient[n:]) * lay.scale(self.sizes)[n:]
-            added = bent(directions, at.each, taken)
-            at.bent = self.sizes, self._about(at, lay, *directions.normal(at.residuals, added))
+            added = bent(at.directions, at.each, taken)
+            normal = None if added is None else at.directions.normal(at.residuals, added)
+            at.bent = self.sizes, at.quadratic if normal is None else self._about(at, lay, *normal)
         return at.bent[1]
 
     def _weigh(self, at: At) -> None:
@@ -271,7 +241,7 @@ class Climb:
 
     def climb(self, max_iterations: int, tolerance: float) -> None:
         """Steps until they gain little."""
-        damping, trail, pace, gained = SETTINGS.fit_damping, Trail(), np.inf, 0.0
+        damping, pace, gained = SETTINGS.fit_damping, np.inf, 0.0
         for k in range(max_iterations):
             if self.at.quadratic is None:
                 self._linearise(self.at)
@@ -283,7 +253,7 @@ class Climb:
             # What each of the steps left has to gain to lead to what has been found already.
             needed = (before - self.rival) / (max_iterations - k)
             quadratic = self.bent() if self.is_bent else self.at.quadratic
-            damping = self._step(damping, quadratic, trail, max(SETTINGS.fit_gain, needed))
+            damping = self._step(damping, quadratic, max(SETTINGS.fit_gain, needed))
             gain = before - self.at.objective
             # A residual of many times the noise needs no exact optimum.
             far = self.at.chi2 * self.sizes.noise > SETTINGS.fit_hopeless * self.count
@@ -291,27 +261,26 @@ class Climb:
             # Beside the drift of single records, or simulated, the objective is far from its quadratic for many small steps.
             rough = SETTINGS.fit_rough_gain * gained if self.spread and self.is_rough else 0.0
             if gain < max(SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0), rough):
-                if self.is_bent or not self.can_bend or max_iterations <= SETTINGS.fit_scout_steps:
+                if self.is_bent or not self.can_bend or far or max_iterations <= SETTINGS.fit_scout_steps:
                     break
-                self.is_bent, damping, trail, pace = True, SETTINGS.fit_damping, Trail(), np.inf
+                self.is_bent, damping, pace = True, SETTINGS.fit_damping, np.inf
+                if self.bent() is self.at.quadratic:
+                    break
                 continue
             gained += gain
             if max(gain, pace) < needed:
                 break
             pace = gain
 
-    def _step(self, damping: float, quadratic: Quadratic, trail: Trail, worth: float) -> float:
-        """One step: to where the last ones lead, or damped until it gains or is not worth trying; the damping of the next."""
+    def _step(self, damping: float, quadratic: Quadratic, worth: float) -> float:
+        """One step, damped until it gains or is not worth trying; the damping of the next."""
         n, x = self.at.x.size, self.at.x
         matrix, gradient = quadratic.system(self.sizes)
         beside = np.full(matrix.shape[0] - n, np.inf)
         unit = self._unit
         low, high = np.concatenate([self.low / unit, -beside]), np.concatenate([self.high / unit, beside])
         start = np.concatenate([x / unit, np.zeros(beside.size)])
-        weight = np.concatenate(
-            [np.sqrt(np.diag(matrix)[:n]) / unit, np.full(self.at.drift.size, 1.0 / self.sizes.drift)]
-        )
-        here, tried = np.concatenate([x, self.at.drift.ravel()]), damping
+        tried = damping
         # What the directions take already is not gained again, but for drift that is still to be followed. Of a restoring force,
         # whose derivatives are those of an equivalent stiffness, no step is given up for what it promises.
         kept = np.arange(matrix.shape[0]) if self.problem.apart else self._followed(quadratic.layout)
@@ -328,17 +297,9 @@ class Climb:
             if promised < (worth if tried > damping else SETTINGS.fit_promise * worth):
                 break
             there = np.concatenate([x + unit * step[:n], self._drifted(step[n:]).ravel()])
-            ahead = trail.ahead(here, there - here, weight) if tried == damping else None
-            if ahead is not None:
-                if self._moved_to(ahead):
-                    trail.add(here, there - here)
-                    return damping
-                trail.forget()
             if self._moved_to(there):
                 if tried == damping:
                     return max(damping / 10, 1e-9)
-                # Not as far as the quadratic says: the next ones will shrink likewise.
-                trail.add(here, there - here)
                 return tried
             # Far below where damping begins all steps are alike.
             tried = max(tried, SETTINGS.fit_damping) * harder

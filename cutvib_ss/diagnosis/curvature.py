@@ -23,11 +23,18 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray, FloatArray
 
 
-def bent(directions: Directions, each: list[FloatArray], coefficients: FloatArray) -> Bent:
-    """What the discrepancy of given coefficients, at unit sizes, adds to derivatives; `each` holds the unknowns of every group."""
+def bent(directions: Directions, each: list[FloatArray], coefficients: FloatArray) -> Bent | None:
+    """
+    What the discrepancy of given coefficients, at unit sizes, adds to derivatives; None where it is too small to.
+
+    `each` holds the unknowns of every group.
+    """
+    moved = list(_moved(directions, each[0].size, coefficients))
+    if max(float(np.abs(e).max()) for _, error in moved for e in error) < SETTINGS.fit_bends:
+        return None
     shared = [np.zeros_like(rows) for rows in directions.shared]
     plain = [np.zeros_like(rows) for rows in directions.plain]
-    for way, error in _moved(directions, each[0].size, coefficients):
+    for way, error in moved:
         ahead = [x + SETTINGS.fit_difference * way for x in each]
         for i, (x, p) in enumerate(zip(ahead, directions.problem.aside(ahead), strict=True)):
             first = directions.shared[i]

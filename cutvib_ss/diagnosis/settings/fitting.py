@@ -181,8 +181,9 @@ class FitSettings:
         "smaller first steps", NUMERICAL)
     fit_promise: float = of(0.1, "needed gain", "That a whole step has to promise to be tried",
         "starts far from the truth are given up", TIME)
+    fit_bends: float = of(1e-4, "1", "Relative error of a stiffness that moves derivatives: a hundredth of a small loss factor",
+                          "longer", NUMERICAL)
     fit_difference: float = of(1e-5, "stiffness", "Relative difference by which second derivatives are taken", "-", NUMERICAL)
-    fit_trail: int = of(3, "steps", "By which the next one is extrapolated", "longer memory", NUMERICAL)
     fit_scout_steps: int = of(10, "steps", "A fit of no more steps climbs once", "more scouts", TIME)
     fit_start_lines: int = of(120, "lines", "Lines on which drifting sessions are started", "longer", TIME)
     fit_fewer_lines: int = of(300, "lines", "Of a record, on which a linear cause is fitted before all are taken", "longer", TIME)
