@@ -5,7 +5,8 @@ A tone that goes on through a blow has no phase in common with it. Its transform
 skirts that fall with the square of the distance: of a peak of power P over the noise P/(2π²n²) is left n lines beside it, without
 a window. The variance of a response, smooth as its noise is taken to be, holds neither peak nor skirts, and causes would be fitted
 to them. A tone is told by what scatters from blow to blow: where that peaks and the response, beyond what so much scatter does to
-it, does not. Without scatter it is told at the mains alone, by peaks at several multiples of 50 or 60 Hz.
+it, does not. Of a recording that is cut into blocks what leaks from these scatters at a resonance, too, where the response itself
+stands out. Without scatter a tone is told at the mains alone, by peaks at several multiples of 50 or 60 Hz.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ _STANDS_OUT = 5.0  # times the noise power: a tone does, and has fallen from it 
 _BESIDE = 3, 6  # lines to either side of a tone's peak where it has fallen to a 25th and less
 _CHANCE = 1e-3  # that noise stands out as much: anywhere, or at one multiple
 _OF_SCATTER = 8.0  # of a peak's power over what scatters there: a tone's is one, a resonance's tens and more
+_AT_RESONANCE = 1.5  # times the power of what leaks there is that of the response; a tone makes it once, on average
 _SOFT = 0.25  # of the records, that show a tone least
 _MULTIPLES = 3  # of the mains that have to stand out: a resonance may lie on one by chance
 _SKIRTS = 0.25  # of the noise power, to which a tone's skirts are left out
@@ -79,6 +81,8 @@ def interference(
     ]:
         lines = _Lines(step, own)
         tones = lines.tones()
+        if not struck:
+            tones = {f: p for f, p in tones.items() if not lines.resonates(f)}
         if of_blows and not struck:
             tones = {f: p for f, p in tones.items() if _near(f, widths, step)}
         multiples = {f: lines.at_multiples(f, tones) for f in _MAINS}
@@ -102,7 +106,7 @@ class _Lines:
         first = min(float(r.freq[0]) for r in responses)
         index = [np.round((r.freq - first) / step).astype(np.intp) for r in responses]
         self.step, self.freq = step, first + step * np.arange(max(int(i[-1]) for i in index) + 1)
-        scatter, spike, seen, self.shown, self.freedom, self.power = np.zeros((6, self.freq.size))
+        scatter, spike, seen, self.shown, self.freedom, self.power, self.response = np.zeros((7, self.freq.size))
         # By record, of the channel that shows it most
         self.each = np.full((len(responses), self.freq.size), -np.inf)
         for own, r, i in zip(self.each, responses, index, strict=True):
@@ -111,8 +115,9 @@ class _Lines:
             own[i] = np.where(known, scattered, -np.inf).max(axis=0)
             scatter[i] += np.where(known, scattered, 0.0).sum(axis=0)
             # Over what each channel's noise is on average: a zero of the response has less, but no tone.
-            even = r.variance[0, :, 0] / np.mean(r.variance[0, :, 0], axis=-1, keepdims=True)
-            self.power[i] += np.where(known, scattered * even, 0.0).sum(axis=0)
+            mean = np.mean(r.variance[0, :, 0], axis=-1, keepdims=True)
+            self.power[i] += np.where(known, scattered * r.variance[0, :, 0] / mean, 0.0).sum(axis=0)
+            self.response[i] += np.where(known, np.abs(r.data[0, :, 0]) ** 2 / mean, 0.0).sum(axis=0)
             seen[i] += known.sum(axis=0)
             self.freedom[i] += 2.0 * (r.averages - 1) * known.sum(axis=0)
             spike[i] += np.where(np.isfinite(rough), rough, 0.0).sum(axis=0)
@@ -138,6 +143,12 @@ class _Lines:
             if highest and sharp and louder and alike and throughout:
                 out[float(self.freq[k])] = float(self.scatter[k])
         return out
+
+    def resonates(self, tone: float) -> bool:
+        """Whether the response stands out at a line, by more than what scatters there does to it."""
+        k = int(np.argmin(np.abs(self.freq - tone)))
+        beside = float(np.mean(self.response[self._around(k, *_BESIDE)]))
+        return bool(self.response[k] > max(_STANDS_OUT * beside, _AT_RESONANCE * self.power[k]))
 
     def at_multiples(self, mains: float, tones: Mapping[float, float]) -> dict[float, float]:
         """Multiples of the mains and their powers, where several are tones or peaks between smooth neighbours; none elsewhere."""

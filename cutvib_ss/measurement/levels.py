@@ -38,6 +38,13 @@ def own_level(record: Record) -> float | None:
     return float(np.quantile(np.abs(np.concatenate([h.force - np.median(h.force) for h in record.histories])), 0.999))
 
 
+def mean_level(record: Record) -> float | None:
+    """Standard deviation of a recording's force [N], which tells a sweep from noise of the same peak; None of other records."""
+    if record.kind != "timeseries" or not record.histories:
+        return None
+    return float(np.std(np.concatenate([h.force - np.median(h.force) for h in record.histories])))
+
+
 def levels_of(records: Sequence[Record]) -> list[float | None]:
     """
     Levels of a campaign's records as a diagnosis compares them [N]: as stated, else those of blows; None where neither tells.

@@ -13,7 +13,7 @@ from scipy import stats
 from cutvib_ss.measurement.blow_noise import Ordering, blow_scatter, chance_of_ordering
 from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.interference import interference
-from cutvib_ss.measurement.levels import own_level, peaks, same_level
+from cutvib_ss.measurement.levels import mean_level, own_level, peaks, same_level
 from cutvib_ss.measurement.plausibility import levels_over_nominal
 from cutvib_ss.measurement.records import Campaign, Record
 from cutvib_ss.measurement.trigger_jitter import trigger_jitter
@@ -230,12 +230,14 @@ def summarise(campaign: Campaign) -> Summary:
     kept = frfs if tones is None else tuple(h.at_lines(~tones.spoils(h.freq)) for h in frfs)
     repeated: list[PairSummary] = []
     levels: list[PairSummary] = []
+    spread = {r.name: mean_level(r) for r in campaign.records}
     for (a, ha), (b, hb) in combinations(zip(records, kept, strict=True), 2):
         if (a.position, a.input, a.kind) != (b.position, b.input, b.kind):
             continue
         pair = compare(a, ha, b, hb)
         if pair is not None:
-            (repeated if same_level(a.level, b.level) else levels).append(pair)
+            same = same_level(a.level, b.level) and same_level(spread[a.name], spread[b.name])
+            (repeated if same else levels).append(pair)
     unit = campaign.records[0].input_unit if campaign.records else "N"
     warnings = (*campaign.warnings, *(found.words for found in (tones, jitter) if found is not None))
     return Summary(campaign.title, unit, records, tuple(repeated), tuple(levels), warnings, frfs)

@@ -11,7 +11,9 @@ from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.measurement import read_campaign
 from cutvib_ss.measurement.checks import check_record
+from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.interference import interference
+from cutvib_ss.measurement.records import History, Record
 from cutvib_ss.measurement.summary import summarise
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.second_order import Channel, SecondOrder
@@ -206,3 +208,25 @@ def test_a_resonance_that_a_sweep_has_left_behind_is_no_tone(kind, tmp_path) -> 
     assert not any(w.startswith("interference") for w in observe(campaign, campaign.machine).warnings)
     # The sweep's scatter would be one.
     assert (interference([entry.response]) is not None) == (kind == "sweep")
+
+
+def test_what_leaks_from_blocks_at_a_resonance_is_no_tone(monkeypatch) -> None:
+    """Two light modes under noise, in blocks of 1.28 s, in which neither has died out."""
+    fs, count, rng = 800.0, 48000, np.random.default_rng(1)
+    model = Structure(
+        SecondOrder(
+            np.eye(2), 0.02 * np.eye(2), np.array([[1.5e4, -5e3], [-5e3, 2.5e4]]), ("a", "b"), {"p": np.eye(2)[0]}
+        ),
+        {"y": Channel("p", "displacement")}, "p",
+    )  # fmt: skip
+    out = []
+    for level in (1.0, 3.0, 9.0):
+        force = level * rng.standard_normal(count)
+        moved = step(modal_form(model), force[None], fs).responses[0, 0]
+        shown = moved + 1e-3 * moved.std() * rng.standard_normal(count)
+        history = History(fs, force + 1e-3 * level * rng.standard_normal(count), shown[None], ("y",))
+        record = Record("r", "timeseries", None, level, None, ("y",), ("displacement",), (history,), block=1.28)
+        out.append(measured_response(record))
+    assert interference([], out) is None
+    monkeypatch.setattr("cutvib_ss.measurement.interference._Lines.resonates", lambda self, tone: False)
+    assert interference([], out) is not None

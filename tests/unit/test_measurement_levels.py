@@ -1,13 +1,19 @@
 """Levels of records that state none: by their blows."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
+from cutvib_ss.diagnosis.observations import observe
+from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.measurement import History, Record
 from cutvib_ss.measurement.levels import levels_of, own_level, same_level
-from cutvib_ss.measurement.summary import PairSummary, Summary
+from cutvib_ss.measurement.records import Campaign
+from cutvib_ss.measurement.summary import PairSummary, Summary, summarise
+from tests.unit.struck_oscillator import OSCILLATOR
 
 FS = 1000.0
 
@@ -54,6 +60,29 @@ def test_an_offset_is_no_blow():
     assert same_level(None, None)
     assert not same_level(None, 1.0)
     assert levels_of([_blows(0.0)]) == [None]
+
+
+def test_a_sweep_does_not_repeat_noise_of_its_peak():
+    """An oscillator under two sweeps and noise, all stated as of 10 N: the sweeps are what repeats."""
+    t = np.arange(40_000) / 500.0
+    sweep, noise = signal.chirp(t, 5.0, t[-1], 60.0), np.random.default_rng(0).standard_normal(t.size) / 3.0
+    numerator, denominator, _ = signal.cont2discrete(([1.0], [1.0, 4.0, 1e4]), 1 / 500.0, "foh")
+    records = []
+    for k, shape in enumerate((sweep, sweep[::-1], noise)):
+        force = 10.0 * shape
+        shown = signal.lfilter(numerator.ravel(), denominator, force)
+        shown = shown + 1e-3 * shown.std() * np.random.default_rng(k).standard_normal(t.size)
+        history = History(500.0, force, shown[None], ("a",))
+        records.append(
+            Record(f"r{k}", "timeseries", None, 10.0, None, ("a",), ("displacement",), (history,), block=4.0)
+        )
+    campaign = Campaign("", Path(), OSCILLATOR, tuple(records), ())
+    found = summarise(campaign)
+    assert [(pair.first, pair.second) for pair in found.repeated] == [("r0", "r1")]
+    assert len(found.levels) == 2
+    entries = observe(campaign, OSCILLATOR).entries
+    assert repeatability(entries) == repeatability(entries[:2])
+    assert np.isnan(repeatability(entries[1:]))
 
 
 def _summary(repeated, levels):
