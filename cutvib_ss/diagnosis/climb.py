@@ -296,21 +296,18 @@ class Climb:
             promised = marginal.gain(step[kept])
             if promised < (worth if tried > damping else SETTINGS.fit_promise * worth):
                 break
-            there = np.concatenate([x + unit * step[:n], self._drifted(step[n:]).ravel()])
-            if self._moved_to(there):
-                if tried == damping:
-                    return max(damping / 10, 1e-9)
-                return tried
+            moved, drifted = x + unit * step[:n], self._drifted(step[n:])
+            # Drift that is followed to where its directions lead may leave more than they said.
+            if self._moved_to(moved, drifted) or (self.is_bent and self._moved_to(moved, self.at.drift)):
+                return max(damping / 10, 1e-9) if tried == damping else tried
             # Far below where damping begins all steps are alike.
             tried = max(tried, SETTINGS.fit_damping) * harder
         return tried
 
-    def _moved_to(self, there: FloatArray) -> bool:
+    def _moved_to(self, x: FloatArray, drift: FloatArray) -> bool:
         """Whether unknowns and drifts gained, and are where it stands now."""
-        n = self.at.x.size
         try:
-            x, drift = np.clip(there[:n], self.low, self.high), there[n:].reshape(self.at.drift.shape)
-            trial = self.evaluated(x, drift)
+            trial = self.evaluated(np.clip(x, self.low, self.high), drift)
         except (CutvibError, np.linalg.LinAlgError):
             return False
         gains = bool(np.isfinite(trial.objective) and trial.objective < self.at.objective)
