@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
 from cutvib_ss.diagnosis.curvature import bent
 from cutvib_ss.diagnosis.directions import Directions
@@ -25,6 +24,7 @@ from cutvib_ss.diagnosis.prediction import Predicted
 from cutvib_ss.diagnosis.predictive import Spread
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.settings import SETTINGS
+from cutvib_ss.diagnosis.steps import Trail, bounded_step
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -241,7 +241,7 @@ class Climb:
 
     def climb(self, max_iterations: int, tolerance: float) -> None:
         """Steps until they gain little."""
-        damping, pace, gained = SETTINGS.fit_damping, np.inf, 0.0
+        damping, trail, pace, gained = SETTINGS.fit_damping, Trail(), np.inf, 0.0
         for k in range(max_iterations):
             if self.at.quadratic is None:
                 self._linearise(self.at)
@@ -253,7 +253,7 @@ class Climb:
             # What each of the steps left has to gain to lead to what has been found already.
             needed = (before - self.rival) / (max_iterations - k)
             quadratic = self.bent() if self.is_bent else self.at.quadratic
-            damping = self._step(damping, quadratic, max(SETTINGS.fit_gain, needed))
+            damping = self._step(damping, quadratic, trail, max(SETTINGS.fit_gain, needed))
             gain = before - self.at.objective
             # A residual of many times the noise needs no exact optimum.
             far = self.at.chi2 * self.sizes.noise > SETTINGS.fit_hopeless * self.count
@@ -263,7 +263,7 @@ class Climb:
             if gain < max(SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0), rough):
                 if self.is_bent or not self.can_bend or far or max_iterations <= SETTINGS.fit_scout_steps:
                     break
-                self.is_bent, damping, pace = True, SETTINGS.fit_damping, np.inf
+                self.is_bent, damping, trail, pace = True, SETTINGS.fit_damping, Trail(), np.inf
                 if self.bent() is self.at.quadratic:
                     break
                 continue
@@ -272,42 +272,57 @@ class Climb:
                 break
             pace = gain
 
-    def _step(self, damping: float, quadratic: Quadratic, worth: float) -> float:
-        """One step, damped until it gains or is not worth trying; the damping of the next."""
-        n, x = self.at.x.size, self.at.x
+    def _step(self, damping: float, quadratic: Quadratic, trail: Trail, worth: float) -> float:
+        """One step: to where the last ones lead, or damped until it gains or is not worth trying; the damping of the next."""
+        n, x, drift = self.at.x.size, self.at.x, self.at.drift
         matrix, gradient = quadratic.system(self.sizes)
         beside = np.full(matrix.shape[0] - n, np.inf)
         unit = self._unit
         low, high = np.concatenate([self.low / unit, -beside]), np.concatenate([self.high / unit, beside])
         start = np.concatenate([x / unit, np.zeros(beside.size)])
-        tried = damping
+        weight = np.concatenate([np.sqrt(np.diag(matrix)[:n]) / unit, np.full(drift.size, 1.0 / self.sizes.drift)])
+        here, tried = np.concatenate([x, drift.ravel()]), damping
         # What the directions take already is not gained again, but for drift that is still to be followed. Of a restoring force,
         # whose derivatives are those of an equivalent stiffness, no step is given up for what it promises.
         kept = np.arange(matrix.shape[0]) if self.problem.apart else self._followed(quadratic.layout)
         marginal = Marginal(matrix, gradient, kept)
-        # Nor is it damped: what it left of its share, the unknowns would have to take.
-        held = np.diag(matrix).copy()
+        damped = np.diag(matrix)
         if self.is_bent:
-            held[:] = 0.0
-            held[kept] = marginal.diagonal
+            # What directions left of their share, the unknowns would have to take.
+            damped = np.zeros(gradient.size)
+            damped[kept] = marginal.diagonal
         for harder in (1e1, 1e2, 1e3, 1e4):
-            step = _step(matrix, gradient, tried * held, start, low, high)
+            step = bounded_step(matrix, gradient, tried * damped, start, low, high)
             # Not even the quadratic gains by it what is needed; of a whole step it may promise too little.
             promised = marginal.gain(step[kept])
             if promised < (worth if tried > damping else SETTINGS.fit_promise * worth):
                 break
-            moved, drifted = x + unit * step[:n], self._drifted(step[n:])
+            moved = x + unit * step[:n]
+            there = np.concatenate([moved, self._drifted(step[n:]).ravel()])
+            # Derivatives that follow the discrepancy leave nothing to extrapolate.
+            ahead = trail.ahead(here, there - here, weight) if tried == damping and not self.is_bent else None
+            if ahead is not None:
+                if self._moved_to(ahead):
+                    trail.add(here, there - here)
+                    return damping
+                trail.forget()
             # Drift that is followed to where its directions lead may leave more than they said.
-            if self._moved_to(moved, drifted) or (self.is_bent and self._moved_to(moved, self.at.drift)):
-                return max(damping / 10, 1e-9) if tried == damping else tried
+            if self._moved_to(there) or (self.is_bent and self._moved_to(np.concatenate([moved, here[n:]]))):
+                if tried == damping:
+                    return max(damping / 10, 1e-9)
+                # Not as far as the quadratic says: the next ones will shrink likewise.
+                trail.add(here, there - here)
+                return tried
             # Far below where damping begins all steps are alike.
             tried = max(tried, SETTINGS.fit_damping) * harder
         return tried
 
-    def _moved_to(self, x: FloatArray, drift: FloatArray) -> bool:
+    def _moved_to(self, there: FloatArray) -> bool:
         """Whether unknowns and drifts gained, and are where it stands now."""
+        n = self.at.x.size
         try:
-            trial = self.evaluated(np.clip(x, self.low, self.high), drift)
+            x, drift = np.clip(there[:n], self.low, self.high), there[n:].reshape(self.at.drift.shape)
+            trial = self.evaluated(x, drift)
         except (CutvibError, np.linalg.LinAlgError):
             return False
         gains = bool(np.isfinite(trial.objective) and trial.objective < self.at.objective)
@@ -333,39 +348,3 @@ class Climb:
         followed = np.clip(self.at.drift + size * own, -most, most)
         # What is small moves a response in proportion, as its directions say.
         return np.where(size > SETTINGS.predictive_small_drift, followed, 0.0)
-
-
-def _step(
-    matrix: FloatArray, gradient: FloatArray, damping: FloatArray, x: FloatArray, low: FloatArray, high: FloatArray
-) -> FloatArray:
-    """A damped step that leaves alone the unknowns that a bound holds, and is cut off or turns where it comes to others."""
-    held = ((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0))
-    step, free = np.zeros(x.size), ~held
-    step[free] = way = _solved(matrix, gradient, damping, step, free)
-    cut = np.clip(x + step, low, high) - x
-    if 2.0 * gradient @ cut - cut @ matrix @ cut > 0.0:
-        return np.asarray(cut)
-    # Along a narrow valley what is cut off leads uphill. It turns at the first bound instead: what comes to it ends there.
-    step[:] = 0.0
-    while free.any():
-        room = np.where(way > 0.0, high[free] - x[free], low[free] - x[free]) - step[free]
-        part = np.divide(room, way, out=np.full(way.size, np.inf), where=way != 0.0)
-        first = max(float(part.min()), 0.0)
-        step[free] += min(first, 1.0) * way
-        if first >= 1.0:
-            break
-        free[np.flatnonzero(free)[part <= first]] = False
-        way = _solved(matrix, gradient, damping, step, free)
-    return np.asarray(np.clip(x + step, low, high) - x)
-
-
-def _solved(
-    matrix: FloatArray, gradient: FloatArray, damping: FloatArray, step: FloatArray, free: np.ndarray
-) -> FloatArray:
-    """What is left to go for the free unknowns, the others being where a step has taken them."""
-    inner = matrix[np.ix_(free, free)]
-    # Unknowns of unlike size: equilibrated, the system is as well conditioned as its physics.
-    size = np.sqrt(np.diag(inner) + 1e-12)
-    scaled = (inner + np.diag(damping[free])) / np.outer(size, size)
-    pulled = gradient[free] - matrix[np.ix_(free, ~free)] @ step[~free]
-    return np.asarray(linalg.solve(scaled, pulled / size, assume_a="sym") / size - step[free])

@@ -8,8 +8,9 @@ its logarithm. Its derivative to an unknown x_j is
 
 and near a resonance the sum is ψ over the loss factor of the first part. Gauss-Newton steps without it end elsewhere than at the
 optimum, by many times the noise where the discrepancy takes up many times the noise, and the evidence about such a point promises
-gains that there are not. Weights of a cause's parameters in its size are taken for constant. Second derivatives are differences of the Jacobian along the few unknowns with a discrepancy. (Golub and
-Pereyra 1973, SIAM Journal on Numerical Analysis 10, 413-432: separable least squares need the derivative of the linear part.)
+gains that there are not. Weights of a cause's parameters in its size are taken for constant. Second derivatives are differences
+of the Jacobian along the few unknowns with a discrepancy. (Golub and Pereyra 1973, SIAM Journal on Numerical Analysis 10,
+413-432: separable least squares need the derivative of the linear part.)
 """
 
 from __future__ import annotations
