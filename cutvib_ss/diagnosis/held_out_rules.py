@@ -159,8 +159,9 @@ class _HeldOutRules:
         """Share the probability of a hypothesis with a simpler one that predicts held-out records better."""
         predicted = (self.held(r).log_density - self.held(simpler).log_density) / self.heat
         # What a value tuned far out of its tolerance predicts, its shift predicts as well: the lead is the prior's, and what more
-        # parameters cost by chance says nothing against it.
-        if predicted >= (-_by_chance(len(r.fit.stds)) if simpler.fit.tuned_away else 0.0):
+        # parameters cost by chance says nothing against it. A shift beside which others stay as far out is not what moved them.
+        relieved = simpler.fit.tuned_away and not r.fit.tuned_away
+        if predicted >= (-_by_chance(len(r.fit.stds)) if relieved else 0.0):
             return
         # The lead was estimated twice, by evidence and by prediction, and the two disagree in its sign: the mean of both decides,
         # and the hypothesis keeps half at most.

@@ -337,11 +337,20 @@ def test_a_lead_beyond_what_a_probability_holds_is_held_against_prediction_as_we
 
 
 @pytest.mark.parametrize(
-    ("away", "density", "kept"), [(False, -1001.0, 0.174), (True, -1001.0, 0.95), (True, -1004.0, 0.045)]
+    ("away", "still", "density", "kept"),
+    [
+        (False, False, -1001.0, 0.174),
+        (True, False, -1001.0, 0.95),
+        (True, False, -1004.0, 0.045),
+        (True, True, -1001.0, 0.174),
+    ],
 )
-def test_a_shift_that_predicts_what_a_value_out_of_tolerance_does_keeps_its_lead(away, density, kept) -> None:
+def test_a_shift_that_predicts_what_a_value_out_of_tolerance_does_keeps_its_lead(away, still, density, kept) -> None:
+    """But beside values that are as far out as before it has moved nothing into its place."""
     bare = Ranked("none", cast(Fit, OnlyEvidence(Hypothesis(), 0.0, tuned_away=away)), True)
-    shift = Ranked("main", cast(Fit, OnlyEvidence(Hypothesis((MASS,)), 8.0, stds={"0.mass": 0.1})), True)
+    shift = Ranked(
+        "main", cast(Fit, OnlyEvidence(Hypothesis((MASS,)), 8.0, stds={"0.mass": 0.1}, tuned_away=still)), True
+    )
     seen = held(none=TUNED, main=Leaves(log_density=density))
     found = judged_on_held_out([bare, shift], {"none": 0.05, "main": 0.95}, seen, 1.0)
     assert found["main"] == pytest.approx(kept, abs=0.02)
