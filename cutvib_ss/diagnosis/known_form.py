@@ -24,10 +24,10 @@ def of_known_form(
     Where a parameter ends at its range although other values lie beyond, or discrepancies or tuned values lie beyond what is
     believed (`Fit.beyond_belief`), or held-out records show far more than noise as stated, or a larger error than the re-tuned
     model has there, the form is not known, and no more is the cause. Nor is no cause sure where a tuned value lies out of any
-    tolerance; nor a restoring force that needs the largest error of its prior at one level. What such answers lose lies on
-    something unknown: with it the probabilities sum to one. A cause that ends where another takes over, as a resonance far above
-    the band is a mass, has that one's name by now. Where elements of unknown form were left `untried`, no cause is sure that
-    leaves more than noise.
+    tolerance; nor a restoring force that needs the largest error of its prior at one level, or leaves more than noise beside it on
+    held-out records. What such answers lose lies on something unknown: with it the probabilities sum to one. A cause that ends
+    where another takes over, as a resonance far above the band is a mass, has that one's name by now. Where elements of unknown
+    form were left `untried`, no cause is sure that leaves more than noise.
 
     An unknown element has no form that could err, but a known cause in a form that the catalogue lacks fits no other hypothesis
     either: no evidence tells the two apart, and priors have to. A known cause of its place is the answer in another form, and
@@ -51,8 +51,7 @@ def of_known_form(
             or (bare is not None and _leaves_more(held(r), held(bare)))
             # What was not computed is not ruled out.
             or (untried and held(r).reduced > SETTINGS.verdict_noise)
-            # Of a restoring force one level shows what it does, and no other what else would do the same.
-            or (not r.fit.hypothesis.linear and r.fit.spread.largest("cause") and _at_one_level(held(r)))
+            or _errs_too_much(r, held(r))
         )
     ]
     if bare is not None and bare.fit.tuned_out:
@@ -144,6 +143,13 @@ def _among_places(
         if close and odds[r.name] > max(odds[x.name] for x in close):
             together = (odds[r.name] + sum(odds[x.name] for x in close)) / (1 + len(close))
             odds |= {x.name: together for x in (r, *close)}
+
+
+def _errs_too_much(r: Ranked, judged: HeldOut) -> bool:
+    """Whether a restoring force needs the largest error of its prior, at one level, or leaves more than noise beside it."""
+    # One level shows what it does, and no other what else would do the same.
+    needs = not r.fit.hypothesis.linear and r.fit.spread.largest("cause")
+    return needs and (_at_one_level(judged) or judged.reduced > SETTINGS.verdict_noise)
 
 
 def _at_one_level(judged: HeldOut) -> bool:
