@@ -59,9 +59,11 @@ class Scan:
         motion: Mapping[str, float],
         apart: bool,
         part: float = 1.0,
+        tuned: FloatArray | None = None,
     ) -> None:
         self.nominal, self.records, self.motion, self.apart = nominal, records, motion, apart
-        self.warm: FloatArray | None = None
+        # Unknowns of a fit that is taken as it is, of other records.
+        self.warm = tuned
         self.underneath: Fit | None = None
         if x is not None:
             there = self.underneath = fit(nominal, records, hypothesis, x, SETTINGS.scan_steps, SETTINGS.scan_gain)
@@ -69,7 +71,7 @@ class Scan:
             self.warm = there.x[: there.first_effect]
         self.effects = hypothesis.effects
         drifted = Drifted(problems_of(nominal, records, hypothesis, self.underneath is not None, apart))
-        x, drift, sizes = drifted.problems[0].start(), drifted.none, Sizes()
+        x, drift, sizes = drifted.problems[0].start(tuned), drifted.none, Sizes()
         if self.underneath is not None:
             x, sizes = self.underneath.x, self.underneath.spread.sizes
             # What is small moves a response in proportion, as its directions say; of a fit that leaves more than noise it has taken

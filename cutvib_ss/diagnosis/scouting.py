@@ -287,21 +287,39 @@ def scouted_laws(
     workers: Workers,
 ) -> list[tuple[Candidate, Fit]]:
     """The same for restoring forces, whose steps are expensive: each is scanned, and those that promise most take some."""
-    scan = Scan(nominal, some(outlook), Hypothesis(), warm, motion, apart=True)
+    scan, faint_too = Scan(nominal, some(outlook), Hypothesis(), warm, motion, apart=True), warm is not None
     if scan.underneath is not None and scan.underneath.reduced > SETTINGS.search_small:
         # On few lines the tuned model is not what it is on all: its tuning alone, without what stands beside it, leads astray.
-        warm = None
-        scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True)
+        warm, faint_too = _tuned_to_the_softest(nominal, outlook), False
+        scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True, tuned=warm)
     ahead = promising(scan, found, [c.starts for c in found], SETTINGS.search_laws_looked_at, workers)
     ahead = first_with_forms(ahead, SETTINGS.search_laws_started)
     tried = [(c, s.hypothesis) for c, s in ahead]
     out = stepped(nominal, outlook, tried, warm, SETTINGS.search_law_steps, workers)
-    if warm is not None:
+    if faint_too:
         # Beside a tuned model that leaves little every start may be far too strong.
         faint = [(c, h) for c, _ in ahead for h in scan.faint(c.starts)]
         out += stepped(nominal, outlook, faint, warm, SETTINGS.search_law_steps, workers)
         out = list({c.name: (c, f) for c, f in sorted(out, key=lambda pair: -cost(pair[1]))}.values())
     return sorted(out, key=lambda pair: cost(pair[1]))
+
+
+def _tuned_to_the_softest(nominal: Model, records: Records) -> FloatArray | None:
+    """
+    Unknowns of the model tuned to the records of least level; None where all are of one, or it leaves much of them.
+
+    At one level a restoring force is nearly one spring and damper, which the tuning takes up. What is left is how it changes.
+    """
+    softest = min(e.level_step for e in records.entries)
+    few = tuple(e for e in records.entries if e.level_step == softest)
+    if len(few) == len(records.entries):
+        return None
+    try:
+        # Its lines stand for all: what leaks from blocks leaks.
+        made = fit(nominal, replace(records, entries=few, rough=False), Hypothesis())
+    except CutvibError:
+        return None
+    return made.x if made.reduced < SETTINGS.search_small else None
 
 
 def springs_with_dampers(
