@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cutvib_ss.diagnosis.curvature import bent
+from cutvib_ss.diagnosis.curvature import curvature_of
 from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.drifted import Drifted
 from cutvib_ss.diagnosis.form_errors import Form, that_tell
@@ -53,7 +53,7 @@ class At:
     quadratic: Quadratic | None = None
     directions: Directions | None = None  # Behind the quadratic
     # The same with derivatives of what the discrepancy takes up at some sizes
-    bent: tuple[Sizes, Quadratic] | None = None
+    curved: tuple[Sizes, Quadratic] | None = None
 
 
 class Climb:
@@ -81,9 +81,9 @@ class Climb:
         self.parts = np.array(problem.parts.all, dtype=np.intp)
         self.low, self.high = problem.bounds()
         self.form: tuple[Form, Mapping[int, ComplexArray]] = ((), {})
-        self.can_bend = spread and not problem.apart
+        self.may_curve = spread and not problem.apart
         """Whether steps may follow what the discrepancy takes up: by simulation second derivatives would take too long."""
-        self.is_bent = False
+        self.is_curved = False
         still = self.drifted.none
         drift = self.drifted.of(near) if near is not None and spread else still
         # Drifts of another fit, to first order, may lead nowhere, or be more than the model takes.
@@ -195,20 +195,20 @@ class Climb:
             lay, matrix, gradient, at.squares, x, self.precision, free, self.problem.even, offsets, self.count
         )
 
-    def bent(self) -> Quadratic:
+    def curved(self) -> Quadratic:
         """The quadratic where it stands, by derivatives of all that the model and its discrepancy predict, where these differ."""
         at = self.at
         assert at.quadratic is not None
         assert at.directions is not None
-        if at.bent is None or at.bent[0] != self.sizes:
+        if at.curved is None or at.curved[0] != self.sizes:
             lay, n = at.directions.layout, at.x.size
             matrix, gradient = at.quadratic.system(self.sizes)
             taken = np.zeros(lay.size)
             taken[n:] = solved(matrix[n:, n:], gradient[n:]) * lay.scale(self.sizes)[n:]
-            added = bent(at.directions, at.each, taken)
+            added = curvature_of(at.directions, at.each, taken)
             normal = None if added is None else at.directions.normal(at.residuals, added)
-            at.bent = self.sizes, at.quadratic if normal is None else self._about(at, lay, *normal)
-        return at.bent[1]
+            at.curved = self.sizes, at.quadratic if normal is None else self._about(at, lay, *normal)
+        return at.curved[1]
 
     def _weigh(self, at: At) -> None:
         """The objective with drift and discrepancy of the present sizes integrated out."""
@@ -235,7 +235,7 @@ class Climb:
             self._linearise(self.at)
         q = self.at.quadratic
         if q is not None and q.layout.size > q.x.size:
-            q = self.bent() if self.is_bent else q
+            q = self.curved() if self.is_curved else q
             self.sizes = q.climbed(self.sizes, self.known)
             self._weigh(self.at)
 
@@ -252,7 +252,7 @@ class Climb:
             before = self.at.objective
             # What each of the steps left has to gain to lead to what has been found already.
             needed = (before - self.rival) / (max_iterations - k)
-            quadratic = self.bent() if self.is_bent else self.at.quadratic
+            quadratic = self.curved() if self.is_curved else self.at.quadratic
             damping = self._step(damping, quadratic, trail, max(SETTINGS.fit_gain, needed))
             gain = before - self.at.objective
             # A residual of many times the noise needs no exact optimum.
@@ -261,10 +261,10 @@ class Climb:
             # Beside the drift of single records, or simulated, the objective is far from its quadratic for many small steps.
             rough = SETTINGS.fit_rough_gain * gained if self.spread and self.is_rough else 0.0
             if gain < max(SETTINGS.fit_gain + least * max(self.at.objective - 0.9 * self.count, 0.0), rough):
-                if self.is_bent or not self.can_bend or far or max_iterations <= SETTINGS.fit_scout_steps:
+                if self.is_curved or not self.may_curve or far or max_iterations <= SETTINGS.fit_scout_steps:
                     break
-                self.is_bent, damping, trail, pace = True, SETTINGS.fit_damping, Trail(), np.inf
-                if self.bent() is self.at.quadratic:
+                self.is_curved, damping, trail, pace = True, SETTINGS.fit_damping, Trail(), np.inf
+                if self.curved() is self.at.quadratic:
                     break
                 continue
             gained += gain
@@ -287,7 +287,7 @@ class Climb:
         kept = np.arange(matrix.shape[0]) if self.problem.apart else self._followed(quadratic.layout)
         marginal = Marginal(matrix, gradient, kept)
         damped = np.diag(matrix)
-        if self.is_bent:
+        if self.is_curved:
             # What directions left of their share, the unknowns would have to take.
             damped = np.zeros(gradient.size)
             damped[kept] = marginal.diagonal
@@ -300,14 +300,14 @@ class Climb:
             moved = x + unit * step[:n]
             there = np.concatenate([moved, self._drifted(step[n:]).ravel()])
             # Derivatives that follow the discrepancy leave nothing to extrapolate.
-            ahead = trail.ahead(here, there - here, weight) if tried == damping and not self.is_bent else None
+            ahead = trail.ahead(here, there - here, weight) if tried == damping and not self.is_curved else None
             if ahead is not None:
                 if self._moved_to(ahead):
                     trail.add(here, there - here)
                     return damping
                 trail.forget()
             # Drift that is followed to where its directions lead may leave more than they said.
-            if self._moved_to(there) or (self.is_bent and self._moved_to(np.concatenate([moved, here[n:]]))):
+            if self._moved_to(there) or (self.is_curved and self._moved_to(np.concatenate([moved, here[n:]]))):
                 if tried == damping:
                     return max(damping / 10, 1e-9)
                 # Not as far as the quadratic says: the next ones will shrink likewise.

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutvib_ss.diagnosis.directions import Bent, Directions
+from cutvib_ss.diagnosis.directions import Curvature, Directions
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -32,14 +32,14 @@ class Way(NamedTuple):
     errors: list[ComplexArray]
 
 
-def bent(directions: Directions, each: list[FloatArray], coefficients: FloatArray) -> Bent | None:
+def curvature_of(directions: Directions, each: list[FloatArray], coefficients: FloatArray) -> Curvature | None:
     """
     What a discrepancy of given coefficients, at unit sizes, adds to derivatives; None where it is too small to.
 
     `each` holds the unknowns of every group.
     """
     found = [*_of_tuned(directions, coefficients, each[0].size), *_of_cause(directions, coefficients, each[0].size)]
-    ways = [w for w in found if max(float(np.abs(e).max()) for e in w.errors) > SETTINGS.fit_bends]
+    ways = [w for w in found if max(float(np.abs(e).max()) for e in w.errors) > SETTINGS.fit_curvature]
     if not ways:
         return None
     problem, step = directions.problem, SETTINGS.fit_difference
@@ -51,7 +51,7 @@ def bent(directions: Directions, each: list[FloatArray], coefficients: FloatArra
             first = directions.shared[i]
             shared[i] += errors[i] * (problem.jacobian(x, p) - first) / step
             plain[i] += errors[i] * np.tensordot(way[problem.shared], first, 1)
-    return Bent(shared, plain)
+    return Curvature(shared, plain)
 
 
 def _of_tuned(directions: Directions, coefficients: FloatArray, size: int) -> Iterator[Way]:

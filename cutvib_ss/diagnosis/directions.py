@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from cutvib_ss.diagnosis.problem import Problem
 
 
-class Bent(NamedTuple):
+class Curvature(NamedTuple):
     """What a discrepancy adds, weighted, of each group of records."""
 
     shared: list[ComplexArray]  # To the derivatives to the unknowns that move every channel
@@ -145,23 +145,25 @@ class Directions:
         real = rows[:, None] * self.smooth[group][:, None, :]
         return np.stack([real, 1j * real], axis=1).reshape(-1, *rows.shape[1:])
 
-    def normal(self, residuals: Sequence[ComplexArray], bent: Bent | None = None) -> tuple[FloatArray, FloatArray]:
+    def normal(
+        self, residuals: Sequence[ComplexArray], curvature: Curvature | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Normal matrix and gradient of the data in all columns, at unit sizes; with what a discrepancy adds to derivatives."""
         size, shared = self.layout.size, self.problem.shared
         # Behind the columns the residual, one more for what has none, and what is added to derivatives.
-        beside = size + 2 + np.arange(0 if bent is None else shared.size)
+        beside = size + 2 + np.arange(0 if curvature is None else shared.size)
         matrix = np.zeros((size + 2 + beside.size, size + 2 + beside.size))
         alike: dict[tuple[object, ...], list[int]] = {}
         for i, g in enumerate(self.groups):
             alike.setdefault((g.channels, g.freq.tobytes()), []).append(i)
         for which in alike.values():
-            add_products(matrix, self._alike(which, residuals, bent), self._columns(which, beside))
+            add_products(matrix, self._alike(which, residuals, curvature), self._columns(which, beside))
         if beside.size:
             matrix[shared] += matrix[beside]
             matrix[:, shared] += matrix[:, beside]
         return matrix[:size, :size], matrix[:size, size]
 
-    def _alike(self, which: Sequence[int], residuals: Sequence[ComplexArray], bent: Bent | None) -> Alike:
+    def _alike(self, which: Sequence[int], residuals: Sequence[ComplexArray], curvature: Curvature | None) -> Alike:
         """Groups on the same lines and channels together."""
         lay, first = self.layout, which[0]
         shared = np.concatenate([self.shared[i] for i in which], axis=1)
@@ -173,9 +175,9 @@ class Directions:
             of_cause = np.concatenate(shapes)
             if np.array_equal(of_cause, np.broadcast_to(of_cause[:1], of_cause.shape)):
                 of_cause = of_cause[:1]
-        if bent is not None:
-            shared = np.concatenate([shared, np.concatenate([bent.shared[i] for i in which], axis=1)])
-            plain = plain + np.concatenate([bent.plain[i] for i in which])
+        if curvature is not None:
+            shared = np.concatenate([shared, np.concatenate([curvature.shared[i] for i in which], axis=1)])
+            plain = plain + np.concatenate([curvature.plain[i] for i in which])
         return Alike(
             shared=shared,
             residual=np.concatenate([residuals[i] for i in which]),

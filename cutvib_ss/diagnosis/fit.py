@@ -179,7 +179,7 @@ def fit(
     search.resize()
     if search.at.quadratic is None or not np.isfinite(search.at.objective):
         raise DiagnosisError(f"{hypothesis.effect} at {hypothesis.place} runs away from where it starts")
-    made = _finished(problem, search, search.bent() if search.is_bent else search.at.quadratic)
+    made = _finished(problem, search, search.curved() if search.is_curved else search.at.quadratic)
     made = replace(made, log_evidence=made.log_evidence + evidence_of_trend(made.spread, records))
     closest = search.at.x
     if hypothesis.linear:

@@ -9,7 +9,7 @@ import pytest
 from scipy import optimize
 
 from cutvib_ss.diagnosis.climb import Beside, Climb
-from cutvib_ss.diagnosis.curvature import bent
+from cutvib_ss.diagnosis.curvature import curvature_of
 from cutvib_ss.diagnosis.directions import Directions
 from cutvib_ss.diagnosis.drifted import problems_of
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -44,7 +44,7 @@ def test_derivatives_are_those_of_all_that_is_predicted() -> None:
 
     step = 1e-5 * np.eye(x.size)
     ways = np.array([(predicted(x + h) - predicted(x - h)) / 2e-5 for h in step])
-    added = bent(directions, [x] * len(problem.groups), coefficients)
+    added = curvature_of(directions, [x] * len(problem.groups), coefficients)
     matrix, gradient = directions.normal(residuals, added)
     left = np.concatenate([part for r in residuals for part in (r.real.ravel(), r.imag.ravel())])
     # Of the last one, the damping of the mass, the weight in the cause's size moves with it.
@@ -55,7 +55,7 @@ def test_derivatives_are_those_of_all_that_is_predicted() -> None:
     # By much more than they differ from the plain ones.
     plain, _ = directions.normal(residuals)
     assert np.abs(plain[:n, :n] - matrix[:n, :n]).max() > 0.02 * np.abs(matrix[:n, :n]).max()
-    assert bent(directions, [x] * len(problem.groups), 1e-4 * coefficients) is None
+    assert curvature_of(directions, [x] * len(problem.groups), 1e-4 * coefficients) is None
 
 
 def test_a_climb_ends_where_no_way_leads_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,6 +78,6 @@ def test_a_climb_ends_where_no_way_leads_up(monkeypatch: pytest.MonkeyPatch) -> 
 
     # By differences of the objective itself, tens of gradients of them.
     best = optimize.minimize(objective, np.zeros(at.x.size), method="L-BFGS-B", options={"maxfun": 3000})
-    monkeypatch.setattr("cutvib_ss.diagnosis.climb.bent", lambda *given: None)
+    monkeypatch.setattr("cutvib_ss.diagnosis.climb.curvature_of", lambda *given: None)
     assert at.objective - best.fun < 1.0
     assert climbed().at.objective - best.fun > 20.0

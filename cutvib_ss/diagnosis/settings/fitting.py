@@ -182,7 +182,7 @@ class FitSettings:
     fit_promise: float = of(0.1, "needed gain", "That a whole step has to promise to be tried",
         "starts far from the truth are given up", TIME)
     fit_trail: int = of(3, "steps", "By which the next one is extrapolated", "longer memory", NUMERICAL)
-    fit_bends: float = of(1e-4, "1", "Relative error of an element that moves derivatives: a hundredth of a small loss factor",
+    fit_curvature: float = of(1e-4, "1", "Relative error of an element that moves derivatives: a hundredth of a small loss factor",
                           "longer", NUMERICAL)
     fit_difference: float = of(1e-5, "stiffness", "Relative difference by which second derivatives are taken", "-", NUMERICAL)
     fit_scout_steps: int = of(10, "steps", "A fit of no more steps climbs once", "more scouts", TIME)
