@@ -21,6 +21,9 @@ from cutvib_ss.effects.base import Effect, Model
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.results import FloatArray
 
+_KINDS = {True: "of linear causes", False: "with a restoring force"}
+"""What the two families of pairs are called."""
+
 
 class _Base(NamedTuple):
     """A cause to which a second one is added."""
@@ -146,10 +149,12 @@ def fit_pairs(
     motion: Mapping[str, float],
     workers: Workers,
     alike: bool = True,
+    by_level: bool = False,
 ) -> list[Ranked]:
     """
     A second cause on top of the best single ones, two linear ones only where they may explain what is `alike` at all levels.
 
+    Where the response changes `by_level`, which no two linear causes explain, those with a restoring force come first.
     It is tried on top of the one that was the best second, too: a cause that stood in for two may then give way.
     """
     best: dict[tuple[str, str], _Base] = {}
@@ -166,7 +171,8 @@ def fit_pairs(
     out: list[Ranked] = []
     few: Records | None = None
     on_few: dict[str, float] = {}
-    for linear, of_lines in ((True, records.still.coarse), (False, records.for_laws)):
+    families = [(True, records.still.coarse), (False, records.for_laws)]
+    for linear, of_lines in reversed(families) if by_level else families:
         wide, sharp = (
             of_lines(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error),
             of_lines(SETTINGS.search_coarse_lines, 0.0),
@@ -175,7 +181,7 @@ def fit_pairs(
             break
         if linear and not alike:
             continue
-        if not linear and not workers.begin("fitting pairs with a restoring force", SETTINGS.search_work_pairs):
+        if linear == by_level and not workers.begin(f"fitting pairs {_KINDS[linear]}", SETTINGS.search_work_pairs):
             break
         tried = _Family(nominal, wide, sharp, linear, motion, workers, seen).around(bases, seconds)
         # On few lines no single cause is a rival, for none is enough.

@@ -215,7 +215,16 @@ def search(
         # At one level little tells a restoring force beside a linear cause from a second linear one.
         told = compared or by_level or ordered or not best_of(ranked, none).fit.hypothesis.linear
         seconds += [Second(c, None) for c in (tried.candidates if tried and told else ())]
-        both = fit_pairs(nominal, records, known, seconds, tried.motion if tried else {}, workers, alike)
+        both = fit_pairs(
+            nominal,
+            records,
+            known,
+            seconds,
+            tried.motion if tried else {},
+            workers,
+            alike,
+            by_level and told and bool(tried),
+        )
         ranked += [r for r in both if not acts_linearly(r.fit)]
         left = not is_enough(ranked, none, leaves)
     by_force = lacks and left and tried is not None and forces_come_close([none, *ranked])
