@@ -68,7 +68,7 @@ def first(records):
 
 def test_a_cause_that_does_nothing_at_its_start_promises_most_all_the_same(records, first):
     # The tuning stands in for what lacks, and the circles around the slow poles are not those of the fit.
-    assert first.reduced > 1.5
+    assert first.reduced > 1.4
     scan = Scan(OFF, records, first.hypothesis, first.x, {}, apart=False)
     gains = {c.name: scan.promise(c.starts).gain for c in candidates(OFF, (18.0, 400.0), CHANNELS)}
     assert max(gains, key=lambda name: gains[name]) == "cross_axis"

@@ -325,8 +325,8 @@ def test_restoring_forces_are_looked_for_beside_a_tuning_that_holds_on_few_lines
     given = []
 
     class Seen(Scan):
-        def __init__(self, nominal, records, hypothesis, x, motion, apart):
-            super().__init__(nominal, records, hypothesis, None, motion, apart)
+        def __init__(self, nominal, records, hypothesis, x, motion, apart, tuned=None):
+            super().__init__(nominal, records, hypothesis, None, motion, apart, tuned=tuned)
             given.append(x)
             self.underneath = None if x is None else SimpleNamespace(reduced=left)
 
