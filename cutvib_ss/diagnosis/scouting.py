@@ -305,11 +305,8 @@ def scouted_laws(
 
 
 def _tuned_to_the_softest(nominal: Model, records: Records) -> FloatArray | None:
-    """
-    Unknowns of the model tuned to the records of least level; None where all are of one, or it leaves much of them.
-
-    At one level a restoring force is nearly one spring and damper, which the tuning takes up. What is left is how it changes.
-    """
+    """Unknowns of the model tuned to the records of least level; None where all are of one, or it leaves much of them."""
+    # At one level a restoring force is nearly one spring and damper, which the tuning takes up. What is left is how it changes.
     softest = min(e.level_step for e in records.entries)
     few = tuple(e for e in records.entries if e.level_step == softest)
     if len(few) == len(records.entries):
