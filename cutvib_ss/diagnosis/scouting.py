@@ -285,12 +285,14 @@ def scouted_laws(
     motion: Mapping[str, float],
     warm: FloatArray | None,
     workers: Workers,
+    left: bool = True,
 ) -> list[tuple[Candidate, Fit]]:
     """The same for restoring forces, whose steps are expensive: each is scanned, and those that promise most take some."""
     scan, faint_too = Scan(nominal, some(outlook), Hypothesis(), warm, motion, apart=True), warm is not None
     if scan.underneath is not None and scan.underneath.reduced > SETTINGS.search_small:
         # On few lines the tuned model is not what it is on all: its tuning alone, without what stands beside it, leads astray.
-        warm, faint_too = _tuned_to_the_softest(nominal, outlook), False
+        # Where it leaves noise on all there is too little to look for.
+        warm, faint_too = _tuned_to_the_softest(nominal, outlook) if left else None, False
         scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True, tuned=warm)
     ahead = promising(scan, found, [c.starts for c in found], SETTINGS.search_laws_looked_at, workers)
     ahead = first_with_forms(ahead, SETTINGS.search_laws_started)

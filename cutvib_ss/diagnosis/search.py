@@ -250,6 +250,7 @@ class _RestoringForces(NamedTuple):
     candidates: Sequence[Candidate]
     motion: Mapping[str, float]  # Largest of each place
     warm: FloatArray | None  # Unknowns beside which even faint ones are looked for
+    left: bool  # Whether the re-tuned model leaves more than noise
 
 
 def _restoring_forces(
@@ -259,7 +260,8 @@ def _restoring_forces(
     moved = motions(none.fit.model, outlook)
     found = [c for c in nonlinear_candidates(nominal, moved) if c.starts[0].scale_free or not alike]
     motion = {place: m.high for place, m in moved.items()}
-    return _RestoringForces(outlook, found, motion, none.fit.x if small else None) if found else None
+    warm, left = none.fit.x if small else None, none.reduced > SETTINGS.search_enough
+    return _RestoringForces(outlook, found, motion, warm, left) if found else None
 
 
 def _with(
@@ -273,7 +275,7 @@ def _with(
 ) -> list[Ranked]:
     """Causes, and restoring forces that come close to the best of them, or lead it already on few records."""
     workers.say(f"fitting {len(forces.candidates)} causes that depend on the level")
-    rough = scouted_laws(nominal, forces.outlook, forces.candidates, forces.motion, forces.warm, workers)
+    rough = scouted_laws(nominal, forces.outlook, forces.candidates, forces.motion, forces.warm, workers, forces.left)
     rival = _rival(nominal, forces.outlook, best)
     if leading:
         rough = [(c, f) for c, f in rough if cost(f) < rival[0]]
