@@ -320,14 +320,21 @@ def test_friction_is_promised_far_below_its_starts():
     assert best.hypothesis.effects[0].torque == pytest.approx(1e-4, rel=0.5)
 
 
-@pytest.mark.parametrize(("left", "beside"), [(0.5, True), (12.7, False)])
-def test_restoring_forces_are_looked_for_beside_a_tuning_that_holds_on_few_lines(monkeypatch, left, beside):
-    given = []
+@pytest.mark.parametrize(
+    ("left", "noise", "beside", "softest"),
+    [(0.5, False, True, [False]), (12.7, False, False, [False, True]), (12.7, True, False, [False, False])],
+)
+def test_restoring_forces_are_looked_for_beside_a_tuning_that_holds_on_few_lines(
+    monkeypatch, left, noise, beside, softest
+):
+    """Else beside that to the softest level, unless the tuned model leaves noise on all lines."""
+    given, at = [], []
 
     class Seen(Scan):
         def __init__(self, nominal, records, hypothesis, x, motion, apart, tuned=None):
             super().__init__(nominal, records, hypothesis, None, motion, apart, tuned=tuned)
             given.append(x)
+            at.append(tuned is not None)
             self.underneath = None if x is None else SimpleNamespace(reduced=left)
 
     monkeypatch.setattr(scouting, "Scan", Seen)
@@ -335,8 +342,9 @@ def test_restoring_forces_are_looked_for_beside_a_tuning_that_holds_on_few_lines
     warm = np.zeros(problem_for(MACHINE, seen, Hypothesis()).size)
     found = [Candidate("cubic_stiffness joint2", (CubicStiffness("joint2", 4e9),))]
     with Workers(1, None) as workers:
-        ((_, best),) = scouting.scouted_laws(MACHINE, seen, found, {"joint2": 1e-4}, warm, workers)
+        ((_, best),) = scouting.scouted_laws(MACHINE, seen, found, {"joint2": 1e-4}, warm, workers, not noise)
     assert [x is not None for x in given] == ([True] if beside else [True, False])
+    assert at == softest
     assert best.reduced < 1.5
 
 
