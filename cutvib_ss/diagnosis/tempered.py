@@ -12,7 +12,6 @@ import numpy as np
 from scipy import linalg
 
 from cutvib_ss.diagnosis.fit import Fit
-from cutvib_ss.diagnosis.likelihood import solved
 from cutvib_ss.diagnosis.settings import SETTINGS
 
 
@@ -30,6 +29,8 @@ def tempered_evidence(fit: Fit, heat: float) -> float:
     free = np.abs(x) < SETTINGS.fit_within
     inner = (own / heat + np.diag(shared + SETTINGS.likelihood_precision_floor))[np.ix_(free, free)]
     step = np.zeros(x.size)
-    step[free] = solved(inner, (1.0 / heat - 1.0) * (shared * x)[free])
+    # Where two unknowns are nearly one, the inverse of their covariance is a precision only up to rounding: no Cholesky factor.
+    size, pulled = np.sqrt(np.abs(np.diag(inner))), (1.0 / heat - 1.0) * (shared * x)[free]
+    step[free] = linalg.solve(inner / np.outer(size, size), pulled / size, assume_a="sym") / size
     gained = (shared * x) @ step - 0.5 * step @ own @ step
     return float((fit.log_evidence + 0.5 * shared @ x**2 + gained) / heat - 0.5 * shared @ (x + step) ** 2)
