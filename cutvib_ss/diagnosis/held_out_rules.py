@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
+from cutvib_ss.diagnosis.discrepancy import ALONG_THE_RAIL
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.held_out import HeldOut, share
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -88,6 +89,9 @@ class _HeldOutRules:
                 self.second_is_not_proven(r, first)
             elif known and self.may_be_its_form(r, first):
                 give(self.odds, r, first, self.of_its_form(r, first))
+            elif known and _at_one_port(r.fit.hypothesis) and self.closed(first, r) > 0.5:
+                # Two linear elements between the same points are one of another form, as a panel with two modes is.
+                give(self.odds, r, first, SETTINGS.verdict_form)
         elif known:
             self.by_both_leads(r, first)
         else:
@@ -281,6 +285,13 @@ class _HeldOutRules:
 def _by_chance(parameters: int) -> float:
     """Log density that so many parameters more gain or lose by chance, in nineteen of twenty campaigns."""
     return 0.5 * float(stats.chi2.ppf(SETTINGS.verdict_set, parameters)) if parameters else 0.0
+
+
+def _at_one_port(h: Hypothesis) -> bool:
+    """Whether two linear causes act between the same points: along the rail, or of a structure as a whole, parts differ."""
+    [place, *others] = {e.place for e in h.effects}
+    wide = (*ALONG_THE_RAIL, "structure")
+    return h.linear and not others and not any(e.measurement for e in h.effects) and place not in wide
 
 
 def _of_one_part(h: Hypothesis) -> bool:

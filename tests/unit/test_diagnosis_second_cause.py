@@ -29,6 +29,7 @@ from cutvib_ss.effects.calibration_error import CalibrationError
 from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.dry_friction import DryFriction
+from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.results import FloatArray
 
 MASS, CUBIC = AddedMass("tool", 0.1), CubicStiffness("joint2", 1e9)
@@ -112,6 +113,19 @@ def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: floa
     assert sum(found.values()) == pytest.approx(1.0)
     # Nothing is taken from what was not in question.
     assert found["other"] == 0.0
+
+
+@pytest.mark.parametrize(("place", "closed", "kept"), [("tool", 0.8, 0.4), ("tool", 0.4, 1.0), ("head", 0.8, 1.0)])
+def test_two_linear_causes_between_the_same_points_are_one_of_another_form(
+    place: str, closed: float, kept: float
+) -> None:
+    """A panel that resonates twice was a resonator beside a mass, both on the head (1.00)."""
+    both = ranked("both", 200.0, LocalResonator("tool", 0.2, 180.0, 0.02), AddedMass(place, 0.1))
+    main = ranked("main", 100.0, LocalResonator("tool", 0.2, 180.0, 0.02))
+    seen = held(none=TUNED, main=Leaves(squares=1.0 - closed, log_density=-10.0), both=Leaves())
+    found = judged_on_held_out([NONE, main, both], {"none": 0.0, "main": 0.0, "both": 1.0}, seen, 1.0)
+    assert found["both"] == pytest.approx(kept)
+    assert found["main"] == pytest.approx(1.0 - kept)
 
 
 @pytest.mark.parametrize(
