@@ -6,6 +6,7 @@ What drifts by more than its direction tells is followed: sessions, and records 
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -205,8 +206,11 @@ class Climb:
             matrix, gradient = at.quadratic.system(self.sizes)
             taken = np.zeros(lay.size)
             taken[n:] = solved(matrix[n:, n:], gradient[n:]) * lay.scale(self.sizes)[n:]
-            added = curvature_of(at.directions, at.each, taken)
-            normal = None if added is None else at.directions.normal(at.residuals, added)
+            normal = None
+            # A value at the end of what its model takes goes no further.
+            with contextlib.suppress(CutvibError):
+                added = curvature_of(at.directions, at.each, taken)
+                normal = None if added is None else at.directions.normal(at.residuals, added)
             at.curved = self.sizes, at.quadratic if normal is None else self._about(at, lay, *normal)
         return at.curved[1]
 

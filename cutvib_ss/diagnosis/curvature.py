@@ -46,7 +46,9 @@ def curvature_of(directions: Directions, each: list[FloatArray], coefficients: F
     shared = [np.zeros_like(rows) for rows in directions.shared]
     plain = [np.zeros_like(rows) for rows in directions.plain]
     for way, errors in ways:
-        ahead = [x + step * way for x in each]
+        # Groups that share their unknowns share the model.
+        moved = {id(x): x + step * way for x in each}
+        ahead = [moved[id(x)] for x in each]
         for i, (x, p) in enumerate(zip(ahead, problem.aside(ahead), strict=True)):
             first = directions.shared[i]
             shared[i] += errors[i] * (problem.jacobian(x, p) - first) / step
