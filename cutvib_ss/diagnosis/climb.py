@@ -290,11 +290,11 @@ class Climb:
         # whose derivatives are those of an equivalent stiffness, no step is given up for what it promises.
         kept = np.arange(matrix.shape[0]) if self.problem.apart else self._followed(quadratic.layout)
         marginal = Marginal(matrix, gradient, kept)
-        damped = np.diag(matrix)
+        damped = np.ones(gradient.size)
         if self.is_curved:
             # What directions left of their share, the unknowns would have to take.
             damped = np.zeros(gradient.size)
-            damped[kept] = marginal.diagonal
+            damped[kept] = marginal.diagonal / np.diag(matrix)[kept]
         for harder in (1e1, 1e2, 1e3, 1e4):
             step = bounded_step(matrix, gradient, tried * damped, start, low, high)
             # Not even the quadratic gains by it what is needed; of a whole step it may promise too little.

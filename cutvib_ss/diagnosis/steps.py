@@ -43,7 +43,8 @@ class Trail:
 def bounded_step(
     matrix: FloatArray, gradient: FloatArray, damping: FloatArray, x: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """A damped step that leaves alone the unknowns that a bound holds, and is cut off or turns where it comes to others."""
+    """A step that leaves alone the unknowns that a bound holds, and is cut off or turns where it comes to others."""
+    # Damping is in parts of the curvatures.
     held = ((x <= low) & (gradient < 0)) | ((x >= high) & (gradient > 0))
     step, free = np.zeros(x.size), ~held
     step[free] = way = _solved(matrix, gradient, damping, step, free)
@@ -71,6 +72,6 @@ def _solved(
     inner = matrix[np.ix_(free, free)]
     # Unknowns of unlike size: equilibrated, the system is as well conditioned as its physics.
     size = np.sqrt(np.diag(inner) + 1e-12)
-    scaled = (inner + np.diag(damping[free])) / np.outer(size, size)
+    scaled = inner / np.outer(size, size) + np.diag(damping[free])
     pulled = gradient[free] - matrix[np.ix_(free, ~free)] @ step[~free]
     return np.asarray(linalg.solve(scaled, pulled / size, assume_a="sym") / size - step[free])

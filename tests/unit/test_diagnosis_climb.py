@@ -44,7 +44,7 @@ def test_a_step_turns_at_the_first_bound_and_never_promises_a_loss() -> None:
         rows = rng.standard_normal((6, 6)) * 10.0 ** rng.uniform(-3, 3, 6)
         matrix, gradient = rows @ rows.T + 1e-3 * np.eye(6), rng.standard_normal(6)
         x, low, high = rng.uniform(-1.0, 1.0, 6), np.full(6, -1.0), np.full(6, 1.0)
-        step = bounded_step(matrix, gradient, 1e-3 * np.diag(matrix), x, low, high)
+        step = bounded_step(matrix, gradient, np.full(6, 1e-3), x, low, high)
         assert (x + step >= low - 1e-12).all()
         assert (x + step <= high + 1e-12).all()
         assert 2.0 * gradient @ step - step @ matrix @ step >= 0.0
@@ -86,7 +86,7 @@ def test_a_step_that_gains_nothing_is_damped_far_enough_whatever_good_steps_came
     tried: list[float] = []
 
     def step(matrix: np.ndarray, gradient: np.ndarray, damping: np.ndarray, *rest: np.ndarray) -> np.ndarray:
-        tried.append(float(damping[0] / matrix[0, 0]))
+        tried.append(float(damping[0]))
         return bounded_step(matrix, gradient, damping, *rest)
 
     monkeypatch.setattr("cutvib_ss.diagnosis.climb.bounded_step", step)
