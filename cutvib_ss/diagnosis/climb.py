@@ -196,10 +196,12 @@ class Climb:
             lay, matrix, gradient, at.squares, x, self.precision, free, self.problem.even, offsets, self.count
         )
 
-    def curved(self) -> Quadratic:
-        """The quadratic where it stands, by derivatives of all that the model and its discrepancy predict, where these differ."""
+    @property
+    def quadratic(self) -> Quadratic | None:
+        """The quadratic where it stands, once it is curved by derivatives of all that the model and its discrepancy predict."""
         at = self.at
-        assert at.quadratic is not None
+        if not self.is_curved or at.quadratic is None:
+            return at.quadratic
         assert at.directions is not None
         if at.curved is None or at.curved[0] != self.sizes:
             lay, n = at.directions.layout, at.x.size
@@ -237,9 +239,8 @@ class Climb:
         """The sizes of drift and discrepancy that suit where it stands."""
         if self.at.quadratic is None:
             self._linearise(self.at)
-        q = self.at.quadratic
+        q = self.quadratic
         if q is not None and q.layout.size > q.x.size:
-            q = self.curved() if self.is_curved else q
             self.sizes = q.climbed(self.sizes, self.known)
             self._weigh(self.at)
 
@@ -251,12 +252,11 @@ class Climb:
                 self._linearise(self.at)
             if k < 2 or k % 3 == 0:
                 self.resize()
-            if self.at.quadratic is None:
+            if (quadratic := self.quadratic) is None:
                 break
             before = self.at.objective
             # What each of the steps left has to gain to lead to what has been found already.
             needed = (before - self.rival) / (max_iterations - k)
-            quadratic = self.curved() if self.is_curved else self.at.quadratic
             damping = self._step(damping, quadratic, trail, max(SETTINGS.fit_gain, needed))
             gain = before - self.at.objective
             # A residual of many times the noise needs no exact optimum.
@@ -268,7 +268,7 @@ class Climb:
                 if self.is_curved or not self.may_curve or far or max_iterations <= SETTINGS.fit_scout_steps:
                     break
                 self.is_curved, damping, trail, pace = True, SETTINGS.fit_damping, Trail(), np.inf
-                if self.curved() is self.at.quadratic:
+                if self.quadratic is self.at.quadratic:
                     break
                 continue
             gained += gain

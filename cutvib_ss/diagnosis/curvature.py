@@ -25,7 +25,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.results import ComplexArray, FloatArray
 
 
-class Way(NamedTuple):
+class _Way(NamedTuple):
     """How a relative error of one element moves the unknowns, and the errors of each group over rows, channels and lines."""
 
     unknowns: FloatArray
@@ -56,21 +56,21 @@ def curvature_of(directions: Directions, each: list[FloatArray], coefficients: F
     return Curvature(shared, plain)
 
 
-def _of_tuned(directions: Directions, coefficients: FloatArray, size: int) -> Iterator[Way]:
+def _of_tuned(directions: Directions, coefficients: FloatArray, size: int) -> Iterator[_Way]:
     """Of each tuned value with a discrepancy that over frequency. Drift is followed by itself."""
     lay = directions.layout
     nominal = coefficients[lay.first_nominal : lay.first_cause].reshape(len(lay.nominal), 2, lay.shapes)
     for k, (real, imaginary) in zip(lay.nominal, nominal, strict=True):
         way = np.zeros(size)
         way[k] = directions.nominal[k]
-        yield Way(way, [(real + 1j * imaginary) @ smooth for smooth in directions.smooth])
+        yield _Way(way, [(real + 1j * imaginary) @ smooth for smooth in directions.smooth])
 
 
-def _of_cause(directions: Directions, coefficients: FloatArray, size: int) -> Iterator[Way]:
+def _of_cause(directions: Directions, coefficients: FloatArray, size: int) -> Iterator[_Way]:
     """Of a cause with a size the discrepancy over frequency and what else its form depends on."""
     lay, way = directions.layout, np.zeros(size)
     if lay.pivots:
         way[directions.problem.first_effect :] = directions.cause
         real, imaginary = coefficients[lay.first_cause : lay.first_form].reshape(2, -1)
         shapes = [directions.of_cause(i, np.arange(len(g.data))) for i, g in enumerate(directions.groups)]
-        yield Way(way, [np.einsum("p,rpf->rf", real + 1j * imaginary, own)[:, None] for own in shapes])
+        yield _Way(way, [np.einsum("p,rpf->rf", real + 1j * imaginary, own)[:, None] for own in shapes])

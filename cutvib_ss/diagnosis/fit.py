@@ -177,9 +177,10 @@ def fit(
         if before - search.at.objective < 1.0:
             break
     search.resize()
-    if search.at.quadratic is None or not np.isfinite(search.at.objective):
+    quadratic = search.quadratic
+    if search.at.quadratic is None or quadratic is None or not np.isfinite(search.at.objective):
         raise DiagnosisError(f"{hypothesis.effect} at {hypothesis.place} runs away from where it starts")
-    made = _finished(problem, search, search.curved() if search.is_curved else search.at.quadratic)
+    made = _finished(problem, search, quadratic)
     made = replace(made, log_evidence=made.log_evidence + evidence_of_trend(made.spread, records))
     closest = search.at.x
     if hypothesis.linear:

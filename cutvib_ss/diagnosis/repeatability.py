@@ -10,7 +10,7 @@ import numpy as np
 from cutvib_ss.diagnosis.comparison import compared
 from cutvib_ss.diagnosis.records import Entry, measured_at
 from cutvib_ss.diagnosis.settings import SETTINGS
-from cutvib_ss.measurement.levels import SAME_LEVEL
+from cutvib_ss.measurement.levels import same_level
 
 
 def repeatability(entries: Sequence[Entry]) -> float:
@@ -19,7 +19,10 @@ def repeatability(entries: Sequence[Entry]) -> float:
     for a, b in combinations(entries, 2):
         if measured_at(a) != measured_at(b):
             continue
-        if not _same(a.level, b.level, SETTINGS.record_same_level) or not _same(_mean(a), _mean(b), 1.0 + SAME_LEVEL):
+        levels = [e.level for e in (a, b) if e.level is not None]
+        if len(levels) == 1 or (levels and max(levels) > SETTINGS.record_same_level * min(levels)):
+            continue
+        if not same_level(_mean(a), _mean(b)):
             continue
         if (pair := compared(a, b)) is None:
             continue
@@ -28,11 +31,6 @@ def repeatability(entries: Sequence[Entry]) -> float:
         size += float(np.mean(np.abs(one) ** 2 + np.abs(other) ** 2))
     # rms(H) is of either record: √2 rms(H) squared is the sum of both mean squares.
     return float(np.sqrt(max(beyond, 0.0) / size)) if size else float("nan")
-
-
-def _same(a: float | None, b: float | None, ratio: float) -> bool:
-    """Whether two levels are one, up to a ratio."""
-    return a is b if a is None or b is None else max(a, b) <= ratio * min(a, b)
 
 
 def _mean(e: Entry) -> float | None:
