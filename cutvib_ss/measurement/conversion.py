@@ -45,10 +45,7 @@ def frf_of(contents: Contents, layout: Layout, where: str) -> RawFrf:
     freq = frf.freq
     if freq.size < FEWEST_LINES:
         raise DataFormatError(f"{where}: {freq.size} frequency lines are too few; give at least {FEWEST_LINES}")
-    if not np.all(np.isfinite(freq)) or freq[0] < 0 or not np.all(np.diff(freq) > 0):
-        raise DataFormatError(
-            f"{where}: frequencies must be finite, from 0 Hz up and ascending, none of them twice; sort the lines"
-        )
+    _check_lines(freq, where)
     _check_names([r.name for r in frf.responses], layout, where)
     ordered = sorted(frf.responses, key=lambda r: list(layout.quantities).index(r.name))
     amplitude = None if frf.force_amplitude is None else _amplitude(frf.force_amplitude, freq.size, layout, where)
@@ -63,6 +60,24 @@ def motion_factor(frf: RawFrf, channel: str, layout: Layout, where: str) -> floa
         return 1.0
     numerator, _ = _split_unit(unit, f"{where}: channel {channel!r}", f"{SI_UNIT[quantity]}/N")
     return to_si(numerator, quantity, f"{where}: channel {channel!r}")
+
+
+def _check_lines(freq: FloatArray, where: str) -> None:
+    """Refuse lines without a frequency, below 0 Hz, given twice or out of order, by the first of them."""
+    wrong = np.flatnonzero(~np.isfinite(freq) | (freq < 0))
+    if wrong.size:
+        raise DataFormatError(
+            f"{where}: the frequency of line {wrong[0] + 1} is {freq[wrong[0]]:.9g}; frequencies must be finite, from 0 Hz up"
+        )
+    values, counts = np.unique(freq, return_counts=True)
+    if np.any(counts > 1):
+        twice = values[counts > 1][0]
+        first, second = np.flatnonzero(freq == twice)[:2] + 1
+        raise DataFormatError(
+            f"{where}: lines {first} and {second} are both of {twice:.9g} Hz; leave one out, or write more digits"
+        )
+    if not np.all(np.diff(freq) > 0):
+        raise DataFormatError(f"{where}: frequencies must ascend; sort the lines")
 
 
 def _ascending(frf: RawFrf) -> RawFrf:
