@@ -41,15 +41,15 @@ def frf_of(contents: Contents, layout: Layout, where: str) -> RawFrf:
     frf = contents.frf
     if frf is None or not frf.responses:
         raise DataFormatError(f"{where}: holds no frequency response of a channel; export at least one")
-    frf = _ascending(frf)
     freq = frf.freq
     if freq.size < FEWEST_LINES:
         raise DataFormatError(f"{where}: {freq.size} frequency lines are too few; give at least {FEWEST_LINES}")
     _check_lines(freq, where)
     _check_names([r.name for r in frf.responses], layout, where)
+    frf = _ascending(frf, where)
     ordered = sorted(frf.responses, key=lambda r: list(layout.quantities).index(r.name))
     amplitude = None if frf.force_amplitude is None else _amplitude(frf.force_amplitude, freq.size, layout, where)
-    return RawFrf(freq, tuple(_response(r, layout, where) for r in ordered), amplitude)
+    return RawFrf(frf.freq, tuple(_response(r, layout, where) for r in ordered), amplitude)
 
 
 def motion_factor(frf: RawFrf, channel: str, layout: Layout, where: str) -> float:
@@ -63,7 +63,7 @@ def motion_factor(frf: RawFrf, channel: str, layout: Layout, where: str) -> floa
 
 
 def _check_lines(freq: FloatArray, where: str) -> None:
-    """Refuse lines without a frequency, below 0 Hz, given twice or out of order, by the first of them."""
+    """Refuse lines without a frequency, below 0 Hz or given twice, by their numbers in the file."""
     wrong = np.flatnonzero(~np.isfinite(freq) | (freq < 0))
     if wrong.size:
         raise DataFormatError(
@@ -76,20 +76,19 @@ def _check_lines(freq: FloatArray, where: str) -> None:
         raise DataFormatError(
             f"{where}: lines {first} and {second} are both of {twice:.9g} Hz; leave one out, or write more digits"
         )
-    if not np.all(np.diff(freq) > 0):
-        raise DataFormatError(f"{where}: frequencies must ascend; sort the lines")
 
 
-def _ascending(frf: RawFrf) -> RawFrf:
+def _ascending(frf: RawFrf, where: str) -> RawFrf:
     """Lines in ascending order: a sweep may have been listed from the top down, or at random."""
     freq = frf.freq
-    if freq.size < 2 or np.all(np.diff(freq) > 0) or not np.all(np.isfinite(freq)):
+    if np.all(np.diff(freq) > 0):
         return frf
-    order = np.argsort(freq, kind="stable")
-    if not np.all(np.diff(freq[order]) > 0):
-        return frf
-    if any(response.values.size != freq.size for response in frf.responses):
-        return frf
+    for r in frf.responses:
+        if r.values.size != freq.size:
+            raise DataFormatError(
+                f"{where}: {r.name!r} has {r.values.size} values for {freq.size} lines; give one a line"
+            )
+    order = np.argsort(freq)
     responses = tuple(
         replace(r, values=r.values[order], coherence=None if r.coherence is None else r.coherence[order])
         for r in frf.responses
