@@ -68,7 +68,6 @@ def to_si(unit: str, quantity: str, where: str) -> float:
     measures, factor = UNITS[spelled]
     if measures != quantity:
         raise DataFormatError(
-            f"{where}: unit {unit!r} is a unit of {measures}, but this channel is {quantity}; "
-            f"give it in {SI_UNIT[quantity]}"
+            f"{where}: unit {unit!r} is one of {measures} where {quantity} is expected; give it in {SI_UNIT[quantity]}"
         )
     return factor

@@ -262,6 +262,16 @@ def campaign_show_command(
         _print_show(found)
 
 
+_OPTIONAL = ("y/L", "input", "session", "use", "coherence")
+"""Columns that are left out where no record has any."""
+
+_OF_CHANNELS = (
+    "|H| and its noise: root mean square over the band. Over nominal: median over the lines that are clear of noise; a resonance "
+    "that is shifted in a narrow band moves it, too."
+)
+_OF_PAIRS = "Difference: root mean square beyond noise, over that of the response."
+
+
 def _print_show(found: Summary) -> None:
     from cutvib_ss.measurement.summary import PAIR_HEADS
 
@@ -269,10 +279,11 @@ def _print_show(found: Summary) -> None:
     say(console, found.title)
     rows = [
         [
-            r.name,
-            r.kind,
+            r.name_text(),
+            r.kind_text(),
             "" if r.position is None else f"{r.position:g}",
             r.input or "",
+            r.session or "",
             r.use or "",
             str(r.blows),
             r.level_text(),
@@ -281,8 +292,11 @@ def _print_show(found: Summary) -> None:
         ]
         for r in found.records
     ]
-    heads = ["record", "kind", "y/L", "input", "use", "blows", f"peak [{found.input_unit}]", "band [Hz]", "coherence"]
-    show(console, "", heads, rows, "lllll")
+    peak = f"peak [{found.input_unit}]"
+    heads = ["record", "kind", "y/L", "input", "session", "use", "blows", peak, "band [Hz]", "coherence"]
+    kept = [k for k, head in enumerate(heads) if head not in _OPTIONAL or any(row[k] for row in rows)]
+    align = "".join("llllllrrrr"[k] for k in kept)
+    show(console, "", [heads[k] for k in kept], [[row[k] for k in kept] for row in rows], align)
     say(console, "")
     rows = [
         [
@@ -299,10 +313,13 @@ def _print_show(found: Summary) -> None:
     ]
     heads = ["record", "channel", "unit", "rms |H|", "noise of H", "over nominal", "scatter of blows"]
     show(console, "Channels", heads, rows, "lllrrrl")
+    say(console, _OF_CHANNELS)
     for title, pairs in (("Repeatability", found.repeated), ("Linearity between levels", found.levels)):
         if pairs:
             say(console, "")
             show(console, title, PAIR_HEADS, [p.row() for p in pairs], "llllrl")
+    if found.repeated or found.levels:
+        say(console, _OF_PAIRS)
     for line in found.sentences():
         say(console, "")
         say(console, line)

@@ -223,6 +223,7 @@ def _read_record(
         controlled=table.controlled,
         peak_response=peak_response,
         force_amplitude=amplitude,
+        files=tuple(table.files),
     )
     checked, found = check_record(record, machine, str(paths[0]))
     _check_blow(checked, str(paths[0]))

@@ -177,7 +177,7 @@ def _response(raw: RawResponse, layout: Layout, where: str) -> RawResponse:
     if raw.unit is None:
         raise DataFormatError(f"{where} names no unit; say which, for instance {unit}")
     numerator, denominator = _split_unit(raw.unit, where, unit)
-    factor = to_si(numerator, quantity, where) / to_si(denominator, driven_by, where)
+    factor = to_si(numerator, quantity, where) / to_si(denominator, driven_by, f"{where}: input of {raw.unit!r}")
     values: ComplexArray = raw.values * factor
     _check_finite(values, where, "line")
     coherence = raw.coherence

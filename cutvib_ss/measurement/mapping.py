@@ -199,8 +199,10 @@ def _chosen(
         else:
             index = _index(spec.name, there, columns, channel, group)
             if index is None:
+                mapped = {s.name for name, s in channels.items() if name != channel and isinstance(s.name, str)}
+                free = [name for name in there if name not in mapped]
                 line = mapping_line(
-                    channel, there, spec.name if isinstance(spec.name, str) else "", [*layout.quantities]
+                    channel, free, spec.name if isinstance(spec.name, str) else "", [*layout.quantities]
                 )
                 raise DataFormatError(
                     f"{where}: channel {channel!r} is {spec.name!r} under [channels], but the file has "

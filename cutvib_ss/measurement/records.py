@@ -165,6 +165,8 @@ class Record:
         Response amplitude that was held, of the record's first channel in the SI unit of its quantity.
     force_amplitude : array_like or None, shape (frequency,)
         Force amplitude at each line of ``frf`` [N], where the file states it.
+    files : sequence of str
+        Paths of all its files; empty for a record that was read from none.
     """
 
     name: str
@@ -189,9 +191,10 @@ class Record:
     controlled: Controlled | None = None
     peak_response: float | None = None
     force_amplitude: FloatArray | None = None
+    files: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("channels", "quantities", "histories"):
+        for name in ("channels", "quantities", "histories", "files"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if self.force_amplitude is not None:
             object.__setattr__(self, "force_amplitude", read_only(self.force_amplitude, np.float64))

@@ -15,7 +15,8 @@ from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.interference import interference
 from cutvib_ss.measurement.levels import mean_level, own_level, peaks, same_level
 from cutvib_ss.measurement.plausibility import levels_over_nominal
-from cutvib_ss.measurement.records import Campaign, Record
+from cutvib_ss.measurement.records import Campaign, Record, Sweep
+from cutvib_ss.measurement.sweep_direction import opposed, sweep_direction
 from cutvib_ss.measurement.trigger_jitter import trigger_jitter
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
 
@@ -30,6 +31,9 @@ _FEWEST = 8
 
 _BY_CHANCE = 0.05
 """Probability of differences between levels as large as these where none depends on the level, from which they are said to."""
+
+_NAMED = 3
+"""Records that are named one by one."""
 
 _STANDS_OUT = 2.0
 """Of the mean square difference over noise and repeatability, from which levels are said to differ."""
@@ -74,11 +78,21 @@ class RecordSummary:
     coherence: float | None
     channels: tuple[ChannelSummary, ...]
     ordering: Ordering | None = None  # How much its blows order with their force, all channels together
+    sweep: Sweep | None = None  # As stated, or as the force of a recording goes
+    files: int = 1
 
     @property
     def level(self) -> float | None:
         """Excitation level: the median peak of the blows, else as stated."""
         return float(np.median(self.peaks)) if self.peaks else self.peak_force
+
+    def name_text(self) -> str:
+        """Its file, and how many others it has, for a table."""
+        return self.name if self.files == 1 else f"{self.name} +{self.files - 1}"
+
+    def kind_text(self) -> str:
+        """Its kind and the direction of its sweep, for a table."""
+        return self.kind if self.sweep is None else f"{self.kind}, {self.sweep}"
 
     def level_text(self) -> str:
         """Levels of the blows, for a table."""
@@ -109,11 +123,15 @@ class PairSummary:
     over_noise: float
     channels: dict[str, float]
     worst: str
+    sweeps: tuple[Sweep | None, Sweep | None] = (None, None)
 
     def row(self) -> list[str]:
         """A row of a table."""
         place = "" if self.position is None else f"{self.position:g}"
-        levels = " and ".join("not stated" if v is None else f"{v:.3g}" for v in self.levels)
+        both = ["not stated" if v is None else f"{v:.3g}" for v in self.levels]
+        if opposed(*self.sweeps):
+            both = [f"{level} {sweep}" for level, sweep in zip(both, self.sweeps, strict=True)]
+        levels = " and ".join(both)
         size = f"{100 * self.difference:.2g} %" if self.difference > 0 else "none beyond noise"
         return [self.first, self.second, place, levels, size, self.worst if self.difference > 0 else ""]
 
@@ -133,6 +151,7 @@ class Summary:
     levels: tuple[PairSummary, ...]
     warnings: tuple[str, ...]
     frfs: tuple[MeasuredFrequencyResponse, ...]
+    expected: tuple[str, ...] = ()  # Response channels of the model
 
     @property
     def repeatability(self) -> float | None:
@@ -146,17 +165,32 @@ class Summary:
         said = []
         if self.repeatability is not None:
             by = f"{100 * self.repeatability:.2g} % beyond" if self.repeatability > 0.0 else "no more than"
-            said.append(f"Records of the same configuration differ by {by} their noise ({_pairs(len(self.repeated))}).")
+            mean = _pairs(len(self.repeated)) + (", root mean square" if len(self.repeated) > 1 else "")
+            said.append(f"Records of the same configuration differ by {by} their noise ({mean}).")
         elif len(self.records) > 1:
             said.append("No two records are of the same position, input and level: repeatability is not known.")
         if self.levels:
             said.append(self._of_levels())
+        said += self._of_missing_channels()
         chance = chance_of_ordering(r.ordering for r in self.records if r.ordering is not None)
         if chance < _ORDERED:
             said.append(
                 f"The scatter from blow to blow orders with the peak force (by chance with a probability of {chance:.1g}): "
                 "a sign of nonlinearity, or of a hand that hits elsewhere when it hits harder."
             )
+        return said
+
+    def _of_missing_channels(self) -> list[str]:
+        """Channels of the model that some record lacks."""
+        said = []
+        for channel in self.expected:
+            without = [r.name for r in self.records if channel not in [c.name for c in r.channels]]
+            if without:
+                some = ", ".join(without[:_NAMED]) + (
+                    f" and {len(without) - _NAMED} more" if len(without) > _NAMED else ""
+                )
+                where = "No record has" if len(without) == len(self.records) else f"Not every record has ({some} not)"
+                said.append(f"{where} the model's channel {channel}: if it was measured, map it under [channels].")
         return said
 
     def _of_levels(self) -> str:
@@ -171,7 +205,8 @@ class Summary:
         if not clear:
             said = "No dependence on the level stands out of noise and repeatability"
             return f"{said}: {100 * most.difference:.2g} % at most." if most.difference > 0 else f"{said}."
-        count = f"in {len(clear)} of {_pairs(len(self.levels))} of levels"
+        turned = " or directions" if any(opposed(*p.sweeps) for p in self.levels) else ""
+        count = f"in {len(clear)} of {_pairs(len(self.levels))} of levels{turned}"
         if self.repeatability is None:
             return (
                 f"Responses differ {count} by more than noise, {size} ({most.first}, {most.second}): they depend on the level, or "
@@ -223,7 +258,11 @@ def summarise(campaign: Campaign) -> Summary:
     """Figures of every record of a campaign, and of the pairs that can be compared."""
     frfs = tuple(measured_response(r) for r in campaign.records)
     records = tuple(_record(r, h, campaign.machine) for r, h in zip(campaign.records, frfs, strict=True))
-    steady = [(r, h) for r, h in zip(campaign.records, frfs, strict=True) if r.excitation != "sine"]
+    # Once a sweep has passed, a resonance rings on as a tone does.
+    swept = {r.name for r in records if r.sweep is not None} | {
+        r.name for r in campaign.records if r.excitation == "sine"
+    }
+    steady = [(r, h) for r, h in zip(campaign.records, frfs, strict=True) if r.name not in swept]
     tones = interference(*([h for r, h in steady if (r.kind == "timeseries") is leaks] for leaks in (False, True)))
     jitter = trigger_jitter(campaign.records)
     # What tones do to a line is no difference of two records.
@@ -237,10 +276,13 @@ def summarise(campaign: Campaign) -> Summary:
         pair = compare(a, ha, b, hb)
         if pair is not None:
             same = same_level(a.level, b.level) and same_level(spread[a.name], spread[b.name])
+            # A linear machine answers alike in both directions.
+            same = same and not opposed(a.sweep, b.sweep)
             (repeated if same else levels).append(pair)
     unit = campaign.records[0].input_unit if campaign.records else "N"
     warnings = (*campaign.warnings, *(found.words for found in (tones, jitter) if found is not None))
-    return Summary(campaign.title, unit, records, tuple(repeated), tuple(levels), warnings, frfs)
+    expected = tuple(campaign.machine.channels)
+    return Summary(campaign.title, unit, records, tuple(repeated), tuple(levels), warnings, frfs, expected)
 
 
 def compare(
@@ -281,6 +323,7 @@ def compare(
         float(np.mean(ratios)),
         parts,
         max(parts, key=lambda name: parts[name]),
+        (a.sweep, b.sweep),
     )
 
 
@@ -325,7 +368,10 @@ def _record(record: Record, frf: MeasuredFrequencyResponse, machine: Any) -> Rec
                 ordered[k],
             )
         )
-    told = [c.coherence for c in channels if c.coherence is not None]
+    sweep = sweep_direction(record)
+    # Of a sweep each block holds the force at few lines, and its coherence says nothing.
+    untold = record.kind == "timeseries" and sweep is not None
+    told = [c.coherence for c in channels if c.coherence is not None and not untold]
     return RecordSummary(
         record.name,
         record.kind,
@@ -341,6 +387,8 @@ def _record(record: Record, frf: MeasuredFrequencyResponse, machine: Any) -> Rec
         min(told) if told else None,
         tuple(channels),
         ordering,
+        sweep,
+        max(len(record.files), 1),
     )
 
 

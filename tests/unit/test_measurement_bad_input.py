@@ -475,6 +475,13 @@ def test_units_are_converted(tmp_path):
     _refused(_campaign(tmp_path, bare, _csv("time [s],force [N],y [mm]")), "'force'", "'N'", machine=OnShaker())
 
 
+def test_a_response_to_a_force_is_none_to_a_base_acceleration(tmp_path):
+    folder = _campaign(
+        tmp_path, FRF_RECORD.replace("position = 0.3\n", ""), _frf_csv(_FRF_HEAD.format("m/N").replace("tool_x", "y"))
+    )
+    _refused(folder, "input of 'm/N'", "'N' is one of force where acceleration is expected", machine=OnShaker())
+
+
 @pytest.mark.parametrize(
     ("unit", "machine", "factor"),
     [

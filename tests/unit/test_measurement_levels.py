@@ -13,6 +13,7 @@ from cutvib_ss.measurement import History, Record
 from cutvib_ss.measurement.levels import levels_of, own_level, same_level
 from cutvib_ss.measurement.records import Campaign
 from cutvib_ss.measurement.summary import PairSummary, Summary, summarise
+from cutvib_ss.measurement.sweep_direction import direction_of
 from tests.unit.struck_oscillator import OSCILLATOR
 
 FS = 1000.0
@@ -62,27 +63,57 @@ def test_an_offset_is_no_blow():
     assert levels_of([_blows(0.0)]) == [None]
 
 
-def test_a_sweep_does_not_repeat_noise_of_its_peak():
-    """An oscillator under two sweeps and noise, all stated as of 10 N: the sweeps are what repeats."""
-    t = np.arange(40_000) / 500.0
-    sweep, noise = signal.chirp(t, 5.0, t[-1], 60.0), np.random.default_rng(0).standard_normal(t.size) / 3.0
+def _recorded(*shapes):
+    """Recordings of an oscillator, each stated as of 10 N."""
     numerator, denominator, _ = signal.cont2discrete(([1.0], [1.0, 4.0, 1e4]), 1 / 500.0, "foh")
     records = []
-    for k, shape in enumerate((sweep, sweep[::-1], noise)):
+    for k, shape in enumerate(shapes):
         force = 10.0 * shape
         shown = signal.lfilter(numerator.ravel(), denominator, force)
-        shown = shown + 1e-3 * shown.std() * np.random.default_rng(k).standard_normal(t.size)
+        shown = shown + 1e-3 * shown.std() * np.random.default_rng(k).standard_normal(force.size)
         history = History(500.0, force, shown[None], ("a",))
         records.append(
             Record(f"r{k}", "timeseries", None, 10.0, None, ("a",), ("displacement",), (history,), block=4.0)
         )
-    campaign = Campaign("", Path(), OSCILLATOR, tuple(records), ())
+    return Campaign("", Path(), OSCILLATOR, tuple(records), ())
+
+
+_T = np.arange(40_000) / 500.0
+_UP, _NOISE = signal.chirp(_T, 5.0, _T[-1], 60.0), np.random.default_rng(0).standard_normal(_T.size) / 3.0
+
+
+def test_a_sweep_does_not_repeat_noise_of_its_peak():
+    """Two sweeps and noise: the sweeps are what repeats."""
+    campaign = _recorded(_UP, _UP, _NOISE)
     found = summarise(campaign)
     assert [(pair.first, pair.second) for pair in found.repeated] == [("r0", "r1")]
     assert len(found.levels) == 2
     entries = observe(campaign, OSCILLATOR).entries
     assert repeatability(entries) == repeatability(entries[:2])
     assert np.isnan(repeatability(entries[1:]))
+
+
+def test_a_sweep_down_does_not_repeat_one_up():
+    """A machine that remembers differs between the two directions, and repeats for all that."""
+    campaign = _recorded(_UP, _UP[::-1], _UP[::-1])
+    found = summarise(campaign)
+    assert [r.sweep for r in found.records] == ["up", "down", "down"]
+    assert [(pair.first, pair.second) for pair in found.repeated] == [("r1", "r2")]
+    assert [pair.row()[3] for pair in found.levels] == ["10 up and 10 down"] * 2
+    entries = observe(campaign, OSCILLATOR).entries
+    assert repeatability(entries) == repeatability(entries[1:])
+    assert np.isnan(repeatability(entries[:2]))
+
+
+@pytest.mark.parametrize("shape", ["linear", "logarithmic"])
+def test_direction_of_a_sweep(shape):
+    up = signal.chirp(_T, 4.0, _T[-1], 150.0, shape)
+    quiet = np.zeros(5_000)
+    assert direction_of([up]) == direction_of([np.concatenate([quiet, up]), up]) == "up"
+    assert direction_of([up[::-1]]) == "down"
+    both = np.concatenate([up, up[::-1]])
+    for other in ([up, up[::-1]], [both], [_NOISE], [np.sin(2 * np.pi * 50.0 * _T)], [up[:100]], []):
+        assert direction_of(other) is None
 
 
 def _summary(repeated, levels):
