@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.modes_beyond import BEYOND
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.odd_records import ODD, odd_records
 from cutvib_ss.diagnosis.ranking import Ranked
-from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.records import Records, moves_between_points
 from cutvib_ss.diagnosis.search import Linear, search, search_linear
 from cutvib_ss.diagnosis.set_ups import placed_by, with_set_ups
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -137,4 +137,5 @@ def without_odd(campaign: Campaign, observed: Observations, odd: Mapping[int, fl
 
 def _to_fit(observed: Observations) -> Records:
     """The records that are not only for judging; all, where there are no others."""
-    return Records(tuple(e for e in observed.entries if not e.check) or observed.entries)
+    entries = tuple(e for e in observed.entries if not e.check) or observed.entries
+    return Records(entries, moving=moves_between_points(entries))

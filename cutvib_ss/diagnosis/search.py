@@ -94,7 +94,7 @@ class Linear(NamedTuple):
 def search_linear(nominal: Model, records: Records, observed: Observations, workers: Workers) -> Linear:
     """Tune the nominal model, and fit the linear causes that promise most."""
     workers.say("tuning the nominal model")
-    few = records.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
+    few = records.still.coarse(SETTINGS.search_coarse_lines, SETTINGS.search_coarse_error)
     scout = tuned_scout(nominal, few)
     tuned = led_by_the_model(nominal, records, fit(nominal, records, Hypothesis(), scout.x))
     none = _other_instants(nominal, records, Ranked("none", tuned, True))
@@ -144,7 +144,8 @@ def search(
     records, few, none, ranked, linear, alone, leads = first
     by_level = level_stands_out(records, none.fit.model)
     apart = by_level or level_stands_out(records)
-    if apart:
+    follow = apart and not records.moving
+    if follow:
         # Levels of a session that differ since the machine moved would pass for a cause that depends on the level, and what blocks
         # cut off of blows at unlike instants, once merged, for noise.
         records = replace(records, moving=True)
@@ -161,7 +162,7 @@ def search(
     # Restoring forces first, where they are tried in any case: what they reach the linear causes have to come up to.
     later = by_level and outlook is not None and none.reduced > SETTINGS.search_enough
     unfollowed = ranked if later else []
-    ranked = [] if later else moving(nominal, records, none, ranked, workers) if apart else ranked
+    ranked = [] if later else moving(nominal, records, none, ranked, workers) if follow else ranked
     compared = levels_compared(records, none.fit.model)
     likely = shows_gap(ranked, none) and (by_level or not compared or not is_enough(ranked, none, leaves))
     forces = None if outlook is None else _restoring_forces(nominal, none, outlook, small, compared and not by_level)
@@ -172,7 +173,7 @@ def search(
         # What is still to be followed reaches as much at the least.
         ranked = _with(nominal, records, tried, ranked, best_of([*ranked, *unfollowed], none), workers, leading=hidden)
     if later:
-        ranked += moving(nominal, records, best_of(ranked, none), unfollowed, workers)
+        ranked += moving(nominal, records, best_of(ranked, none), unfollowed, workers) if follow else unfollowed
     if not shows_gap(ranked, none):
         ranked += _favoured(nominal, records, none.fit, ranked, sizes(none.fit), workers)
     left = not is_enough(ranked, none, leaves)
