@@ -19,7 +19,7 @@ from cutvib_ss.diagnosis.modes_beyond import BEYOND
 from cutvib_ss.diagnosis.observations import Observations, observe
 from cutvib_ss.diagnosis.odd_records import ODD, odd_records
 from cutvib_ss.diagnosis.ranking import Ranked
-from cutvib_ss.diagnosis.records import Records, moves_between_points
+from cutvib_ss.diagnosis.records import Entry, Records, measured_at, session_of
 from cutvib_ss.diagnosis.search import Linear, search, search_linear
 from cutvib_ss.diagnosis.set_ups import placed_by, with_set_ups
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -138,4 +138,12 @@ def without_odd(campaign: Campaign, observed: Observations, odd: Mapping[int, fl
 def _to_fit(observed: Observations) -> Records:
     """The records that are not only for judging; all, where there are no others."""
     entries = tuple(e for e in observed.entries if not e.check) or observed.entries
-    return Records(entries, moving=moves_between_points(entries))
+    return Records(entries, moving=_moves_between_points(entries))
+
+
+def _moves_between_points(entries: Sequence[Entry]) -> bool:
+    """Whether a session holds several positions or inputs: a machine is not quite the same at the next, nor are its sensors."""
+    points: dict[tuple[float | str, ...], set[tuple[float | None, str]]] = {}
+    for e in entries:
+        points.setdefault(session_of(e), set()).add(measured_at(e))
+    return any(len(at) > 1 for at in points.values())

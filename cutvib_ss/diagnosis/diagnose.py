@@ -37,6 +37,7 @@ from cutvib_ss.diagnosis.ranking import Ranked
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.diagnosis.result import Cause, Diagnosis, NextTest, Where
+from cutvib_ss.diagnosis.set_ups import misaimed, words_on_aim
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknown_element import ByLevel, unknown_places
 from cutvib_ss.diagnosis.unknown_search import ELEMENTS, FORCES
@@ -141,7 +142,9 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
     counts, variants = _considered(nominal, searched)
     odds = _odds(searched, counts, variants, not workers.left_out.keys().isdisjoint((ELEMENTS, FORCES)))
     # A right model would have left more than noise, and does not without what disturbs the records.
-    measured = 1.0 + observed.disturbed > SETTINGS.search_enough and odds[none.name] >= SETTINGS.verdict_half
+    # Nor would it have fitted, had the force not been off alike in all set-ups.
+    disturbed = 1.0 + observed.disturbed > SETTINGS.search_enough or misaimed(none.fit) is not None
+    measured = disturbed and odds[none.name] >= SETTINGS.verdict_half
     if measured:
         odds = {**odds, none.name: (1.0 - SETTINGS.place_disturbed) * odds[none.name]}
     shown = _shown(nominal, searched, odds)
@@ -182,6 +185,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             *([ORDERED] if _ordered(chosen, records) else []),
             *at_their_ends(chosen),
             *out_of_tolerance(nominal, chosen),
+            *words_on_aim(chosen),
         ),
         nominal=nominal,
         corrected_machine=chosen.corrected.model,

@@ -342,14 +342,6 @@ def session_of(e: Entry) -> tuple[float | str, ...]:
     return (e.position,) if e.position is not None else (float(e.record), "record")
 
 
-def moves_between_points(entries: Sequence[Entry]) -> bool:
-    """Whether a session holds several positions or inputs: a machine is not quite the same at the next, nor are its sensors."""
-    points: dict[tuple[float | str, ...], set[tuple[float | None, str]]] = {}
-    for e in entries:
-        points.setdefault(session_of(e), set()).add(measured_at(e))
-    return any(len(at) > 1 for at in points.values())
-
-
 def in_short(e: Entry) -> Entry:
     """A record as its first blow, or its loudest blocks, alone show it."""
     r = e.replay

@@ -29,6 +29,13 @@ if TYPE_CHECKING:
     from cutvib_ss.diagnosis.fit import Fit
 
 
+MISAIMED = (
+    "the force is off alike in all set-ups: tilted by about {:+.2g} rad from X towards Z, and {:+.1e} m off its point (a moment on "
+    "the tool's link, hard to tell from a tilt): strike, or drive, along the axis and measure again"
+)
+"""What is said of it."""
+
+
 def with_set_ups(nominal: Model, entries: Sequence[Entry]) -> tuple[Entry, ...]:
     """The records with the directions of their set-up errors; a structure has no positions, and no port at right angles."""
     if nominal.rail is None:
@@ -57,6 +64,30 @@ def placed_by(made: Fit, entries: Sequence[Entry]) -> tuple[Entry, ...] | None:
             e = _directed(made.corrected.model, replace(e, placed=placed), key[1])
         out.append(e)
     return tuple(out)
+
+
+def misaimed(made: Fit) -> tuple[float, float] | None:
+    """
+    Tilt [rad] and offset [m] of the force that all set-ups share; None where chance makes them, or a hand aims as badly.
+
+    Set-up errors are drawn for each by itself: their mean over n of them is normal with variance 1/n. What all share is an error of
+    the test, such as a shaker that stands askew.
+    """
+    lay = made.spread.layout
+    shared = []
+    for change in (0, 1):
+        own = [made.spread.offsets[lay.first_hit + k] for k, hit in enumerate(lay.hits) if hit[::2] == ("aim", change)]
+        mean, z = (float(np.mean(own)), abs(float(np.sum(own))) / np.sqrt(len(own))) if own else (0.0, 0.0)
+        shared.append(made.spread.sizes.aim * mean if z > SETTINGS.set_up_shared else 0.0)
+    if max(map(abs, shared)) <= SETTINGS.sizes["aim"][-1][0]:
+        return None
+    return SETTINGS.set_up_angle * shared[0], SETTINGS.set_up_point * shared[1]
+
+
+def words_on_aim(made: Fit) -> tuple[str, ...]:
+    """What is said of a force that is off alike in all set-ups."""
+    shared = misaimed(made)
+    return () if shared is None else (MISAIMED.format(*shared),)
 
 
 def _beside(position: float, step: float) -> tuple[float, float]:

@@ -113,6 +113,8 @@ class FitSettings:
         "slower", "errors of 10 mm, as large as any of a hand, take three")
     set_up_position: float = of(1e-3, "m", "Unit of the position error", "only the unit of its size", "definition")
     set_up_point: float = of(1e-3, "m", "Unit of the force's offset from its point", "only the unit", "definition")
+    set_up_shared: float = of(3.3, "std", "From which the mean of set-up errors is an error that all share", "shared errors hide",
+        "of a thousand campaigns without one such a mean is seen in one")
     set_up_angle: float = of(1e-2, "rad", "Unit of the force's tilt", "tilt weighs more against offset",
         "a hand that aims to a millimetre at an arm of 0.1 m aims to a hundredth of a radian")
     likelihood_residual_modes: tuple[float, ...] = of((1.05, 1.15, 1.4, 2.0, 4.0), "highest natural frequency or line",
