@@ -107,6 +107,27 @@ def test_a_machine_that_moves_between_sessions_has_no_gap(
     assert not diagnosis.where.level_dependent
 
 
+def test_a_machine_that_moves_between_the_positions_of_a_session_has_no_gap(tmp_path: Path) -> None:
+    """All of one day: each position's own drift is one within the session."""
+    found = campaign(tmp_path, {None: (0.1, 0.3, 0.6, 0.9)}, seed=6)
+    measured = replace(found, records=tuple(replace(r, session="Monday") for r in found.records))
+    entries = observe(measured, MACHINE).entries
+    still, moving = (fit(MACHINE, Records(entries, moving=m), Hypothesis()) for m in (False, True))
+    assert still.reduced > 1.3
+    assert moving.reduced < 1.1
+    assert moving.log_evidence - still.log_evidence > 100.0
+    diagnosis = diagnose(measured)
+    assert diagnosis.verdict == "no_gap"
+    assert 0.001 <= diagnosis.sizes["within"] <= 0.01
+
+
+def test_a_cause_is_found_on_a_machine_that_moves_between_the_positions_of_a_session(tmp_path: Path) -> None:
+    found = campaign(tmp_path, {None: (0.1, 0.3, 0.6, 0.9)}, 6, ToolContact("tool", 5e5, 20.0).apply)
+    measured = replace(found, records=tuple(replace(r, session="Monday") for r in found.records))
+    diagnosis = diagnose(measured)
+    assert (diagnosis.verdict, diagnosis.causes[0].effect) == ("explained", "tool_contact")
+
+
 def test_what_stands_beside_a_cause_along_the_rail_has_no_error_that_varies_over_the_position(tmp_path: Path) -> None:
     """Else a joint's damper that drifts between sessions, one at each position, would be an error of a pair's form."""
     records = Records(observe(campaign(tmp_path, {None: (0.1, 0.4, 0.8)}, 6), MACHINE).entries)

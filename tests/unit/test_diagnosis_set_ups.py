@@ -10,7 +10,7 @@ from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.layout import Sizes
 from cutvib_ss.diagnosis.records import Entry, Records, merged
-from cutvib_ss.diagnosis.set_ups import placed_by, with_set_ups
+from cutvib_ss.diagnosis.set_ups import misaimed, placed_by, with_set_ups, words_on_aim
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.end_fixity import EndFixity
 from cutvib_ss.effects.rail_added_mass import RailAddedMass
@@ -84,6 +84,30 @@ def test_set_ups_that_repeat_are_of_no_size() -> None:
     least = SETTINGS.sizes["aim"][0][0]
     assert (found.spread.sizes.aim, found.spread.sizes.placing) == (least, least)
     assert Sizes().aim > least
+
+
+def leaning(shared: float, scatter: float) -> list[Entry]:
+    """One record in each of six set-ups, tilted all alike and each by itself, in hundredths of a radian."""
+    rng = np.random.default_rng(5)
+    tilts = shared + scatter * rng.standard_normal(6)
+    return [
+        measured(k, p, str(k), (0.0, t, 0.0), 50 + k)
+        for k, (p, t) in enumerate(zip(np.linspace(0.1, 0.85, 6), tilts, strict=True))
+    ]
+
+
+@pytest.mark.parametrize(("shared", "scatter", "tells"), [(12.0, 1.0, True), (1.0, 0.3, False), (0.0, 4.0, False)])
+def test_a_force_that_is_off_alike_in_all_set_ups_is_told(shared: float, scatter: float, tells: bool) -> None:
+    entries = with_set_ups(MACHINE, leaning(shared, scatter))
+    made = fit(MACHINE, Records(entries, moving=True), Hypothesis())
+    found = misaimed(made)
+    assert (found is not None) is tells
+    if found is not None:
+        # A tilt is an offset times the length of the tool's link, but for what this moves by itself.
+        tilt, offset = found
+        assert 0.6 * shared < 1e2 * (tilt + abs(offset) / MACHINE.head.l2) < 1.4 * shared
+        (words,) = words_on_aim(made)
+        assert "off alike" in words
 
 
 def test_heads_are_placed_where_they_are_found() -> None:
