@@ -199,6 +199,14 @@ def promising(
     return _by_gain([name for name, _ in ahead], workers.map(scan.refined, [s for _, s in ahead]))
 
 
+def nearest_in_shape(
+    scan: Scan, names: Sequence[NameT], starts: Sequence[Sequence[Effect]], most: int, workers: Workers
+) -> list[tuple[NameT, Scanned]]:
+    """Causes, with their forms, of which some start is nearest to what was measured, each from there; nearest first."""
+    found = sorted(zip(names, workers.map(scan.nearest, starts), strict=True), key=lambda row: row[1][0])
+    return first_with_forms([(name, s) for name, (_, s) in found], most)
+
+
 def _by_gain(names: Sequence[NameT], scanned: Sequence[Scanned]) -> list[tuple[NameT, Scanned]]:
     """Names with what was scanned of them, best first."""
     return sorted(zip(names, scanned, strict=True), key=lambda row: -row[1].gain)

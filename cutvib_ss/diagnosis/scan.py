@@ -121,6 +121,16 @@ class Scan:
         tried += map(self._in_proportion, _shapes(starts) if len(starts[0].strength) == 1 else starts[:1])
         return max(tried, key=lambda s: s.gain)
 
+    def nearest(self, starts: Sequence[Effect]) -> tuple[float, Scanned]:
+        """
+        The start whose responses are nearest in shape to those measured, and how near: nought where they are the same, to two.
+
+        Mean of |A - B|² / (|A|² + |B|²) over the lines, which no line dominates and a resonance that lies elsewhere only bounds.
+        """
+        tried = ((self._differs(*self.with_cause(e)[1:]), e) for e in starts)
+        differs, effect = min(tried, key=lambda row: row[0])
+        return differs, Scanned(-np.inf, self.with_cause(effect)[0])
+
     def each(self, starts: Sequence[Effect]) -> list[tuple[float, float]]:
         """χ² that each start of a linear cause would take away: as it stands, and scaled as it is best."""
         return [found[1:] for found in self._of_starts(starts)]
@@ -217,6 +227,23 @@ class Scan:
         with np.errstate(over="ignore", invalid="ignore"):
             gain = self.leaves - self._freed(residual) if np.isfinite(residual).all() else -np.inf
         return gain if np.isfinite(gain) else -np.inf
+
+    def _differs(self, problem: Problem, x: FloatArray) -> float:
+        """Mean difference in shape of a prediction, over the lines; two where the model cannot take the cause."""
+        try:
+            residuals = problem.residuals(self._each(x))[1]
+        except (CutvibError, np.linalg.LinAlgError):
+            return 2.0
+        total, count = 0.0, 0
+        with np.errstate(over="ignore", invalid="ignore"):
+            for g, r in zip(problem.groups, residuals, strict=True):
+                measured = g.data * g.weight
+                # Noise alone has squares of two.
+                size = np.abs(measured) ** 2 + np.abs(measured - r) ** 2 + 2.0
+                each = np.abs(r) ** 2 / size
+                total += float(np.sum(np.where(np.isfinite(each), each, 2.0)))
+                count += r.size
+        return total / count
 
     def as_it_stands(self, effect: Effect) -> Scanned:
         """A cause at its start, the fit's unknowns free to give way."""

@@ -19,7 +19,17 @@ from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.linearity import level_stands_out
 from cutvib_ss.diagnosis.metrics import ALL
 from cutvib_ss.diagnosis.posterior import kind_of
-from cutvib_ss.diagnosis.ranking import Ranked, cost, first_steps, first_with_forms, promising, refit, some, stepped
+from cutvib_ss.diagnosis.ranking import (
+    Ranked,
+    cost,
+    first_steps,
+    first_with_forms,
+    nearest_in_shape,
+    promising,
+    refit,
+    some,
+    stepped,
+)
 from cutvib_ss.diagnosis.records import Records
 from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.settings import SETTINGS
@@ -296,14 +306,22 @@ def scouted_laws(
         scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True, tuned=warm)
     ahead = promising(scan, found, [c.starts for c in found], SETTINGS.search_laws_looked_at, workers)
     ahead = first_with_forms(ahead, SETTINGS.search_laws_started)
+    if all(s.gain < SETTINGS.search_leads * scan.leaves for _, s in ahead):
+        # No start comes near: resonances lie apart by more than they are wide, and squares over the noise tell little.
+        ahead += nearest_in_shape(scan, found, [c.starts for c in found], SETTINGS.search_laws_started, workers)
     tried = [(c, s.hypothesis) for c, s in ahead]
     out = stepped(nominal, outlook, tried, warm, SETTINGS.search_law_steps, workers)
     if faint_too:
         # Beside a tuned model that leaves little every start may be far too strong.
         faint = [(c, h) for c, _ in ahead for h in scan.faint(c.starts)]
         out += stepped(nominal, outlook, faint, warm, SETTINGS.search_law_steps, workers)
-        out = list({c.name: (c, f) for c, f in sorted(out, key=lambda pair: -cost(pair[1]))}.values())
-    return sorted(out, key=lambda pair: cost(pair[1]))
+    return _first_of_each(out)
+
+
+def _first_of_each(fits: Sequence[tuple[Candidate, Fit]]) -> list[tuple[Candidate, Fit]]:
+    """Of fits from several starts the best of each cause; best first."""
+    by_name = {c.name: (c, f) for c, f in sorted(fits, key=lambda pair: -cost(pair[1]))}
+    return sorted(by_name.values(), key=lambda pair: cost(pair[1]))
 
 
 def _tuned_to_the_softest(nominal: Model, records: Records) -> FloatArray | None:
