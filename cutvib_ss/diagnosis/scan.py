@@ -105,9 +105,14 @@ class Scan:
         self.leaves = self._freed(self.left)
 
     @property
+    def is_far(self) -> bool:
+        """Whether the fit underneath leaves more than first order tells of."""
+        return self.leaves > SETTINGS.search_first_order * self.left.size
+
+    @property
     def least(self) -> float:
         """χ² that a cause has to take away to be worth trying: some of the excess, where first order tells that."""
-        if self.underneath is None or self.leaves > SETTINGS.search_first_order * self.left.size:
+        if self.underneath is None or self.is_far:
             return -np.inf
         return SETTINGS.search_leads * max(self.leaves - self.left.size, 0.0)
 

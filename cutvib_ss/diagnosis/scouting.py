@@ -306,7 +306,7 @@ def scouted_laws(
         scan = Scan(nominal, some(outlook), Hypothesis(), None, motion, apart=True, tuned=warm)
     ahead = promising(scan, found, [c.starts for c in found], SETTINGS.search_laws_looked_at, workers)
     ahead = first_with_forms(ahead, SETTINGS.search_laws_started)
-    if all(s.gain < SETTINGS.search_leads * scan.leaves for _, s in ahead):
+    if scan.is_far and all(s.gain < SETTINGS.search_leads * scan.leaves for _, s in ahead):
         # No start comes near: resonances lie apart by more than they are wide, and squares over the noise tell little.
         ahead += nearest_in_shape(scan, found, [c.starts for c in found], SETTINGS.search_laws_started, workers)
     tried = [(c, s.hypothesis) for c, s in ahead]
