@@ -12,6 +12,7 @@ from cutvib_ss.diagnosis.linearity import motions
 from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.problem import Problem
 from cutvib_ss.diagnosis.records import Records, merged, thinned
+from cutvib_ss.diagnosis.scan import Scan
 from cutvib_ss.diagnosis.simulation import SimulatedProblem, problem_for
 from cutvib_ss.diagnosis.sine_test import SineTest
 from cutvib_ss.diagnosis.sweeps import branches, swept
@@ -256,3 +257,16 @@ def test_an_unknown_force_of_displacements_differs_from_line_to_line():
     problem = problem_for(oscillator(), records, Hypothesis((UnknownForce("x", "x", 0.1, FREQ[0], FREQ[-1]),)))
     x = 0.3 * np.random.default_rng(0).standard_normal(problem.size)
     assert all(np.isfinite(p.data).all() for p in problem.predictions(x))
+
+
+def test_starts_are_compared_in_shape_where_resonances_lie_apart() -> None:
+    """A spring half as hard again lies nearer to what was measured than no cubic spring at all."""
+    entries = [record(upper(f), SineTest(np.full(FREQ.size, f), "up"), number=k) for k, f in enumerate((2.0, 8.0))]
+    scan = Scan(oscillator(), Records(tuple(entries)), Hypothesis(), None, {"x": 1e-3}, apart=True)
+    assert scan.is_far
+    cubic = [CubicStiffness("x", factor * K3) for factor in (1e-4, 1.0, 1.5, 100.0)]
+    nothing, truth, near, wrong = (scan.nearest([e])[0] for e in cubic)
+    assert 10 * truth < near < nothing < 2.0
+    assert wrong > near
+    differs, best = scan.nearest(cubic[2:])
+    assert (differs, best.hypothesis.effects) == (near, (cubic[2],))
