@@ -138,12 +138,12 @@ def without_odd(campaign: Campaign, observed: Observations, odd: Mapping[int, fl
 def _to_fit(observed: Observations) -> Records:
     """The records that are not only for judging; all, where there are no others."""
     entries = tuple(e for e in observed.entries if not e.check) or observed.entries
-    return Records(entries, moving=_moves_between_points(entries))
+    return Records(entries, moving=_may_move(entries))
 
 
-def _moves_between_points(entries: Sequence[Entry]) -> bool:
-    """Whether a session holds several positions or inputs: a machine is not quite the same at the next, nor are its sensors."""
-    points: dict[tuple[float | str, ...], set[tuple[float | None, str]]] = {}
+def _may_move(entries: Sequence[Entry]) -> bool:
+    """Whether a session holds several positions or inputs, or one of them twice at a level: between such records machines move."""
+    sessions: dict[tuple[float | str, ...], list[tuple[tuple[float | None, str], int]]] = {}
     for e in entries:
-        points.setdefault(session_of(e), set()).add(measured_at(e))
-    return any(len(at) > 1 for at in points.values())
+        sessions.setdefault(session_of(e), []).append((measured_at(e), e.level_step))
+    return any(len({at for at, _ in own}) > 1 or len(set(own)) < len(own) for own in sessions.values())
