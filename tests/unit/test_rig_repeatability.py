@@ -73,3 +73,15 @@ def test_about_every_other_drifting_case_states_it_and_drift_leaves_the_rest_of_
     plain = draw_case(3, "single", "tool_contact")
     assert cases[3].rig == plain.rig
     assert replace(cases[3].conditions, repeatability=Repeatability()) == plain.conditions
+
+
+def test_some_drifting_machines_state_sessions_of_several_positions(tmp_path: Path) -> None:
+    cases = [draw_case(seed, "single", "tool_contact", traits=("drifting",)) for seed in range(24)]
+    stated = [c.conditions.repeatability for c in cases]
+    assert 3 <= sum(r.days > 0 for r in stated) <= 12
+    assert not any(r.days and r.stated is not None for r in stated)
+    conditions = SMALL | {"positions": (0.2, 0.4, 0.6), "repeatability": Repeatability(drift=0.004, days=2)}
+    write_campaign(draw_case(4, "none", conditions=conditions), tmp_path)
+    told = [(r.position, r.session) for r in cv.read_campaign(tmp_path).records]
+    assert dict(told) == {0.2: "day 1", 0.4: "day 1", 0.6: "day 2"}
+    assert len(told) == 6

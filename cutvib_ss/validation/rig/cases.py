@@ -47,6 +47,7 @@ BAND = np.arange(15.0, 450.5, 0.5)
 
 _SCATTER_DRAWS = 3
 _TRAITS = 21
+_DAYS = 22
 _SAMPLES = round(BLOCK * FS)
 
 
@@ -221,6 +222,10 @@ def draw_case(
         drawn = draw_conditions(rng)
     if "drifting" in traits:
         drawn = replace(drawn, repeatability=draw_repeatability(own, stated=bool(own.random() < 0.5)))
+        days = np.random.default_rng([seed, _DAYS])
+        if isinstance(plain, Rig) and drawn.repeatability.stated is None and days.random() < 0.5:
+            # What is stated is the drift between sessions, and these are other ones.
+            drawn = replace(drawn, repeatability=replace(drawn.repeatability, days=int(days.integers(1, 3))))
     if "rough" in traits:
         drawn = roughened(drawn, own)
     drawn = changed(drawn, dict(conditions or {}) if isinstance(plain, Rig) else _for_frames(conditions))

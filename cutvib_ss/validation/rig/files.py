@@ -35,6 +35,8 @@ def write(campaign: Campaign, nominal: Nominal | FrameNominal, folder: Path) -> 
         averages = write_record(campaign, i, records / name)
         lines = [f'file = "records/{name}"', f'kind = "{"frf" if c.frf else "impact"}"']
         lines += [f"position = {position!r}"] if position is not None else [f'session = "{i // levels + 1}"']
+        days = c.repeatability.days
+        lines += [f'session = "day {i // levels * days // len(c.positions) + 1}"'] if days else []
         lines += [f"peak_force = {level!r}"]
         lines += [f"averages = {averages}"] if c.frf else []
         tables.append("\n".join(["[[record]]", *lines]))

@@ -35,6 +35,7 @@ class Repeatability:
     within: float = 0.0  # The same between the records of one session
     temperature: float = 0.0  # Relative change of all stiffnesses together over the campaign
     stated: float | None = None  # What machine.toml says of it, `[tolerance] drift`; left out where None
+    days: int = 0  # Sessions that the records state, each of several positions; 0 where they state none
 
     @property
     def moves(self) -> bool:
