@@ -9,14 +9,20 @@ import numpy as np
 from cutvib_ss.diagnosis.cross_validation import Judged, reduced_chi2
 from cutvib_ss.diagnosis.fit import Fit
 from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.records import Entry
 from cutvib_ss.diagnosis.result import CandidateEvidence
 from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.diagnosis.unknowns import tuning_paths
 from cutvib_ss.effects.base import Model, discrete_values
+from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.model.paths import Path
 from cutvib_ss.parameters import MATRICES
 
 ENDS = "{} = {} is at its prior bound: the true value may lie beyond, or the cause be another"
+HELD = (
+    "the delay of {:.3g} ms is half a sample at {:.4g} Hz: a force that is held between its samples, as a controller's output is, "
+    "acts so much later than they say, and no channel need be late; record the force that acts"
+)
 STRAINED = "with this answer {} is {:.1f} tolerances off ({} %): a second cause may hide there, measure it by itself"
 
 
@@ -53,6 +59,19 @@ def at_their_ends(fitted: Fit) -> list[str]:
         unit = effect.units(fitted.model)[parameter]
         value = f"{getattr(effect, parameter):.4g}" + ("" if unit == "1" else f" {unit}")
         out.append(ENDS.format(f"{parameter} of {effect.effect} at {effect.place}", value))
+    return out
+
+
+def of_held_force(fitted: Fit, entries: Sequence[Entry]) -> list[str]:
+    """A warning of a delay of all channels that is half a sample of the recordings."""
+    clocks = {e.replay.clock for e in entries if e.replay is not None and not e.replay.assumed}
+    out = []
+    for k, effect in enumerate(fitted.hypothesis.effects):
+        if isinstance(effect, ChannelDelay) and effect.channel == "all" and len(clocks) == 1:
+            half, std = 0.5 / min(clocks), fitted.stds[f"{k}.delay"]
+            # Known to a tenth, else it may be anything.
+            if abs(effect.delay - half) < 2.0 * std < 0.2 * half:
+                out.append(HELD.format(1e3 * effect.delay, min(clocks)))
     return out
 
 

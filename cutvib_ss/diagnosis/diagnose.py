@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 from cutvib_ss.diagnosis import answer, cross_validation, where
 from cutvib_ss.diagnosis.answer import Shown
 from cutvib_ss.diagnosis.campaign_search import Searched, observe_campaign, search_campaign, without_odd
-from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of, out_of_tolerance
+from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, evidence_of, of_held_force, out_of_tolerance
 from cutvib_ss.diagnosis.compared_responses import compared_responses
 from cutvib_ss.diagnosis.detail import found
 from cutvib_ss.diagnosis.fit import Fit
@@ -185,6 +185,7 @@ def _diagnosed(campaign: Campaign, nominal: Model, hold_out: float | None, seed:
             *([ORDERED] if _ordered(chosen, records) else []),
             *at_their_ends(chosen),
             *out_of_tolerance(nominal, chosen),
+            *of_held_force(chosen, fitted),
             *words_on_aim(chosen),
         ),
         nominal=nominal,

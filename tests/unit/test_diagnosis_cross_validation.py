@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cutvib_ss.diagnosis import cross_validation
-from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, out_of_tolerance
+from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, of_held_force, out_of_tolerance
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.layout import Layout, Sizes
@@ -20,6 +20,7 @@ from cutvib_ss.diagnosis.simulation import SimulatedProblem
 from cutvib_ss.diagnosis.standing import shows_gap
 from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.calibration_error import CalibrationError
+from cutvib_ss.effects.channel_delay import ChannelDelay
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
 from cutvib_ss.effects.local_resonator import LocalResonator
 from cutvib_ss.effects.parameter_shift import ParameterShift
@@ -222,3 +223,21 @@ def test_a_lead_counts_by_how_many_data_tell_the_same():
     assert shows_gap([ranked(100.0, 1.0)], none)
     assert not shows_gap([ranked(100.0, 150.0)], none)
     assert shows_gap([ranked(100.0 * 150.0, 150.0)], none)
+
+
+@pytest.mark.parametrize(
+    ("channel", "delay", "std", "told"),
+    [
+        ("all", 2.51e-4, 5e-6, True),
+        ("tool_x", 2.51e-4, 5e-6, False),
+        ("all", 3e-4, 5e-6, False),
+        ("all", 2.6e-4, 5e-5, False),
+    ],
+)
+def test_a_delay_of_half_a_sample_may_be_a_force_that_is_held(channel, delay, std, told):
+    fitted = SimpleNamespace(
+        hypothesis=Hypothesis((ChannelDelay("measurement", channel, delay),)), stds={"0.delay": std}
+    )
+    entries = [SimpleNamespace(replay=SimpleNamespace(clock=2000.0, assumed=False))] * 2
+    assert bool(of_held_force(fitted, entries)) is told
+    assert not of_held_force(fitted, [SimpleNamespace(replay=None)])
