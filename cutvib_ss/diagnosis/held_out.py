@@ -8,6 +8,7 @@ import numpy as np
 
 from cutvib_ss.diagnosis.cross_validation import Judged, reduced_chi2
 from cutvib_ss.diagnosis.ranking import Ranked
+from cutvib_ss.diagnosis.settings import SETTINGS
 
 
 @dataclass(frozen=True)
@@ -50,10 +51,12 @@ def share(tuned: HeldOut | None, after: HeldOut | None, accepted: HeldOut) -> fl
     """
     Part of the excess over noise and repeatability that a cause closes on held-out records.
 
-    Their floor is that under the accepted answer: the fit of a poor cause takes its own misfit for noise and drift.
+    Their floor is that under the accepted answer: the fit of a poor cause takes its own misfit for noise and drift. Where that answer
+    leaves no more than noise, it is the noise as it was drawn: on average, that of a few lines without a force may outweigh the gap.
     """
     if tuned is None or after is None:
         return float("nan")
     start, end = tuned.squares, after.squares
-    floor = min(start, after.floor, accepted.floor)
+    noise = accepted.reduced <= SETTINGS.verdict_noise
+    floor = min(start, accepted.squares if noise else min(after.floor, accepted.floor))
     return float(np.clip((start - end) / max(start - floor, 1e-300), 0.0, 1.0)) if start > end else 0.0
