@@ -51,8 +51,8 @@ def share(tuned: HeldOut | None, after: HeldOut | None, accepted: HeldOut) -> fl
     """
     Part of the excess over noise and repeatability that a cause closes on held-out records.
 
-    Their floor is that under the accepted answer: the fit of a poor cause takes its own misfit for noise and drift. Where that answer
-    leaves no more than noise, it is the noise as it was drawn: on average, that of a few lines without a force may outweigh the gap.
+    Their floor is that under the accepted answer: the fit of a poor cause takes its own misfit for noise and drift. Where that
+    leaves no more than noise, it is the noise as it was drawn: its mean on a few lines without a force may outweigh the gap.
     """
     if tuned is None or after is None:
         return float("nan")

@@ -89,11 +89,12 @@ class _HeldOutRules:
                 self.second_is_not_proven(r, first)
             elif known and self.may_be_its_form(r, first):
                 give(self.odds, r, first, self.of_its_form(r, first))
-            elif known and _at_one_port(r.fit.hypothesis) and self.closed(first, r) > 0.5:
-                # Two linear elements between the same points are one of another form, as a panel with two modes is.
+            elif known and self.may_be_one_element(r, first):
                 give(self.odds, r, first, SETTINGS.verdict_form)
         elif known:
             self.by_both_leads(r, first)
+            if self.may_be_one_element(r, first):
+                give(self.odds, r, first, SETTINGS.verdict_form)
         else:
             # What it predicts, the known part alone predicts better.
             give(self.odds, r, first)
@@ -108,6 +109,10 @@ class _HeldOutRules:
         # causes in another form that some second cause fits. Linear causes that still err by more than most beside it are in one.
         errs = not first.fit.hypothesis.linear or both.fit.spread.is_large("cause")
         return errs and 1.0 - self.closed(first, both) <= SETTINGS.sizes["cause"][-1][0] ** 2
+
+    def may_be_one_element(self, both: Ranked, first: Ranked) -> bool:
+        """Whether two linear elements act between the same points: they are one of another form, as a panel with two modes is."""
+        return _at_one_port(both.fit.hypothesis) and self.closed(first, both) > 0.5
 
     def of_its_form(self, both: Ranked, first: Ranked) -> float:
         """Part of the probability of two causes that the first alone has where the second may be its form."""

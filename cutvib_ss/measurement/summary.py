@@ -164,8 +164,9 @@ class Summary:
         """What is to be said of it in words."""
         said = []
         if self.repeatability is not None:
-            by = f"{100 * self.repeatability:.2g} % beyond" if self.repeatability > 0.0 else "no more than"
-            mean = _pairs(len(self.repeated)) + (", root mean square" if len(self.repeated) > 1 else "")
+            by, mean = "no more than", _pairs(len(self.repeated))
+            if self.repeatability > 0.0:
+                by, mean = f"{100 * self.repeatability:.2g} % beyond", f"root mean square of {mean}"
             said.append(f"Records of the same configuration differ by {by} their noise ({mean}).")
         elif len(self.records) > 1:
             said.append("No two records are of the same position, input and level: repeatability is not known.")
@@ -259,10 +260,8 @@ def summarise(campaign: Campaign) -> Summary:
     frfs = tuple(measured_response(r) for r in campaign.records)
     records = tuple(_record(r, h, campaign.machine) for r, h in zip(campaign.records, frfs, strict=True))
     # Once a sweep has passed, a resonance rings on as a tone does.
-    swept = {r.name for r in records if r.sweep is not None} | {
-        r.name for r in campaign.records if r.excitation == "sine"
-    }
-    steady = [(r, h) for r, h in zip(campaign.records, frfs, strict=True) if r.name not in swept]
+    measured = zip(campaign.records, records, frfs, strict=True)
+    steady = [(r, h) for r, own, h in measured if r.excitation != "sine" and own.sweep is None]
     tones = interference(*([h for r, h in steady if (r.kind == "timeseries") is leaks] for leaks in (False, True)))
     jitter = trigger_jitter(campaign.records)
     # What tones do to a line is no difference of two records.

@@ -46,14 +46,21 @@ def test_levels_are_drawn_apart_where_the_cause_depends_on_them() -> None:
     assert _alike(unstated[0], True) != _alike(unstated[1], True)
 
 
-def _held(squares: float, floor: float) -> HeldOut:
-    return cast(HeldOut, SimpleNamespace(squares=squares, floor=floor))
+def _held(squares: float, floor: float, reduced: float = 1.5) -> HeldOut:
+    return cast(HeldOut, SimpleNamespace(squares=squares, floor=floor, reduced=reduced))
 
 
 def test_the_share_of_a_poor_cause_is_not_flattered_by_its_own_noise() -> None:
     tuned, accepted, poor = _held(100.0, 40.0), _held(1.0, 1.0), _held(90.0, 90.0)
     assert share(tuned, accepted, accepted) == 1.0
     assert share(tuned, poor, accepted) == pytest.approx(10.0 / 99.0)
+
+
+@pytest.mark.parametrize(("reduced", "closed"), [(1.03, 0.9), (1.5, 0.9e-3)])
+def test_where_an_answer_leaves_noise_its_share_is_over_that_as_drawn(reduced: float, closed: float) -> None:
+    """Noise of a line without a force came out twice as loud as it is on average."""
+    tuned, accepted, first = _held(2.001, 1.0), _held(2.0, 1.0, reduced), _held(2.0001, 1.0)
+    assert share(tuned, first, accepted) == pytest.approx(closed, rel=2e-3)
 
 
 @pytest.mark.parametrize(

@@ -82,6 +82,8 @@ class SearchSettings:
     search_least_amplitude: float = of(0.01, "of the largest", "Amplitude with which that is compared", "the same", JUDGEMENT)
     search_odd: float = of(10.0, "χ² per datum", "Of one channel of a record under what leaves no more than noise of all others: "
         "from there it is left out", "fewer records are left out", "friction that shows that much in one shows in its neighbours")
+    search_stray: float = of(6.0, "std", "Of the drift within sessions, from which a record is held against the others alone",
+        "wrong records are left in", "a normal number is so far off with a probability of two in a thousand million")
     search_odd_share: float = of(0.125, "records", "That are left out, at most", "more records may be left out",
         "what shows in more of them may be the machine")
     scan_records: int = of(5, "records", "Up to which all are scanned", "longer", TIME)
