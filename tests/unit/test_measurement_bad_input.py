@@ -11,6 +11,7 @@ from cutvib_ss.measurement import Campaign, Record, read_campaign
 from cutvib_ss.measurement.campaign import write_campaign
 from cutvib_ss.measurement.formats import FORMATS
 from cutvib_ss.measurement.formats.raw import Contents, Layout
+from cutvib_ss.measurement.summary import summarise
 from cutvib_ss.model.machine import published_machine
 from cutvib_ss.model.second_order import Channel
 from tests.unit.measurement_rig import OneMass, lvm_text, small_campaign
@@ -499,3 +500,23 @@ def test_units_of_frequency_responses_are_converted(tmp_path, unit, machine, fac
     folder = _campaign(tmp_path, toml, _frf_csv(_FRF_HEAD.format(unit).replace("tool_x", channel)))
     frf = read_campaign(folder, machine).records[0].frf
     np.testing.assert_allclose(frf.data[0, 0, 0], factor * (1 + 1j * np.linspace(0, 1, 50)))
+
+
+def _three_channels(samples=200):
+    table = np.random.default_rng(1).standard_normal((samples, 5))
+    table[:, 0], table[:, 1] = np.arange(samples) / 1000, 40 * np.exp(-(((np.arange(samples) - 60) / 3.0) ** 2))
+    head = "time [s],force [N],A1 [m/s^2],A2 [m/s^2],A3 [m/s^2]"
+    return head + "\n" + "\n".join(",".join(f"{x:.10g}" for x in row) for row in table) + "\n"
+
+
+def test_the_line_that_is_proposed_names_no_column_that_is_mapped(tmp_path):
+    mapped = '[channels]\nforce = { name = "force" }\ntool_x = { name = "A1" }\ntool_z = { name = "A33" }\n'
+    folder = _campaign(tmp_path, RECORD + mapped + 'base_x = { name = "A3" }\n', _three_channels())
+    _refused(folder, "'A33'", 'for instance: tool_z = { name = "A2" }')
+
+
+def test_channels_that_no_record_has_are_named(tmp_path):
+    mapped = '[channels]\nforce = { name = "force" }\ntool_x = { name = "A1" }\n'
+    said = " ".join(summarise(read_campaign(_campaign(tmp_path, RECORD + mapped, _three_channels()))).sentences())
+    assert "No record has the model's channel tool_z" in said
+    assert "channel tool_x:" not in said
