@@ -199,8 +199,9 @@ def _chosen(
         else:
             index = _index(spec.name, there, columns, channel, group)
             if index is None:
-                mapped = {s.name for name, s in channels.items() if name != channel and isinstance(s.name, str)}
-                free = [name for name in there if name not in mapped]
+                others = {c: s.name for c, s in channels.items() if c != channel and s.name is not None}
+                mapped = {_index(name, there, columns, c, group) for c, name in others.items()}
+                free = [name for k, name in enumerate(there) if k not in mapped]
                 line = mapping_line(
                     channel, free, spec.name if isinstance(spec.name, str) else "", [*layout.quantities]
                 )

@@ -509,9 +509,10 @@ def _three_channels(samples=200):
     return head + "\n" + "\n".join(",".join(f"{x:.10g}" for x in row) for row in table) + "\n"
 
 
-def test_the_line_that_is_proposed_names_no_column_that_is_mapped(tmp_path):
+@pytest.mark.parametrize("third", ['"A3"', "4", '"a 3"'])
+def test_the_line_that_is_proposed_names_no_column_that_is_mapped(tmp_path, third):
     mapped = '[channels]\nforce = { name = "force" }\ntool_x = { name = "A1" }\ntool_z = { name = "A33" }\n'
-    folder = _campaign(tmp_path, RECORD + mapped + 'base_x = { name = "A3" }\n', _three_channels())
+    folder = _campaign(tmp_path, RECORD + mapped + f"base_x = {{ name = {third} }}\n", _three_channels())
     _refused(folder, "'A33'", 'for instance: tool_z = { name = "A2" }')
 
 
