@@ -32,9 +32,6 @@ _FEWEST = 8
 _BY_CHANCE = 0.05
 """Probability of differences between levels as large as these where none depends on the level, from which they are said to."""
 
-_NAMED = 3
-"""Records that are named one by one."""
-
 _STANDS_OUT = 2.0
 """Of the mean square difference over noise and repeatability, from which levels are said to differ."""
 
@@ -186,11 +183,9 @@ class Summary:
         said = []
         for channel in self.expected:
             without = [r.name for r in self.records if channel not in [c.name for c in r.channels]]
+            some = f"{without[0]} and {len(without) - 1} more" if len(without) > 1 else "".join(without)
+            where = "No record has" if len(without) == len(self.records) else f"Not every record has ({some} not)"
             if without:
-                some = ", ".join(without[:_NAMED]) + (
-                    f" and {len(without) - _NAMED} more" if len(without) > _NAMED else ""
-                )
-                where = "No record has" if len(without) == len(self.records) else f"Not every record has ({some} not)"
                 said.append(f"{where} the model's channel {channel}: if it was measured, map it under [channels].")
         return said
 
