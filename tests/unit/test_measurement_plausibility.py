@@ -1,12 +1,17 @@
 """Units off by a known factor, data that come twice, drifts of sensors: noticed, and no more than that."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import cutvib_ss as cv
 from cutvib_ss.errors import DataFormatError
 from cutvib_ss.measurement import History, read_campaign
-from cutvib_ss.measurement.plausibility import same_data, without_drift
+from cutvib_ss.measurement.inputs import response_to
+from cutvib_ss.measurement.plausibility import levels_over_nominal, same_data, without_drift
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from tests.unit import lab_files as lab
 from tests.unit.measurement_rig import FS, impact
 
@@ -67,6 +72,24 @@ def test_units_that_are_right(tmp_path, tables):
 def test_machines_with_a_gap_are_not_suspected(shared):
     for name in ("c02", "c03", "c06", "c11"):
         assert not [w for w in read_campaign(shared / "campaigns" / name).warnings if "nominal model" in w]
+
+
+def test_what_hardly_moves_by_symmetry_is_not_suspected():
+    """A rotor that was hit across moved by what its bearings differ: thirty times as much as in the model, by no sensor's fault."""
+    c = np.diag([2.0, 2.0])
+    k = np.array([[8e4, 80.0], [80.0, 8e4]])
+    ports = {"along": np.array([1.0, 0.0]), "across": np.array([0.0, 1.0])}
+    channels = {n: Channel(n, "acceleration") for n in ports}
+    rotor = Structure(SecondOrder(np.eye(2), c, k, ("a", "b"), ports), channels, "along")
+    freq = np.arange(5.0, 100.0, 0.5)
+    data = response_to("force", rotor, None, freq, tuple(ports)).data.reshape(1, 2, 1, -1).copy()
+    seen = SimpleNamespace(freq=freq, data=data, variance=np.full(data.shape, 1e-20))
+    record = SimpleNamespace(
+        input="force", position=None, channels=tuple(ports), quantities=("acceleration",) * 2, band_hz=None
+    )
+    assert levels_over_nominal(record, rotor, seen)["along"][0] == pytest.approx(1.0)
+    data[0, 1] *= 30.0
+    assert "across" not in levels_over_nominal(record, rotor, seen)
 
 
 FRF_HEAD = "freq [Hz],tool_x re [m/s^2/N],tool_x im [m/s^2/N]"
