@@ -128,24 +128,34 @@ def by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -
     return out
 
 
+def in_further_form(nominal: Model, records: Records, best: Ranked) -> list[Ranked]:
+    """A hypothesis with its causes in the forms of which theirs are special cases; none where there are no such."""
+    motions = best.fit.hypothesis.motions
+    forms = [e.further(motions[e.place]) if e.place in motions else None for e in best.fit.hypothesis.effects]
+    return _in_form(nominal, records, best, [f or e for f, e in zip(forms, best.fit.hypothesis.effects, strict=True)])
+
+
 def in_kindred_form(nominal: Model, records: Records, best: Ranked) -> list[Ranked]:
     """The best hypothesis with what records may not tell from its causes, from where it stands; none where there is no such."""
-    effects = best.fit.hypothesis.effects
-    kindred = tuple(e.kindred(std) or e for e, std in zip(effects, best.fit.stds_of_effects, strict=True))
-    names = best.name.split(" + ")
-    if not best.refined or kindred == effects or len(names) != len(effects):
+    each = zip(best.fit.hypothesis.effects, best.fit.stds_of_effects, strict=True)
+    found = _in_form(nominal, records, best, [e.kindred(std) or e for e, std in each])
+    # Where that leads, the first form may do better from there, too.
+    further = [r for r in found if r.fit.log_evidence > best.fit.log_evidence + SETTINGS.search_caught]
+    return [*found, *(again for r in further for again in in_kindred_form(nominal, records, r))]
+
+
+def _in_form(nominal: Model, records: Records, best: Ranked, forms: Sequence[Effect]) -> list[Ranked]:
+    """A hypothesis with its causes in other forms, fitted from where it stands; none where they are its own."""
+    effects, names = best.fit.hypothesis.effects, best.name.split(" + ")
+    if not best.refined or tuple(forms) == effects or len(names) != len(effects):
         return []
-    hypothesis = replace(best.fit.hypothesis, effects=kindred)
+    hypothesis = replace(best.fit.hypothesis, effects=tuple(forms))
     steps, x = SETTINGS.search_most_law_steps, best.fit.x[: best.fit.first_effect]
     again = refit(nominal, records, hypothesis, x, steps, near=best.fit)
-    if again is None:
-        return []
-    each = zip(names, effects, kindred, strict=True)
+    each = zip(names, effects, forms, strict=True)
     # Named as candidates are: what is fitted better of a name stands for it.
-    other = Ranked(" + ".join(n if a is e else n.replace(e.effect, a.effect) for n, e, a in each), again, True)
-    # Where that leads, the first form may do better from there, too.
-    further = again.log_evidence > best.fit.log_evidence + SETTINGS.search_caught
-    return [other, *(in_kindred_form(nominal, records, other) if further else ())]
+    name = " + ".join(n if a is e else n.replace(e.effect, a.effect) for n, e, a in each)
+    return [] if again is None else [Ranked(name, again, True)]
 
 
 def once(ranked: Sequence[Ranked]) -> tuple[Ranked, ...]:

@@ -186,6 +186,10 @@ class Effect(ABC):
         """What is nearly the same in another cause's form; none where deviations of its parameters leave no form of its own."""
         return None
 
+    def further(self, motion: float) -> Effect | None:
+        """The same in a form of which this is a special case, of a place that moves by so much; none where there is no other."""
+        return None
+
     def odds_to_kindred(self, motion: float) -> float:
         """Odds of this cause to its kindred one where no form tells them apart, of a place that moves by so much."""
         return 1.0

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from cutvib_ss.effects.base import Severity, parameter
+from cutvib_ss.effects.base import Model, Range, Severity, parameter
 from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 
@@ -19,6 +19,9 @@ class CubicStiffness(LawElement):
     Torque k θ + stiffness3 θ³ in place of k θ: hardening, or softening where negative.
 
     Duffing's spring. Its describing function is ¾ stiffness3 A². A softening one lets motion beyond √(k/-stiffness3) run away.
+    One that a weight or a preload holds at an ``offset`` from its middle has a quadratic part, too, k θ + stiffness3 (θ³ + 3 offset
+    θ²), with the k that it has at rest. Far beyond a ``bend`` the force may go with another ``exponent`` of θ: 1 where the
+    stiffness comes to another constant, 5 where a fifth power takes over.
     """
 
     effect: ClassVar[str] = "cubic_stiffness"
@@ -28,6 +31,32 @@ class CubicStiffness(LawElement):
 
     # Cubic stiffness [N m/rad^3; N/m^3 at a port that is a displacement]
     stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "asinh", minimum=None)
+    # How far the spring is deflected at rest [rad; m]; by default not at all
+    offset: float | None = parameter("rad", -1e-2, 1e-2, "asinh", default=None, minimum=None)
+
+    # Where it bends to another power [rad; m]; by default nowhere
+    bend: float | None = parameter("rad", 1e-7, 1e-2, default=None, limits=True)
+    # That power; a bend farther on with another goes the same way for some time
+    exponent: float | None = parameter("1", 0.0, 7.0, "linear", default=None, limits=True)
+
+    def further(self, motion: float) -> CubicStiffness | None:
+        """The same at rest at an offset, and bent: as strong where it is strong, a softening one coming to an end of that."""
+        if self.offset is not None:
+            return None
+        if self.bend is not None:
+            return replace(self, offset=0.0)
+        # At an exponent of three no bend would tell.
+        bend, exponent = 0.5 * motion, 3.5 if self.stiffness3 > 0.0 else 2.0
+        as_strong = (1.0 + (0.7 * motion / bend) ** 2) ** (0.5 * (3.0 - exponent))
+        return replace(self, stiffness3=as_strong * self.stiffness3, offset=0.0, bend=bend, exponent=exponent)
+
+    def ranges_here(self, model: Model, motion: float | None = None) -> Mapping[str, Range]:
+        given = dict(super().ranges_here(model, motion))
+        if self.bend is not None:
+            # A spring that bends early changes as much from a steeper start.
+            most = 10.0 * given["stiffness3"].high
+            given["stiffness3"] = replace(given["stiffness3"], low=-most, high=most)
+        return given
 
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
@@ -35,12 +64,22 @@ class CubicStiffness(LawElement):
         # The loudest record may move ten times as far, and a light damping shows a stiffness that changes by a percent.
         hardening = np.geomspace(1e-3, 3.0, 8) if s.held else np.geomspace(1e-4, 3.0, 6)
         softening = (-0.001, -0.01, -0.05, -0.2) if s.held else ()
-        return ({"stiffness3": float(r) * unit} for r in (*hardening, *softening))
+        plain: list[dict[str, float]] = [{"stiffness3": float(r) * unit} for r in (*hardening, *softening)]
+        # A preloaded joint loses a part of its stiffness, and then no more.
+        lost = ((part, bend) for part in (0.05, 0.3) for bend in (0.15, 0.6)) if s.held else ()
+        return plain + [
+            {"stiffness3": -part * unit / bend**2, "bend": bend * s.motion, "exponent": 1.0} for part, bend in lost
+        ]
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         unit = scale.stiffness / scale.motion**2
-        return {"stiffness3": (-0.5 * unit, 5.0 * unit)}
+        return {
+            "stiffness3": (-0.5 * unit, 5.0 * unit),
+            "offset": (-3.0 * scale.motion, 3.0 * scale.motion),
+            "bend": (0.01 * scale.motion, 3.0 * scale.motion),
+            "exponent": (0.0, 7.0),
+        }
 
     @classmethod
     def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from cutvib_ss.effects.base import Carried, Effect, Model, Range, Severity, parameter
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Range, Severity, parameter
 from cutvib_ss.effects.law_element import StartScale
 from cutvib_ss.effects.scales import PortScale
 from cutvib_ss.effects.within_spring import WithinSpring
@@ -21,7 +21,9 @@ class Freeplay(WithinSpring):
     No torque within ±gap, contact_stiffness (θ ∓ gap) beyond; the joint's damper acts in the gap, too.
 
     The linear model is the joint without clearance, which this nears as the motion grows where the contact is as stiff. ``within``
-    the joint's spring only a part of it, contact_stiffness, acts beyond the gap: one of several bolts is loose.
+    the joint's spring only a part of it, contact_stiffness, acts beyond the gap: one of several bolts is loose. Rest may be at an
+    ``offset`` from the middle of the gap, and contacts may close gradually, over a length that is ``rounding`` times the gap.
+    ``beside`` a spring that stays as it is, contacts are stops on both sides of it, with play.
     """
 
     effect: ClassVar[str] = "freeplay"
@@ -34,15 +36,45 @@ class Freeplay(WithinSpring):
     # Stiffness beyond the gap [N m/rad; N/m]; by default the k of the spring that the port spans
     contact_stiffness: float | None = parameter("N m/rad", 30.0, 3e5, default=None)
 
+    # How far rest is from the middle of the gap [rad; m]; by default not at all
+    offset: float | None = parameter("rad", -1e-3, 1e-3, "asinh", default=None, minimum=None)
+    # Radius of the corners of its characteristic over the gap; by default sharp
+    rounding: float | None = parameter("1", 0.01, 3.0, default=None, limits=True)
+
+    beside: bool = field(default=False, kw_only=True)  # Whether it acts beside the model's spring, not in place of it
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.within and self.contact_stiffness is None:
-            raise ParameterError(f"{self.effect}: within the spring it takes a contact_stiffness")
+        if self.within and self.beside:
+            raise ParameterError(f"{self.effect}: it is within the spring or beside it, not both")
+        if (self.within or self.beside) and self.contact_stiffness is None:
+            side = "within" if self.within else "beside"
+            raise ParameterError(f"{self.effect}: {side} the spring it takes a contact_stiffness")
+
+    def further(self, motion: float) -> Freeplay | None:
+        """The same with round corners, and off the middle of its gap; stops with play on one side alone are another effect."""
+        if self.rounding is not None:
+            return None
+        return replace(self, offset=None if self.beside else 0.0, rounding=0.2)
 
     @property
     def _contact(self) -> float:
         assert self.contact_stiffness is not None
         return self.contact_stiffness
+
+    @classmethod
+    def forms(cls, model: Model, place: str) -> int:
+        return 3
+
+    @classmethod
+    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
+        for name, starts in super().starts(model, measured):
+            yield name, starts
+            whole = [e for e in starts if isinstance(e, Freeplay) and not e.within and e.contact_stiffness is None]
+            if whole and (spring := model.spring_at(whole[0].place)) is not None:
+                stops = ((e, r * spring[0]) for e in whole[2::2] for r in (0.3, 3.0))
+                beside = (replace(e, contact_stiffness=k, beside=True) for e, k in stops)
+                yield f"{name} beside", tuple(beside)
 
     @classmethod
     def _parts(cls, starts: Sequence[Effect], spring: float) -> Iterable[Effect]:
@@ -57,6 +89,9 @@ class Freeplay(WithinSpring):
 
     def _values(self, model: Any) -> dict[str, float]:
         values = super()._values(model)
+        if self.beside:
+            # There is no spring that it takes away.
+            return {**values, "stiffness": 0.0}
         if not self.within:
             return values
         if self._contact > values["stiffness"]:
@@ -65,16 +100,16 @@ class Freeplay(WithinSpring):
                 f"{values['stiffness']:g} that it is a part of: nothing would hold the place within the gap; give at most that"
             )
         # What the law adds to a spring as stiff as the contact is what it takes from a stiffer one.
-        return {"gap": self.gap, "stiffness": self._contact}
+        return {**{name: v for name, v in values.items() if name != "contact_stiffness"}, "stiffness": self._contact}
 
     def moves(self, applied: Any) -> Mapping[str, Carried]:
         found = super().moves(applied)
         if not self.within:
             return found
-        return {"gap": found["gap"], "contact_stiffness": (((*self._at(applied), "stiffness"), 1.0),)}
+        return {**found, "contact_stiffness": (((*self._at(applied), "stiffness"), 1.0),)}
 
     def carries(self, path: Any, applied: Any) -> Carried:
-        return ((path, 1.0),) if self.within else super().carries(path, applied)
+        return ((path, 1.0),) if self.within or self.beside else super().carries(path, applied)
 
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
@@ -86,7 +121,12 @@ class Freeplay(WithinSpring):
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:
         k = scale.stiffness
-        return {"gap": (1e-3 * scale.motion, 3.0 * scale.motion), "contact_stiffness": (0.01 * k, 10.0 * k)}
+        return {
+            "gap": (1e-3 * scale.motion, 3.0 * scale.motion),
+            "contact_stiffness": (0.01 * k, 10.0 * k),
+            "offset": (-scale.motion, scale.motion),
+            "rounding": (0.01, 3.0),
+        }
 
     @classmethod
     def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:
@@ -95,4 +135,4 @@ class Freeplay(WithinSpring):
     @property
     def vanishes(self) -> bool:
         # Without a gap a contact of its own stiffness is another spring, not nothing; one within the spring is the spring.
-        return self.contact_stiffness is None or self.within
+        return self.contact_stiffness is None or self.within or self.beside

@@ -51,9 +51,10 @@ def fitted(
     error: float = 0.1,
     motion: float = NEAR,
     stds: dict[str, float] | None = None,
+    place: str = "joint2",
 ) -> Ranked:
     each = tuple(stds or {} for _ in effects)
-    made = Fitted(Hypothesis(effects, {"joint2": motion}), evidence, error, each)
+    made = Fitted(Hypothesis(effects, {place: motion}), evidence, error, each)
     return Ranked(name, cast(Fit, made), True)
 
 

@@ -42,10 +42,6 @@ class RestoringForce(ABC):
     """Id of the law, and of the effect that uses it."""
     moved_by: ClassVar[Literal["displacement", "velocity"]] = "displacement"
     """Motion that the force follows."""
-    odd: ClassVar[bool] = True
-    """Whether f(-q, -v) = -f(q, v): if not, the force has a mean and even harmonics."""
-    degree: ClassVar[int | None] = None
-    """Degree of the polynomial in q and v that the force is; None where it is none."""
     scale_free: ClassVar[bool] = False
     """Whether f(a q, a v) = a f(q, v) for a > 0: then the excitation level does not matter."""
     strength: ClassVar[tuple[str, ...]] = ()
@@ -91,6 +87,16 @@ class RestoringForce(ABC):
         """The parameters that are given and finite."""
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         return {name: v for name, v in given.items() if v is not None and math.isfinite(v)}
+
+    @property
+    def odd(self) -> bool:
+        """Whether f(-q, -v) = -f(q, v): if not, the force has a mean and even harmonics."""
+        return True
+
+    @property
+    def degree(self) -> int | None:
+        """Degree of the polynomial in q and v that the force is; None where it is none."""
+        return None
 
     @property
     def jumps(self) -> bool:
@@ -151,6 +157,10 @@ def law(name: str) -> type[RestoringForce]:
     return _REGISTERED[name]
 
 
+_PHASES = (np.arange(256) + 0.5) * np.pi / 256
+"""Of half a period, which the other half repeats in the opposite order."""
+
+
 # --- without memory ---------------------------------------------------------------------------------------------------
 
 
@@ -188,6 +198,12 @@ class Memoryless(RestoringForce):
         p = self.values
         return np.asarray(np.vectorize(lambda q, v: self.resist(p, q, v), otypes=[float])(q, v))
 
+    def fundamental(self, amplitude: ArrayLike) -> FloatArray:
+        """Fundamental of a force that follows the displacement alone over that of the displacement, by quadrature."""
+        a = np.asarray(amplitude, dtype=np.float64)
+        q = a[..., None] * np.cos(_PHASES)
+        return np.asarray(2.0 * np.mean(self.force(q, np.zeros_like(q)) * np.cos(_PHASES), axis=-1) / a)
+
     def tangent(self, q: ArrayLike, v: ArrayLike) -> tuple[FloatArray, FloatArray]:
         p = self.values
         by_q, by_v = np.vectorize(lambda q, v: self.tangents(p, q, v), otypes=[float, float])(q, v)
@@ -210,7 +226,23 @@ def around(x: float, middle: float) -> tuple[float, float]:
     return math.exp(-0.5 * u * u), u
 
 
-HELPERS = (mean_size, around)
+def clipped(q: float, below: float, above: float, rounding: float) -> float:
+    """q between -below and above; with round corners, which are hyperbolas, ½ (above - below) less than that."""
+    if rounding > 0.0:
+        low, high = q + below, q - above
+        return 0.5 * (math.sqrt(low * low + rounding * rounding) - math.sqrt(high * high + rounding * rounding))
+    return min(max(q, -below), above)
+
+
+def bent_cubic(k: float, x: float, bent: float, more: float) -> tuple[float, float]:
+    """k x³ (1 + bent x²)^more and its derivative."""
+    square = x * x
+    wide = 1.0 + bent * square
+    stiff = k * square * math.exp(more * math.log(wide))
+    return stiff * x, stiff * (3.0 + 2.0 * more * bent * square / wide)
+
+
+HELPERS = (mean_size, around, clipped, bent_cubic)
 """Functions that kernels may call."""
 
 

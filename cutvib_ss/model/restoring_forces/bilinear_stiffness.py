@@ -18,12 +18,15 @@ class BilinearStiffness(Memoryless):
     """stiffness (1 ± asymmetry) to either side in place of the linear spring: to that it adds stiffness asymmetry abs(q)."""
 
     name: ClassVar[str] = "bilinear_stiffness"
-    odd: ClassVar[bool] = False
     scale_free: ClassVar[bool] = True
     strength: ClassVar[tuple[str, ...]] = ("asymmetry",)
 
     asymmetry: float = value("1", minimum=None)
     stiffness: float = value("N m/rad")
+
+    @property
+    def odd(self) -> bool:
+        return False
 
     @property
     def values(self) -> Values:

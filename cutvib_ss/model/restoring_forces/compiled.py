@@ -78,9 +78,9 @@ def _picking(laws: tuple[type[Memoryless], ...], kernel: str, code: int = 0) -> 
 
 
 @register_jitable(fastmath=FAST, forceinline=True)
-def numbers(values: FloatArray, e: int) -> tuple[float, float, float, float]:
+def numbers(values: FloatArray, e: int) -> tuple[float, float, float, float, float, float]:
     """What the kernels of an element take: a tuple, since views of arrays in compiled loops are counted."""
-    return values[e, 0], values[e, 1], values[e, 2], values[e, 3]
+    return values[e, 0], values[e, 1], values[e, 2], values[e, 3], values[e, 4], values[e, 5]
 
 
 def resist(laws: np.ndarray, code: int, *args: Any) -> float:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cutvib_ss.model.restoring_forces.base import Course, Memoryless, Values, mean_size, value
+from cutvib_ss.model.restoring_forces.base import Course, Memoryless, Values, clipped, mean_size, value
 from cutvib_ss.results import ComplexArray
 
 
@@ -18,7 +18,9 @@ class Freeplay(Memoryless):
     """
     No force within ±gap, contact_stiffness (q ∓ gap) beyond, in place of the linear spring.
 
-    To that spring, stiffness · q, it adds (contact - stiffness) q - contact · clip(q, ±gap).
+    To that spring, stiffness · q, it adds (contact - stiffness) q - contact · clip(q, ±gap). At rest at an offset from the middle
+    of the gap, q + offset is clipped, and what that is at rest taken off. Contacts that close gradually have corners of hyperbolas,
+    ½ √((q + gap)² + r²) - ½ √((q - gap)² + r²) in place of the clipped q, with r = rounding · gap.
     """
 
     name: ClassVar[str] = "freeplay"
@@ -28,32 +30,62 @@ class Freeplay(Memoryless):
     stiffness: float = value("N m/rad")
     contact_stiffness: float | None = value("N m/rad", default=None)
     """By default the spring's."""
+    offset: float | None = value("rad", minimum=None, default=None)
+    """By default none."""
+    rounding: float | None = value("1", default=None)
+    """By default sharp corners."""
 
     @property
     def values(self) -> Values:
-        return self.gap, self.contact, self.contact - self.stiffness
+        offset = self.offset or 0.0
+        rounding = (self.rounding or 0.0) * self.gap
+        return self.gap + offset, self.gap - offset, self.contact, self.contact - self.stiffness, rounding
 
     @property
     def contact(self) -> float:
         """Stiffness beyond the gap."""
         return self.stiffness if self.contact_stiffness is None else self.contact_stiffness
 
+    @property
+    def odd(self) -> bool:
+        return not self.offset
+
     @staticmethod
     def resist(p: Values, q: float, v: float) -> float:
-        return p[2] * q - p[1] * min(max(q, -p[0]), p[0])
+        return p[3] * q - p[2] * (clipped(q, p[0], p[1], p[4]) - clipped(0.0, p[0], p[1], p[4]))
 
     @staticmethod
     def tangents(p: Values, q: float, v: float) -> tuple[float, float]:
-        return (p[2] - p[1] if abs(q) < p[0] else p[2]), 0.0
+        below, above, r = q + p[0], q - p[1], p[4]
+        if r == 0.0:
+            return (p[3] - p[2] if below > 0.0 and above < 0.0 else p[3]), 0.0
+        slope = below / math.sqrt(below * below + r * r) - above / math.sqrt(above * above + r * r)
+        return p[3] - 0.5 * p[2] * slope, 0.0
 
     @staticmethod
     def implicit(p: Values, q: float, a: float, v: float, b: float) -> float:
         """Two straight lines; where the lacking spring outweighs the step's compliance (a k ≥ 1), it jumps to contact."""
-        gap, contact, more = p[0], p[1], p[2]
+        below, above, contact, more, r = p[0], p[1], p[2], p[3], p[4]
+        rest = contact * clipped(0.0, below, above, r)
+        if r > 0.0:
+            # By Newton's method: corners are round.
+            f = 0.0
+            for _ in range(50):
+                x = q - a * f
+                low, high = x + below, x - above
+                slope = low / math.sqrt(low * low + r * r) - high / math.sqrt(high * high + r * r)
+                rise = 1.0 + a * (more - 0.5 * contact * slope)
+                if rise < 1e-6:
+                    return math.nan
+                change = (f - more * x + contact * clipped(x, below, above, r) - rest) / rise
+                f -= change
+                if abs(change) <= 1e-12 * abs(f):
+                    break
+            return f
         inside = 1.0 + a * (more - contact)
-        if inside > 0.0 and abs(q) <= gap * inside:
-            return (more - contact) * q / inside
-        held = contact * math.copysign(gap, q)
+        if inside > 0.0 and -below * inside <= q - a * rest <= above * inside:
+            return ((more - contact) * q + rest) / inside
+        held = contact * (above if q - a * rest > 0.5 * (above - below) * inside else -below) - rest
         if more == 0.0:
             return -held
         beyond = 1.0 + a * more
@@ -61,20 +93,27 @@ class Freeplay(Memoryless):
 
     @staticmethod
     def mean(p: Values, q: Course, v: Course, f0: float, f1: float) -> float:
-        """Exact for straight motion over each half, with what Simpson's rule adds to that for its bend."""
-        gap, bend = p[0], (2.0 * q[1] - q[0] - q[2]) / 12.0
-        high = mean_size(q[0] + gap, q[1] + gap) + mean_size(q[1] + gap, q[2] + gap)
-        low = mean_size(q[0] - gap, q[1] - gap) + mean_size(q[1] - gap, q[2] - gap)
-        held = 0.25 * (high - low) + (bend if abs(q[1]) < gap else 0.0)
-        linear = p[2] * (q[0] + 4.0 * q[1] + q[2]) / 6.0 if p[2] != 0.0 else 0.0
-        return linear - p[1] * held
+        """Exact for straight motion over each half of sharp corners, with what Simpson's rule adds to that for its bend."""
+        below, above, contact, more, r = p[0], p[1], p[2], p[3], p[4]
+        if r > 0.0:
+            middle = more * q[1] - contact * (clipped(q[1], below, above, r) - clipped(0.0, below, above, r))
+            return (f0 + 4.0 * middle + f1) / 6.0
+        bend = (2.0 * q[1] - q[0] - q[2]) / 12.0
+        high = mean_size(q[0] + below, q[1] + below) + mean_size(q[1] + below, q[2] + below)
+        low = mean_size(q[0] - above, q[1] - above) + mean_size(q[1] - above, q[2] - above)
+        held = 0.25 * (high - low) + (bend if -below < q[1] < above else 0.0)
+        held += 0.5 * (above - below) - clipped(0.0, below, above, r)
+        linear = more * (q[0] + 4.0 * q[1] + q[2]) / 6.0 if more != 0.0 else 0.0
+        return linear - contact * held
 
     @staticmethod
     def steepest(p: Values, q: float, v: float) -> float:
         """The greater of the two branches: within the gap and in contact."""
-        return max(abs(p[2] - p[1]), abs(p[2]))
+        return max(abs(p[3] - p[2]), abs(p[3]))
 
     def describing_function(self, amplitude: ArrayLike, omega: ArrayLike) -> ComplexArray:
+        if self.offset or self.rounding:
+            return np.asarray(self.fundamental(amplitude) + 0j * np.asarray(omega))
         ratio = np.minimum(self.gap / np.asarray(amplitude, dtype=np.float64), 1.0)
         saturation = 2.0 / np.pi * (np.arcsin(ratio) + ratio * np.sqrt(1.0 - ratio**2))
         return np.asarray(self.contact - self.stiffness - self.contact * saturation + 0j * np.asarray(omega))

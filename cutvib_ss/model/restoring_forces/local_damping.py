@@ -18,13 +18,16 @@ class LocalDamping(Memoryless):
     """f = damping v exp(-ln²(v/rate)/2) where v has the sign of ``side``, else nothing: `LocalStiffness` over the rate."""
 
     name: ClassVar[str] = "local_damping"
-    odd: ClassVar[bool] = False
     moved_by: ClassVar[Literal["displacement", "velocity"]] = "velocity"
     strength: ClassVar[tuple[str, ...]] = ("damping",)
 
     damping: float = value("N m s/rad", minimum=None)
     rate: float = value("rad/s")
     side: float = value("1", minimum=-1.0, maximum=1.0)
+
+    @property
+    def odd(self) -> bool:
+        return False
 
     @staticmethod
     def resist(p: Values, q: float, v: float) -> float:

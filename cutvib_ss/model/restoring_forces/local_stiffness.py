@@ -24,12 +24,15 @@ class LocalStiffness(Memoryless):
     """
 
     name: ClassVar[str] = "local_stiffness"
-    odd: ClassVar[bool] = False
     strength: ClassVar[tuple[str, ...]] = ("stiffness",)
 
     stiffness: float = value("N m/rad", minimum=None)
     displacement: float = value("rad")
     side: float = value("1", minimum=-1.0, maximum=1.0)
+
+    @property
+    def odd(self) -> bool:
+        return False
 
     @staticmethod
     def resist(p: Values, q: float, v: float) -> float:

@@ -18,7 +18,7 @@ SLIDES, JUMPS = -1, -2
 """Codes of Jenkins elements and of Coulomb friction; laws without memory count from zero."""
 
 
-WIDTH = 4
+WIDTH = 6
 """Numbers that the kernels of a law may take."""
 
 

@@ -1,0 +1,137 @@
+"""Springs that are neither odd nor of one power: causes of the catalogue in further forms."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import pytest
+
+import cutvib_ss as cv
+from cutvib_ss.diagnosis import ranking
+from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.hypothesis import Hypothesis
+from cutvib_ss.diagnosis.ranking import in_further_form
+from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.effects.added_mass import AddedMass
+from cutvib_ss.effects.base import Measured, Model, Motion
+from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.effects.freeplay import Freeplay
+from cutvib_ss.errors import ParameterError
+from cutvib_ss.measurement.records import Campaign, History, Record
+from cutvib_ss.model.restoring_forces import law
+from tests.unit.struck_oscillator import DAMPING, FINE, MASS, OSCILLATOR, SPRING
+from tests.unit.test_diagnosis_kindred import fitted
+
+Force = Callable[[float], float]
+CUBIC, SQUARE = 4e9, 1.5e6
+
+
+def bowed(x: float) -> float:
+    return SPRING * x + CUBIC * x**3 + SQUARE * x**2
+
+
+def saturating(x: float) -> float:
+    return SPRING * (0.6 * x + 0.4 * 2e-3 * np.tanh(x / 2e-3))
+
+
+def diagnosed(force_of: Force) -> cv.Diagnosis:
+    """Blows on the oscillator with that force in place of its spring, by semi-implicit Euler steps of a sixteenth of a sample."""
+    rng, fs, count, records = np.random.default_rng(7), 1024.0, 1024, []
+    fine, step = np.arange(count * FINE) / (FINE * fs), 1.0 / (FINE * fs)
+    for k, level in enumerate((60.0, 200.0, 600.0)):
+        histories = []
+        for _ in range(3):
+            force = level * rng.uniform(0.9, 1.1) * np.sin(np.pi * np.clip((fine - 0.05) / 0.006, 0.0, 1.0)) ** 2
+            x = v = 0.0
+            response = np.empty(force.size)
+            for i, f in enumerate(force.tolist()):
+                response[i] = (f - DAMPING * v - force_of(x)) / MASS
+                v += step * response[i]
+                x += step * v
+            seen = response[::FINE] + 0.02 * rng.standard_normal(count)
+            histories.append(History(fs, force[::FINE] + 0.02 * rng.standard_normal(count), seen[None], ("a",)))
+        records.append(Record(f"r{k}", "impact", None, level, None, ("a",), ("acceleration",), tuple(histories)))
+    return cv.diagnose(Campaign("", Path(), OSCILLATOR, tuple(records), ()))
+
+
+def test_a_cubic_spring_off_its_middle_is_sure() -> None:
+    """A slot that stiffens, slightly asymmetrically, had the largest error of its prior, and 0.60."""
+    best = diagnosed(bowed).causes[0]
+    assert best.effect == "cubic_stiffness"
+    assert best.probability > 0.9
+    assert best.parameters["stiffness3"].value == pytest.approx(CUBIC, rel=0.1)
+    quadratic = 3.0 * best.parameters["stiffness3"].value * best.parameters["offset"].value
+    assert quadratic == pytest.approx(SQUARE, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_spring_that_softens_to_another_stiffness_is_sure() -> None:
+    best = diagnosed(saturating).causes[0]
+    assert best.effect == "cubic_stiffness"
+    assert best.probability > 0.9
+
+
+def test_each_form_is_a_special_case_of_the_further_one() -> None:
+    cubic = CubicStiffness("spring", -1e9)
+    further = cubic.further(1e-3)
+    assert further is not None
+    assert further.further(1e-3) is None
+    x = np.linspace(-1e-3, 1e-3, 9)
+    plain = [law(e.effect)(**e._parameters()).force(x, 0.0 * x) for e in (cubic, replace(further, exponent=3.0))]
+    assert plain[1] == pytest.approx(plain[0] * further.stiffness3 / cubic.stiffness3, rel=1e-12)
+    # As strong where it is strong.
+    end = [float(law(e.effect)(**e._parameters()).force(7e-4, 0.0)) for e in (cubic, further)]
+    assert end[1] == pytest.approx(end[0], rel=1e-12)
+    play = Freeplay("spring", 1e-4, 1e5)
+    worn = play.further(1e-3)
+    assert worn is not None
+    gaps = [
+        law("freeplay")(**e._parameters(), stiffness=1e5).force(x, 0.0 * x)
+        for e in (play, replace(worn, rounding=1e-9))
+    ]
+    assert gaps[1] == pytest.approx(gaps[0], rel=1e-6, abs=1e-9)
+
+
+def test_clearance_of_a_part_of_a_spring_has_further_forms_too() -> None:
+    worn = Freeplay("spring", 1e-4, 2e4, 3e-5, 0.4, within=True)
+    [element] = worn.apply(OSCILLATOR).nonlinear
+    assert element.parameters == {"gap": 1e-4, "stiffness": 2e4, "offset": 3e-5, "rounding": 0.4}
+
+
+def test_stops_with_play_leave_the_spring_as_it_is() -> None:
+    stops = Freeplay("spring", 1e-4, 5e4, rounding=0.2, beside=True)
+    [element] = stops.apply(OSCILLATOR).nonlinear
+    x = np.array([-3e-4, 0.0, 3e-4])
+    assert element.restoring_force.force(x, 0.0 * x) == pytest.approx(5e4 * np.sign(x) * 2e-4, rel=0.02)
+    # On one side alone they are another effect.
+    assert stops.further(1e-3) is None
+    further = replace(stops, rounding=None).further(1e-3)
+    assert further is not None
+    assert further.offset is None
+    with pytest.raises(ParameterError, match="not both"):
+        replace(stops, within=True)
+    with pytest.raises(ParameterError, match="beside the spring it takes a contact_stiffness"):
+        replace(stops, contact_stiffness=None)
+    motion = Motion(1e-4, 1e-3, 0.1)
+    started = dict(Freeplay.starts(OSCILLATOR, Measured(motions={"spring": motion})))
+    assert list(started) == ["spring", "spring beside", "spring within"]
+    assert all(isinstance(e, Freeplay) and e.beside for e in started["spring beside"])
+
+
+def test_what_leads_is_fitted_in_its_further_form_from_where_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def refit(nominal: object, records: object, hypothesis: Hypothesis, x: np.ndarray, steps: int, near: Fit) -> Fit:
+        asked.append((hypothesis.effects, x.tolist()))
+        return near
+
+    monkeypatch.setattr(ranking, "refit", refit)
+    mass, cubic = AddedMass("spring", 0.1), CubicStiffness("spring", 1e9)
+    best = fitted("added_mass spring + cubic_stiffness spring", 0.0, mass, cubic, motion=1e-3, place="spring")
+    [again] = in_further_form(cast(Model, None), cast(Records, None), best)
+    assert again.name == best.name
+    assert asked == [((mass, cubic.further(1e-3)), [0.0, 1.0, 2.0])]
+    for other in (fitted("added_mass spring", 0.0, mass), fitted("none", 0.0)):
+        assert in_further_form(cast(Model, None), cast(Records, None), other) == []
