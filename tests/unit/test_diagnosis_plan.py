@@ -107,10 +107,11 @@ def test_one_position_and_channel_tell_less(planned):
 def test_laws_are_seen_only_where_their_place_moves():
     campaign = PlannedCampaign((0.4,), (20.0, 100.0), block=1.0)
     found = plan(MACHINE, campaign)
-    joint2 = cause(found, "cubic_stiffness joint2").seen
+    # The middle one of its shapes may be one that softens.
+    joint2 = abs(cause(found, "cubic_stiffness joint2").seen)
     assert 0.0 < joint2 < 8e9
     at1 = cause(found, "cubic_stiffness joint1").seen
-    assert at1 is None or at1 > 1e3 * joint2
+    assert at1 is None or abs(at1) > 1e3 * joint2
 
 
 @pytest.mark.parametrize(
