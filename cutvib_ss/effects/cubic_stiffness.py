@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cutvib_ss.effects.base import Effect, Measured, Model, Range, Severity, parameter
+from cutvib_ss.effects.base import Model, Range, Severity, parameter
 from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
 
@@ -59,28 +59,17 @@ class CubicStiffness(LawElement):
         return given
 
     @classmethod
-    def forms(cls, model: Model, place: str) -> int:
-        return 1 if model.spring_at(place) is None else 2
-
-    @classmethod
-    def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
-        for place, starts in super().starts(model, measured):
-            yield place, starts
-            if (spring := model.spring_at(place)) is not None:
-                # A preloaded joint loses a part of its stiffness, and then no more.
-                lost = [
-                    (part * spring[0], r * measured.motions[place].middle) for part in (0.05, 0.3) for r in (0.15, 0.6)
-                ]
-                bent = (cls(place, -k / bend**2, bend=bend, exponent=1.0) for k, bend in lost)
-                yield f"{place} softening", tuple(bent)
-
-    @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
         unit = s.stiffness / s.motion**2
         # The loudest record may move ten times as far, and a light damping shows a stiffness that changes by a percent.
         hardening = np.geomspace(1e-3, 3.0, 8) if s.held else np.geomspace(1e-4, 3.0, 6)
         softening = (-0.001, -0.01, -0.05, -0.2) if s.held else ()
-        return ({"stiffness3": float(r) * unit} for r in (*hardening, *softening))
+        plain: list[dict[str, float]] = [{"stiffness3": float(r) * unit} for r in (*hardening, *softening)]
+        # A preloaded joint loses a part of its stiffness, and then no more.
+        lost = ((part, bend) for part in (0.05, 0.3) for bend in (0.15, 0.6)) if s.held else ()
+        return plain + [
+            {"stiffness3": -part * unit / bend**2, "bend": bend * s.motion, "exponent": 1.0} for part, bend in lost
+        ]
 
     @classmethod
     def _bounds(cls, scale: PortScale) -> Mapping[str, tuple[float, float]]:

@@ -63,18 +63,12 @@ class Freeplay(WithinSpring):
         return self.contact_stiffness
 
     @classmethod
-    def forms(cls, model: Model, place: str) -> int:
-        return 3
-
-    @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
         for name, starts in super().starts(model, measured):
-            yield name, starts
             whole = [e for e in starts if isinstance(e, Freeplay) and not e.within and e.contact_stiffness is None]
-            if whole and (spring := model.spring_at(whole[0].place)) is not None:
-                stops = ((e, r * spring[0]) for e in whole[2::2] for r in (0.3, 3.0))
-                beside = (replace(e, contact_stiffness=k, beside=True) for e, k in stops)
-                yield f"{name} beside", tuple(beside)
+            spring = model.spring_at(whole[0].place) if whole else None
+            stops = ((e, r * spring[0]) for e in whole[2::2] for r in (0.3, 3.0)) if spring else ()
+            yield name, (*starts, *(replace(e, contact_stiffness=k, beside=True) for e, k in stops))
 
     @classmethod
     def _parts(cls, starts: Sequence[Effect], spring: float) -> Iterable[Effect]:

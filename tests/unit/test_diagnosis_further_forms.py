@@ -116,8 +116,9 @@ def test_stops_with_play_leave_the_spring_as_it_is() -> None:
         replace(stops, contact_stiffness=None)
     motion = Motion(1e-4, 1e-3, 0.1)
     started = dict(Freeplay.starts(OSCILLATOR, Measured(motions={"spring": motion})))
-    assert list(started) == ["spring", "spring beside", "spring within"]
-    assert all(isinstance(e, Freeplay) and e.beside for e in started["spring beside"])
+    assert list(started) == ["spring", "spring within"]
+    beside = [isinstance(e, Freeplay) and e.beside for e in started["spring"]]
+    assert 0 < sum(beside) < len(beside)
 
 
 def test_what_leads_is_fitted_in_its_further_form_from_where_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
