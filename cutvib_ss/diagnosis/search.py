@@ -292,9 +292,7 @@ def _with(
         both = on_all_lines(nominal, records, pairs, 1, rival, workers, close=SETTINGS.pairs_close)
         both = [r for r in both if r.refined]
         new += [*both, *by_themselves(nominal, records, both, found, {c.name: cost(f) for c, f in rough})]
-        # What leads in a further form may not have led without.
-        again = workers.map(partial(in_further_form, nominal, records), found)
-        new += [r for further in again for r in further]
+        new += in_further_form(nominal, records, ahead)
     return by_their_names(nominal, records, [*ranked, *new])
 
 
