@@ -11,6 +11,7 @@ import numpy as np
 from cutvib_ss.effects.base import Model, Range, Severity, parameter
 from cutvib_ss.effects.law_element import LawElement, StartScale
 from cutvib_ss.effects.scales import PortScale
+from cutvib_ss.errors import ParameterError
 
 
 @dataclass(frozen=True)
@@ -33,11 +34,15 @@ class CubicStiffness(LawElement):
     stiffness3: float = parameter("N m/rad^3", -2e10, 2e11, "asinh", minimum=None)
     # How far the spring is deflected at rest [rad; m]; by default not at all
     offset: float | None = parameter("rad", -1e-2, 1e-2, "asinh", default=None, minimum=None)
-
     # Where it bends to another power [rad; m]; by default nowhere
     bend: float | None = parameter("rad", 1e-7, 1e-2, default=None, limits=True)
     # That power; a bend farther on with another goes the same way for some time
     exponent: float | None = parameter("1", 0.0, 7.0, "linear", default=None, limits=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.bend is None) != (self.exponent is None):
+            raise ParameterError(f"{self.effect}: a bend and the exponent beyond it go together; give both or none")
 
     def further(self, motion: float) -> CubicStiffness | None:
         """The same at rest at an offset, and bent: as strong where it is strong, a softening one coming to an end of that."""

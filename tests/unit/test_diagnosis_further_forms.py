@@ -81,6 +81,8 @@ def test_each_form_is_a_special_case_of_the_further_one() -> None:
     x = np.linspace(-1e-3, 1e-3, 9)
     plain = [law(e.effect)(**e._parameters()).force(x, 0.0 * x) for e in (cubic, replace(further, exponent=3.0))]
     assert plain[1] == pytest.approx(plain[0] * further.stiffness3 / cubic.stiffness3, rel=1e-12)
+    with pytest.raises(ParameterError, match="go together"):
+        replace(further, exponent=None)
     # As strong where it is strong.
     end = [float(law(e.effect)(**e._parameters()).force(7e-4, 0.0)) for e in (cubic, further)]
     assert end[1] == pytest.approx(end[0], rel=1e-12)
