@@ -129,7 +129,7 @@ def by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -
 
 
 def in_further_form(nominal: Model, records: Records, best: Ranked) -> list[Ranked]:
-    """A hypothesis with its causes in the forms of which theirs are special cases; none where there are no such."""
+    """A hypothesis with its causes in their more general forms; none where they have none."""
     motions = best.fit.hypothesis.motions
     forms = [e.further(motions[e.place]) if e.place in motions else None for e in best.fit.hypothesis.effects]
     return _in_form(nominal, records, best, [f or e for f, e in zip(forms, best.fit.hypothesis.effects, strict=True)])

@@ -187,7 +187,7 @@ class Effect(ABC):
         return None
 
     def further(self, motion: float) -> Effect | None:
-        """The same in a form of which this is a special case, of a place that moves by so much; none where there is no other."""
+        """A more general form of the cause, for a place of that largest motion; None where there is none."""
         return None
 
     def odds_to_kindred(self, motion: float) -> float:

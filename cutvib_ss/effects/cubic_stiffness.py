@@ -36,7 +36,7 @@ class CubicStiffness(LawElement):
     offset: float | None = parameter("rad", -1e-2, 1e-2, "asinh", default=None, minimum=None)
     # Where it bends to another power [rad; m]; by default nowhere
     bend: float | None = parameter("rad", 1e-7, 1e-2, default=None, limits=True)
-    # That power; a bend farther on with another goes the same way for some time
+    # Power of the motion beyond the bend; a distant bend hardly determines it, so its ends are limits
     exponent: float | None = parameter("1", 0.0, 7.0, "linear", default=None, limits=True)
 
     def __post_init__(self) -> None:
@@ -45,12 +45,12 @@ class CubicStiffness(LawElement):
             raise ParameterError(f"{self.effect}: a bend and the exponent beyond it go together; give both or none")
 
     def further(self, motion: float) -> CubicStiffness | None:
-        """The same at rest at an offset, and bent: as strong where it is strong, a softening one coming to an end of that."""
+        """With a static offset, and another power beyond half the largest motion; of equal force at 0.7 of that motion."""
         if self.offset is not None:
             return None
         if self.bend is not None:
             return replace(self, offset=0.0)
-        # At an exponent of three no bend would tell.
+        # At an exponent of three the force does not depend on the bend.
         bend, exponent = 0.5 * motion, 3.5 if self.stiffness3 > 0.0 else 2.0
         as_strong = (1.0 + (0.7 * motion / bend) ** 2) ** (0.5 * (3.0 - exponent))
         return replace(self, stiffness3=as_strong * self.stiffness3, offset=0.0, bend=bend, exponent=exponent)
@@ -58,7 +58,7 @@ class CubicStiffness(LawElement):
     def ranges_here(self, model: Model, motion: float | None = None) -> Mapping[str, Range]:
         given = dict(super().ranges_here(model, motion))
         if self.bend is not None:
-            # A spring that bends early changes as much from a steeper start.
+            # With an early bend the same change of stiffness takes a larger cubic coefficient.
             most = 10.0 * given["stiffness3"].high
             given["stiffness3"] = replace(given["stiffness3"], low=-most, high=most)
         return given

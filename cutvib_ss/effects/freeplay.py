@@ -51,7 +51,7 @@ class Freeplay(WithinSpring):
             raise ParameterError(f"{self.effect}: {side} the spring it takes a contact_stiffness")
 
     def further(self, motion: float) -> Freeplay | None:
-        """The same with round corners, and off the middle of its gap; stops with play on one side alone are another effect."""
+        """With rounded corners and a static offset; stops get no offset, for one-sided stops are not in the catalogue."""
         if self.rounding is not None:
             return None
         return replace(self, offset=None if self.beside else 0.0, rounding=0.2)
@@ -67,7 +67,7 @@ class Freeplay(WithinSpring):
             whole = [e for e in starts if isinstance(e, Freeplay) and not e.within and e.contact_stiffness is None]
             spring = model.spring_at(whole[0].place) if whole else None
             stops = ((e, r * spring[0]) for e in whole[2::2] for r in (0.3, 3.0)) if spring else ()
-            # Each form fitted by itself would take twice the time: the start that promises most is.
+            # Stops are further starts, not a form: each form is fitted by itself, which took twice the time.
             yield name, (*starts, *(replace(e, contact_stiffness=k, beside=True) for e, k in stops))
 
     @classmethod

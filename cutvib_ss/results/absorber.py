@@ -56,7 +56,7 @@ class AbsorberCheck(Drawn):
 
     @property
     def worst(self) -> tuple[float, float]:
-        """Position at which most is left, and what is left there [m/s^2/N]."""
+        """Position of the largest residual response, and that response [m/s^2/N]."""
         k = int(np.argmax(self.after))
         return float(self.positions[k]), float(self.after[k])
 

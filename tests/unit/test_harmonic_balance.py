@@ -91,7 +91,7 @@ def test_contacts_that_turn_within_a_period_are_what_marching_comes_to(
 @pytest.mark.parametrize("numbers", [(0, 1, 2, 3), (1, 3, 5)], ids=["all", "odd"])
 def test_a_polynomial_needs_no_more_samples_than_its_harmonics(numbers: tuple[int, ...]) -> None:
     laws, values, sliders = packed([CubicStiffness(2.0)])
-    few = 2 * (3 + 1) * numbers[-1]
+    few = 2 * ((CubicStiffness(2.0).degree or 0) + 1) * numbers[-1]
     x = np.random.default_rng(3).normal(size=2 * len(numbers) - (numbers[0] == 0))
 
     def shown(samples: int) -> tuple[np.ndarray, np.ndarray]:

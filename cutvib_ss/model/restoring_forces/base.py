@@ -226,12 +226,13 @@ def around(x: float, middle: float) -> tuple[float, float]:
     return math.exp(-0.5 * u * u), u
 
 
-def clipped(q: float, below: float, above: float, rounding: float) -> float:
-    """q between -below and above; with round corners, which are hyperbolas, ½ (above - below) less than that."""
+def clipped(q: float, below: float, above: float, rounding: float) -> tuple[float, float]:
+    """q clipped to -below and above, and its slope; with corners rounded to hyperbolas it is ½ (above - below) less."""
+    low, high = q + below, q - above
     if rounding > 0.0:
-        low, high = q + below, q - above
-        return 0.5 * (math.sqrt(low * low + rounding * rounding) - math.sqrt(high * high + rounding * rounding))
-    return min(max(q, -below), above)
+        far, near = math.sqrt(low * low + rounding * rounding), math.sqrt(high * high + rounding * rounding)
+        return 0.5 * (far - near), 0.5 * (low / far - high / near)
+    return min(max(q, -below), above), (1.0 if low > 0.0 and high < 0.0 else 0.0)
 
 
 def bent_cubic(k: float, x: float, bent: float, more: float) -> tuple[float, float]:

@@ -52,32 +52,27 @@ class Freeplay(Memoryless):
 
     @staticmethod
     def resist(p: Values, q: float, v: float) -> float:
-        return p[3] * q - p[2] * (clipped(q, p[0], p[1], p[4]) - clipped(0.0, p[0], p[1], p[4]))
+        return p[3] * q - p[2] * (clipped(q, p[0], p[1], p[4])[0] - clipped(0.0, p[0], p[1], p[4])[0])
 
     @staticmethod
     def tangents(p: Values, q: float, v: float) -> tuple[float, float]:
-        below, above, r = q + p[0], q - p[1], p[4]
-        if r == 0.0:
-            return (p[3] - p[2] if below > 0.0 and above < 0.0 else p[3]), 0.0
-        slope = below / math.sqrt(below * below + r * r) - above / math.sqrt(above * above + r * r)
-        return p[3] - 0.5 * p[2] * slope, 0.0
+        return p[3] - p[2] * clipped(q, p[0], p[1], p[4])[1], 0.0
 
     @staticmethod
     def implicit(p: Values, q: float, a: float, v: float, b: float) -> float:
         """Two straight lines; where the lacking spring outweighs the step's compliance (a k ≥ 1), it jumps to contact."""
         below, above, contact, more, r = p[0], p[1], p[2], p[3], p[4]
-        rest = contact * clipped(0.0, below, above, r)
+        rest = contact * clipped(0.0, below, above, r)[0]
         if r > 0.0:
             # By Newton's method: corners are round.
             f = 0.0
             for _ in range(50):
                 x = q - a * f
-                low, high = x + below, x - above
-                slope = low / math.sqrt(low * low + r * r) - high / math.sqrt(high * high + r * r)
-                rise = 1.0 + a * (more - 0.5 * contact * slope)
+                held, slope = clipped(x, below, above, r)
+                rise = 1.0 + a * (more - contact * slope)
                 if rise < 1e-6:
                     return math.nan
-                change = (f - more * x + contact * clipped(x, below, above, r) - rest) / rise
+                change = (f - more * x + contact * held - rest) / rise
                 f -= change
                 if abs(change) <= 1e-12 * abs(f):
                     break
@@ -96,13 +91,13 @@ class Freeplay(Memoryless):
         """Exact for straight motion over each half of sharp corners, with what Simpson's rule adds to that for its bend."""
         below, above, contact, more, r = p[0], p[1], p[2], p[3], p[4]
         if r > 0.0:
-            middle = more * q[1] - contact * (clipped(q[1], below, above, r) - clipped(0.0, below, above, r))
+            middle = more * q[1] - contact * (clipped(q[1], below, above, r)[0] - clipped(0.0, below, above, r)[0])
             return (f0 + 4.0 * middle + f1) / 6.0
         bend = (2.0 * q[1] - q[0] - q[2]) / 12.0
         high = mean_size(q[0] + below, q[1] + below) + mean_size(q[1] + below, q[2] + below)
         low = mean_size(q[0] - above, q[1] - above) + mean_size(q[1] - above, q[2] - above)
         held = 0.25 * (high - low) + (bend if -below < q[1] < above else 0.0)
-        held += 0.5 * (above - below) - clipped(0.0, below, above, r)
+        held += 0.5 * (above - below) - clipped(0.0, below, above, r)[0]
         linear = more * (q[0] + 4.0 * q[1] + q[2]) / 6.0 if more != 0.0 else 0.0
         return linear - contact * held
 
