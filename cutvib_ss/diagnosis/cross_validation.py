@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cutvib_ss.diagnosis.discrepancy import pivots_beside
 from cutvib_ss.diagnosis.fit import Fit, fit
 from cutvib_ss.diagnosis.hit_errors import taken_at
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
@@ -267,7 +268,15 @@ def judged(e: Entry, shown: Shown, problem: Problem | None = None, fitted: Fit |
         afar = partial(show, e=wider, here=None)
         modes = residual_modes(problem.nominal, [e.group], problem.band[1])
         chi2, drifts, density = fitted.spread.left(
-            problem, fitted.x, session_of(e), e.record, show, afar, taken_at(e.hits, e.placed), modes
+            problem,
+            fitted.x,
+            session_of(e),
+            e.record,
+            show,
+            afar,
+            taken_at(e.hits, e.placed),
+            modes,
+            pivots_beside(fitted.spread.layout.pivots, e.group, problem),
         )
         chi2 = chi2 * e.freq.size / np.maximum(told, 1)
         total = fitted.spread.noise * total

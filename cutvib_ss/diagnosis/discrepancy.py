@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -146,15 +147,26 @@ def _shapes_over(pivots: tuple[tuple[float, float], ...], points: bytes) -> Floa
 
 def pivots_of(problem: Problem) -> tuple[tuple[float, float], ...]:
     """Points that carry the process over all data, by pivoted Cholesky: the variance that they leave is small everywhere."""
-    points = []
-    for g in problem.groups:
-        for row in range(len(g.data)):
-            u, w = features(g, row, problem)
-            keep = np.unique(np.linspace(0, u.size - 1, min(u.size, SETTINGS.discrepancy_points)).round().astype(int))
-            points.append(np.stack([u[keep], w[keep]], axis=-1))
+    return _pivots((), [_points(g, row, problem) for g in problem.groups for row in range(len(g.data))])
+
+
+def pivots_beside(pivots: tuple[tuple[float, float], ...], g: Group, problem: Problem) -> tuple[tuple[float, float], ...]:
+    """Points that carry the process over one more record, behind those that carry it over others: their shapes stay as they are."""
+    return _pivots(pivots, [_points(g, row, problem) for row in range(len(g.data))]) if pivots else ()
+
+
+def _points(g: Group, row: int, problem: Problem) -> FloatArray:
+    """Points of a record that stand for all of its lines, shape (point, 2)."""
+    u, w = features(g, row, problem)
+    keep = np.unique(np.linspace(0, u.size - 1, min(u.size, SETTINGS.discrepancy_points)).round().astype(int))
+    return np.stack([u[keep], w[keep]], axis=-1)
+
+
+def _pivots(first: tuple[tuple[float, float], ...], points: Sequence[FloatArray]) -> tuple[tuple[float, float], ...]:
+    """Pivots among points, behind the first ones."""
     every = np.unique(np.concatenate(points).round(6), axis=0)
-    left = np.ones(len(every))
-    rows: list[FloatArray] = []
+    rows = list(shapes_over(first, *every.T)) if first else []
+    left = np.maximum(1.0 - sum((r**2 for r in rows), np.zeros(len(every))), 0.0)
     chosen: list[tuple[float, float]] = []
     while left.max() > SETTINGS.discrepancy_variance_left and len(chosen) < SETTINGS.discrepancy_most_pivots:
         k = int(np.argmax(left))
@@ -164,4 +176,4 @@ def pivots_of(problem: Problem) -> tuple[tuple[float, float], ...]:
         left = np.maximum(left - column**2, 0.0)
         left[k] = 0.0
         chosen.append((float(every[k, 0]), float(every[k, 1])))
-    return tuple(chosen)
+    return (*first, *chosen)

@@ -83,23 +83,41 @@ class Spread:
         return out
 
     def of_record(
-        self, name: tuple[float | str, ...], record: int, hits: Mapping[Hit, float], modes: Sequence[ResidualMode] = ()
+        self,
+        name: tuple[float | str, ...],
+        record: int,
+        hits: Mapping[Hit, float],
+        modes: Sequence[ResidualMode] = (),
+        pivots: tuple[tuple[float, float], ...] = (),
     ) -> Spread:
-        """The same for one record, which shows some residual modes: in its columns, all others being left at their best."""
+        """
+        The same for one record in its columns, all others being left at their best.
+
+        It shows some residual modes, and a cause's discrepancy at points of its own.
+        """
         lay = self.layout
         seen = {(m.input, m.channel) for m in lay.residual_modes}
         own = replace(
             lay,
             sessions=(name,) if lay.sessions else (),
             records=(record,) if lay.records else (),
+            pivots=pivots or lay.pivots,
             residual_modes=(*lay.residual_modes, *(m for m in modes if (m.input, m.channel) not in seen)),
             hits=tuple(hits),
             errors=tuple(hits.values()),
         )
-        inferred = lay.first_hit - lay.first_nominal
         # Columns here and there of the unknowns and of what all records share, then of what was seen of this one.
-        there = [np.arange(lay.unknowns), lay.first_nominal + np.arange(inferred)]
-        here = [np.arange(lay.unknowns), own.first_nominal + np.arange(inferred)]
+        there, here = (
+            [
+                np.arange(at.unknowns),
+                at.first_nominal + np.arange(lay.first_cause - lay.first_nominal),
+                # Real parts, then imaginary ones, of the pivots and of those that the record has beside.
+                at.first_cause + np.arange(len(lay.pivots)),
+                at.first_cause + len(at.pivots) + np.arange(len(lay.pivots)),
+                at.first_form + np.arange(lay.first_hit - lay.first_form),
+            ]
+            for at in (lay, own)
+        )
         if name in lay.sessions:
             there.append(lay.unknowns + lay.per_session * lay.sessions.index(name) + np.arange(lay.per_session))
             here.append(lay.unknowns + np.arange(lay.per_session))
@@ -142,6 +160,7 @@ class Spread:
         afar: Show,
         hits: Mapping[Hit, float] = NO_HITS,
         modes: Sequence[ResidualMode] = (),
+        pivots: tuple[tuple[float, float], ...] = (),
     ) -> Left:
         """
         One record under the posterior predictive.
@@ -149,9 +168,10 @@ class Spread:
         The covariance is 1 + A C Aᵀ in whitened data, A the derivatives to all columns, C their posterior covariance. Where drift
         of the session or of the record is not known yet, a record may tell more of it, and of the unknowns, than is small: they
         are taken where the record has them, by Gauss-Newton steps, and pay their prior. `afar` shows it with a widened noise. Its
-        hits, and residual modes of an input that was not struck elsewhere, are known by their sizes only.
+        hits, residual modes of an input that was not struck elsewhere, and a cause's discrepancy at levels or positions that were
+        not fitted (`pivots`), are known by their sizes only.
         """
-        own = self.of_record(name, record, hits, modes)
+        own = self.of_record(name, record, hits, modes, pivots)
         columns = _drifts(own.layout, name, record, own.sizes)
         seen = (name in self.layout.sessions, record in self.layout.records)
         new = any(not seen[k] and size > SETTINGS.predictive_small_drift for k, _, size in columns)
