@@ -154,6 +154,7 @@ def free_run_error(model, history):
     return np.sqrt(np.mean((simulated - measured) ** 2) / np.var(measured))
 
 
+@pytest.mark.slow
 def test_measured_duffing_circuit(shared):
     folder = shared / "data" / "silverbox" / "campaign"
     if not folder.is_dir():

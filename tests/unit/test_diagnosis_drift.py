@@ -130,6 +130,7 @@ def test_a_machine_that_moves_between_two_records_of_one_position_has_no_gap(tmp
     assert diagnosis.sizes["within"] >= 0.001
 
 
+@pytest.mark.slow
 def test_a_cause_is_found_on_a_machine_that_moves_between_the_positions_of_a_session(tmp_path: Path) -> None:
     found = campaign(tmp_path, {None: (0.1, 0.3, 0.6, 0.9)}, 6, ToolContact("tool", 5e5, 20.0).apply)
     measured = replace(found, records=tuple(replace(r, session="Monday") for r in found.records))

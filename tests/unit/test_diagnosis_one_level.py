@@ -78,6 +78,7 @@ def test_scatter_that_is_noise_hides_nothing() -> None:
     assert not any(e.judged for e in found.evidence if e.effect in ("cubic_stiffness", "dry_friction"))
 
 
+@pytest.mark.slow
 def test_a_cubic_spring_is_found_at_two_levels() -> None:
     first = _answer((0.5, 1.0), 2e9).causes[0]
     assert (first.effect, first.place) == ("cubic_stiffness", "spring")
