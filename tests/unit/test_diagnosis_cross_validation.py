@@ -8,6 +8,7 @@ import pytest
 
 from cutvib_ss.diagnosis import cross_validation
 from cutvib_ss.diagnosis.candidate_evidence import at_their_ends, of_held_force, out_of_tolerance
+from cutvib_ss.diagnosis.discrepancy import features, pivots_beside, pivots_of, shapes_over
 from cutvib_ss.diagnosis.fit import fit
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
 from cutvib_ss.diagnosis.layout import Layout, Sizes
@@ -70,6 +71,20 @@ def two_positions():
             none = fit(MACHINE, Records(seen.entries), Hypothesis())
             out += cross_validation.judge(MACHINE, cross_validation.folds(seen, None, 0), none, workers)
     return out
+
+
+def test_a_cause_along_the_rail_errs_at_a_position_that_was_not_fitted_as_its_prior_says():
+    near, far = measured(MACHINE, (0.1, 0.9), np.random.default_rng(2))
+    problem = Problem(MACHINE, merged((near,)), Hypothesis((SupportCompliance("rail_ends", 1e7, 1e7),)))
+    fitted = pivots_of(problem)
+    beside = pivots_beside(fitted, far.group, problem)
+    at = features(far.group, 0, problem)
+    variance, known = (np.sum(shapes_over(p, *at) ** 2, axis=0) for p in (beside, fitted))
+    assert known.max() < 0.1
+    assert variance.min() > 0.97
+    # What was inferred of the fitted position keeps its meaning, and that position needs nothing beside it.
+    np.testing.assert_allclose(shapes_over(beside, *at)[: len(fitted)], shapes_over(fitted, *at), atol=1e-9)
+    assert pivots_beside(fitted, near.group, problem) == fitted
 
 
 def test_what_one_position_does_not_tell_is_no_error_of_the_model(two_positions):
