@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
@@ -23,6 +24,7 @@ class Freeplay(WithinSpring):
     The linear model is the joint without clearance, which this nears as the motion grows where the contact is as stiff. ``within``
     the joint's spring only a part of it, contact_stiffness, acts beyond the gap: one of several bolts is loose. Rest may be at an
     ``offset`` from the middle of the gap, and contacts may close gradually, over a length that is ``rounding`` times the gap.
+    Those contacts may lose energy, by ``contact_damping`` times the rate for each unit of force (Hunt and Crossley 1975).
     ``beside`` a spring that stays as it is, contacts are stops on both sides of it, with play.
     """
 
@@ -40,6 +42,9 @@ class Freeplay(WithinSpring):
     # Radius of the corners of its characteristic over the gap; by default sharp
     rounding: float | None = parameter("1", 0.01, 3.0, default=None, limits=True)
 
+    # Force in contact goes with 1 + contact_damping · rate [s/rad; s/m]; by default it loses nothing
+    contact_damping: float | None = parameter("s/rad", 0.0, 100.0, "linear", default=None)
+
     beside: bool = field(default=False, kw_only=True)  # Whether it acts beside the model's spring, not in place of it
 
     def __post_init__(self) -> None:
@@ -51,10 +56,10 @@ class Freeplay(WithinSpring):
             raise ParameterError(f"{self.effect}: {side} the spring it takes a contact_stiffness")
 
     def further(self, motion: float) -> Freeplay | None:
-        """With rounded corners and a static offset; stops get no offset, for one-sided stops are not in the catalogue."""
+        """With round corners that lose energy, and a static offset; stops get none, for one-sided stops are not in the catalogue."""
         if self.rounding is not None:
             return None
-        return replace(self, offset=None if self.beside else 0.0, rounding=0.2)
+        return replace(self, offset=None if self.beside else 0.0, rounding=0.2, contact_damping=0.0)
 
     @property
     def _contact(self) -> float:
@@ -120,6 +125,7 @@ class Freeplay(WithinSpring):
             "contact_stiffness": (0.01 * k, 10.0 * k),
             "offset": (-scale.motion, scale.motion),
             "rounding": (0.01, 3.0),
+            "contact_damping": (0.0, 10.0 / (scale.motion * math.sqrt(k / scale.mass))),
         }
 
     @classmethod

@@ -37,7 +37,7 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "parameter_shift": (("joint1", "joint2", "head", "tool", "rail"), ("parameter", "factor")),
     "structural_damping": (("joint1", "joint2"), ("loss_factor", "form", "reference_frequency")),
     "cubic_stiffness": (("joint1", "joint2"), ("stiffness3", "offset", "bend", "exponent")),
-    "freeplay": (("joint1", "joint2"), ("gap", "contact_stiffness", "offset", "rounding", "within", "beside")),
+    "freeplay": (("joint1", "joint2"), ("gap", "contact_stiffness", "offset", "rounding", "contact_damping", "within", "beside")),
     "dry_friction": (("joint1", "joint2"), ("torque", "sticking_stiffness", "knee", "within")),
     "joint_slip": (("joint1", "joint2"), ("stiffness", "slip_torque", "spread", "exponent", "within")),
     "bilinear_stiffness": (("joint1", "joint2"), ("asymmetry",)),

@@ -204,6 +204,12 @@ class Memoryless(RestoringForce):
         q = a[..., None] * np.cos(_PHASES)
         return np.asarray(2.0 * np.mean(self.force(q, np.zeros_like(q)) * np.cos(_PHASES), axis=-1) / a)
 
+    def fundamental_of_rate(self, amplitude: ArrayLike) -> FloatArray:
+        """Fundamental of a force c(q) v over that of the velocity, by quadrature."""
+        a = np.asarray(amplitude, dtype=np.float64)
+        _, damping = self.tangent(a[..., None] * np.cos(_PHASES), np.zeros((*a.shape, _PHASES.size)))
+        return np.asarray(2.0 * np.mean(damping * np.sin(_PHASES) ** 2, axis=-1))
+
     def tangent(self, q: ArrayLike, v: ArrayLike) -> tuple[FloatArray, FloatArray]:
         p = self.values
         by_q, by_v = np.vectorize(lambda q, v: self.tangents(p, q, v), otypes=[float, float])(q, v)
