@@ -150,7 +150,9 @@ def pivots_of(problem: Problem) -> tuple[tuple[float, float], ...]:
     return _pivots((), [_points(g, row, problem) for g in problem.groups for row in range(len(g.data))])
 
 
-def pivots_beside(pivots: tuple[tuple[float, float], ...], g: Group, problem: Problem) -> tuple[tuple[float, float], ...]:
+def pivots_beside(
+    pivots: tuple[tuple[float, float], ...], g: Group, problem: Problem
+) -> tuple[tuple[float, float], ...]:
     """Points that carry the process over one more record, behind those that carry it over others: their shapes stay as they are."""
     return _pivots(pivots, [_points(g, row, problem) for row in range(len(g.data))]) if pivots else ()
 

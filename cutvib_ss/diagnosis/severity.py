@@ -22,7 +22,7 @@ class Run:
     @property
     def head(self) -> str:
         """The parameter that tells the severity."""
-        return self.effect.grows().carried_by[0]
+        return self.effect.grown_by.carried_by[0]
 
     def unit(self, model: Model) -> str:
         """Its SI unit on a model."""
@@ -31,7 +31,7 @@ class Run:
     @property
     def weak_end(self) -> str:
         """Where its severity ends in nothing: ``"zero"``, ``"one"`` or ``"infinity"``; ``"whole"`` where it does not."""
-        return self.effect.grows().end
+        return self.effect.grown_by.end
 
     @property
     def whole(self) -> bool:
@@ -82,14 +82,14 @@ def runs(candidates: Sequence[Candidate]) -> tuple[tuple[Run, ...], ...]:
 
 def _told(start: Effect) -> Effect:
     """A start that is an effect at all."""
-    grows = start.grows()
+    grows = start.grown_by
     none = 1.0 if grows.end == "one" else 0.0
     return start.changed({n: value for n, value in grows.reference.items() if getattr(start, n) == none})
 
 
 def _shape(effect: Effect) -> tuple[Any, ...]:
     """What of an effect its severity does not change."""
-    grows = effect.grows()
+    grows = effect.grown_by
     if grows.end == "whole":
         return (effect,)
     heads = np.array([float(getattr(effect, n)) for n in grows.carried_by])

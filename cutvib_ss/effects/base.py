@@ -132,9 +132,14 @@ class Effect(ABC):
         return Severity("zero", (names[0],)) if names else Severity("whole", ("place",))
 
     @property
+    def grown_by(self) -> Severity:
+        """How it grows in its own form: as its class says by default."""
+        return self.grows()
+
+    @property
     def size_name(self) -> str:
         """Name of what its size is of, for tables: its leading parameter by default."""
-        return self.grows().carried_by[0]
+        return self.grown_by.carried_by[0]
 
     def changed(self, values: Mapping[str, Any]) -> Effect:
         """The effect with some of its values replaced."""
@@ -142,7 +147,7 @@ class Effect(ABC):
 
     def at(self, severity: float) -> Effect:
         """The effect at a severity: 0 is none, 1 the effect itself."""
-        grows = self.grows()
+        grows = self.grown_by
         if grows.end == "whole":
             return self
         values = {name: float(getattr(self, name)) for name in grows.carried_by}
@@ -168,7 +173,7 @@ class Effect(ABC):
 
     def by_size(self) -> dict[str, float]:
         """Derivative of each fitted parameter that carries the severity to the logarithm of the effect's size."""
-        grows, own = self.grows(), {f.name for f in parameter_fields(type(self))}
+        grows, own = self.grown_by, {f.name for f in parameter_fields(type(self))}
         sign = -1.0 if grows.end == "infinity" else 1.0
         middle = 1.0 if grows.end == "one" else 0.0
         return {name: sign * (float(getattr(self, name)) - middle) for name in grows.carried_by if name in own}

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Range, Severity, parameter
+from cutvib_ss.effects.base import Carried, Effect, Measured, Model, Range, Severity, parameter, ports_of
 from cutvib_ss.effects.law_element import StartScale
 from cutvib_ss.effects.scales import PortScale
 from cutvib_ss.effects.within_spring import WithinSpring
@@ -66,14 +66,34 @@ class Freeplay(WithinSpring):
         assert self.contact_stiffness is not None
         return self.contact_stiffness
 
+    @property
+    def grown_by(self) -> Severity:
+        # The smaller the gap of stops, the more they do: none are there where they hold nothing.
+        return Severity("zero", ("contact_stiffness",)) if self.beside else self.severity
+
+    @property
+    def _changes_spring(self) -> bool:
+        return not self.beside
+
+    @classmethod
+    def places(cls, model: Model) -> tuple[str, ...]:
+        # Stops need no spring.
+        return ports_of(model, ("joint1", "joint2"))
+
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
         for name, starts in super().starts(model, measured):
-            whole = [e for e in starts if isinstance(e, Freeplay) and not e.within and e.contact_stiffness is None]
-            spring = model.spring_at(whole[0].place) if whole else None
-            stops = ((e, r * spring[0]) for e in whole[2::2] for r in (0.3, 3.0)) if spring else ()
+            alone = [e for e in starts if isinstance(e, Freeplay) and not e.within and e.contact_stiffness is None]
+            if not alone:
+                yield name, starts
+                continue
             # Stops are further starts, not a form: each form is fitted by itself, which took twice the time.
-            yield name, (*starts, *(replace(e, contact_stiffness=k, beside=True) for e, k in stops))
+            place, motion = alone[0].place, measured.motions[alone[0].place]
+            spring = model.spring_at(place)
+            k = spring[0] if spring else model.carried_at(place)[1] or motion.force / motion.middle
+            stiff = (0.3, 3.0) if spring else (0.3, 3.0, 30.0)
+            stops = [replace(e, contact_stiffness=r * k, beside=True) for e in alone[2::2] for r in stiff]
+            yield name, (*starts, *stops) if spring else tuple(stops)
 
     @classmethod
     def _parts(cls, starts: Sequence[Effect], spring: float) -> Iterable[Effect]:
@@ -82,8 +102,12 @@ class Freeplay(WithinSpring):
 
     def ranges_here(self, model: Model, motion: float | None = None) -> Mapping[str, Range]:
         given = dict(super().ranges_here(model, motion))
+        contact = given["contact_stiffness"]
         if self.within and (spring := model.spring_at(self.place)) is not None:
-            given["contact_stiffness"] = replace(given["contact_stiffness"], high=spring[0])
+            given["contact_stiffness"] = replace(contact, high=spring[0])
+        if self.beside:
+            # What stops a structure may be far stiffer than it is there.
+            given["contact_stiffness"] = replace(contact, high=100.0 * contact.high)
         return given
 
     def _values(self, model: Any) -> dict[str, float]:
@@ -108,7 +132,7 @@ class Freeplay(WithinSpring):
         return {**found, "contact_stiffness": (((*self._at(applied), "stiffness"), 1.0),)}
 
     def carries(self, path: Any, applied: Any) -> Carried:
-        return ((path, 1.0),) if self.within or self.beside else super().carries(path, applied)
+        return ((path, 1.0),) if self.within else super().carries(path, applied)
 
     @classmethod
     def _starts(cls, s: StartScale) -> Iterable[Mapping[str, float]]:
@@ -127,6 +151,14 @@ class Freeplay(WithinSpring):
             "rounding": (0.01, 3.0),
             "contact_damping": (0.0, 10.0 / (scale.motion * math.sqrt(k / scale.mass))),
         }
+
+    @classmethod
+    def examples(cls, model: Model, place: str) -> Iterator[tuple[str, Callable[[float], Effect]]]:
+        if model.spring_at(place) is not None:
+            yield from super().examples(model, place)
+        else:
+            # What is there to be made softer has no size without a spring.
+            yield "stops", cls(place, 1e-5, model.carried_at(place)[1] or 2.5e5, beside=True).at
 
     @classmethod
     def _examples(cls, motion: float, k: float) -> Iterator[Mapping[str, float]]:

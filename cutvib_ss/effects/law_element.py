@@ -74,8 +74,13 @@ class LawElement(Effect):
 
     @classmethod
     def _needs_spring(cls) -> bool:
-        """Whether the law changes a spring that has to be there."""
+        """Whether the restoring force changes a spring that has to be there."""
         return "stiffness" in cls.restoring_force().units() and "stiffness" not in {f.name for f in fields(cls)}
+
+    @property
+    def _changes_spring(self) -> bool:
+        """Whether it changes the spring of its place."""
+        return self._needs_spring()
 
     @classmethod
     def places(cls, model: Model) -> tuple[str, ...]:
@@ -146,7 +151,7 @@ class LawElement(Effect):
         return {name: float(v) for name, v in given.items() if v is not None and np.isfinite(v)}
 
     def apply(self, model: Any) -> Any:
-        if self._needs_spring() and self.place in ports_of(model, ()) and model.spring_at(self.place) is None:
+        if self._changes_spring and self.place in ports_of(model, ()) and model.spring_at(self.place) is None:
             raise ParameterError(
                 f"{self.effect} changes the spring that a port spans, and there is none at {self.place!r}; "
                 f"places with a spring: {', '.join(self.places(model)) or 'none on this model'}"
@@ -158,7 +163,7 @@ class LawElement(Effect):
     def _values(self, model: Any) -> dict[str, float]:
         """Values of the restoring force on a model."""
         values = self._parameters()
-        if self._needs_spring() and (spring := model.spring_at(self.place)) is not None:
+        if self._changes_spring and (spring := model.spring_at(self.place)) is not None:
             values["stiffness"] = spring[0]
         return values
 
@@ -169,7 +174,7 @@ class LawElement(Effect):
         return {name: (((*self._at(applied), name), 1.0),) for name in self._parameters()}
 
     def carries(self, path: Path, applied: Any) -> Carried:
-        spring = applied.spring_at(self.place) if self._needs_spring() else None
+        spring = applied.spring_at(self.place) if self._changes_spring else None
         for moved, weight in spring[1] if spring else ():
             if moved == path:
                 return ((path, 1.0), ((*self._at(applied), "stiffness"), weight))

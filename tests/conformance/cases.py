@@ -37,7 +37,10 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "parameter_shift": (("joint1", "joint2", "head", "tool", "rail"), ("parameter", "factor")),
     "structural_damping": (("joint1", "joint2"), ("loss_factor", "form", "reference_frequency")),
     "cubic_stiffness": (("joint1", "joint2"), ("stiffness3", "offset", "bend", "exponent")),
-    "freeplay": (("joint1", "joint2"), ("gap", "contact_stiffness", "offset", "rounding", "contact_damping", "within", "beside")),
+    "freeplay": (
+        ("joint1", "joint2"),
+        ("gap", "contact_stiffness", "offset", "rounding", "contact_damping", "within", "beside"),
+    ),
     "dry_friction": (("joint1", "joint2"), ("torque", "sticking_stiffness", "knee", "within")),
     "joint_slip": (("joint1", "joint2"), ("stiffness", "slip_torque", "spread", "exponent", "within")),
     "bilinear_stiffness": (("joint1", "joint2"), ("asymmetry",)),
@@ -50,10 +53,11 @@ CONTRACT: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Places on the cutting machine and parameters of every effect that the catalogue may hold: names that files rely on."""
 
 AT_PORTS = (
-    "local_resonator", "added_mass", "tool_contact", "cubic_stiffness", "dry_friction", "joint_slip", "quadratic_damping",
+    "local_resonator", "added_mass", "tool_contact", "cubic_stiffness", "freeplay", "dry_friction", "joint_slip",
+    "quadratic_damping",
 )  # fmt: skip
 """Effects that sit at every port of any other structure."""
-AT_SPRINGS = ("freeplay", "bilinear_stiffness", "structural_damping")
+AT_SPRINGS = ("bilinear_stiffness", "structural_damping")
 """Effects that sit at every port of it that spans a spring."""
 ANYWHERE = ("parameter_shift", "channel_delay", "calibration_error", "window_damping")
 """Effects that need no port."""

@@ -132,7 +132,9 @@ class Freeplay(Memoryless):
 
     def describing_function(self, amplitude: ArrayLike, omega: ArrayLike) -> ComplexArray:
         if self.offset or self.rounding:
-            return np.asarray(self.fundamental(amplitude) + 1j * np.asarray(omega) * self.fundamental_of_rate(amplitude))
+            return np.asarray(
+                self.fundamental(amplitude) + 1j * np.asarray(omega) * self.fundamental_of_rate(amplitude)
+            )
         ratio = np.minimum(self.gap / np.asarray(amplitude, dtype=np.float64), 1.0)
         saturation = 2.0 / np.pi * (np.arcsin(ratio) + ratio * np.sqrt(1.0 - ratio**2))
         return np.asarray(self.contact - self.stiffness - self.contact * saturation + 0j * np.asarray(omega))
