@@ -56,7 +56,7 @@ class Freeplay(WithinSpring):
             raise ParameterError(f"{self.effect}: {side} the spring it takes a contact_stiffness")
 
     def further(self, motion: float) -> Freeplay | None:
-        """With round corners that lose energy, and a static offset; stops get none, for one-sided stops are not in the catalogue."""
+        """With round corners that lose energy, and a static offset; stops get none: one-sided ones are not in the catalogue."""
         if self.rounding is not None:
             return None
         return replace(self, offset=None if self.beside else 0.0, rounding=0.2, contact_damping=0.0)

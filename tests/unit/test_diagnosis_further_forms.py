@@ -24,16 +24,22 @@ from cutvib_ss.model.restoring_forces import law
 from tests.unit.struck_oscillator import DAMPING, FINE, MASS, OSCILLATOR, SPRING
 from tests.unit.test_diagnosis_kindred import fitted
 
-Force = Callable[[float], float]
+Force = Callable[[float, float], float]
 CUBIC, SQUARE = 4e9, 1.5e6
 
 
-def bowed(x: float) -> float:
+def bowed(x: float, v: float) -> float:
     return SPRING * x + CUBIC * x**3 + SQUARE * x**2
 
 
-def saturating(x: float) -> float:
+def saturating(x: float, v: float) -> float:
     return SPRING * (0.6 * x + 0.4 * 2e-3 * np.tanh(x / 2e-3))
+
+
+def bumping(x: float, v: float) -> float:
+    """Round stops on both sides of the spring, which lose energy: Hertz' contact, as Hunt and Crossley have it."""
+    depth = max(abs(x) - 1e-3, 0.0)
+    return SPRING * x + float(np.copysign(SPRING * 60.0 * depth**1.5 * (1.0 + 2.0 * np.copysign(v, x * v)), x))
 
 
 def diagnosed(force_of: Force) -> cv.Diagnosis:
@@ -47,7 +53,7 @@ def diagnosed(force_of: Force) -> cv.Diagnosis:
             x = v = 0.0
             response = np.empty(force.size)
             for i, f in enumerate(force.tolist()):
-                response[i] = (f - DAMPING * v - force_of(x)) / MASS
+                response[i] = (f - DAMPING * v - force_of(x, v)) / MASS
                 v += step * response[i]
                 x += step * v
             seen = response[::FINE] + 0.02 * rng.standard_normal(count)
@@ -71,6 +77,15 @@ def test_a_spring_that_softens_to_another_stiffness_is_sure() -> None:
     best = diagnosed(saturating).causes[0]
     assert best.effect == "cubic_stiffness"
     assert best.probability > 0.9
+
+
+@pytest.mark.slow
+def test_stops_that_lose_energy_are_sure() -> None:
+    best = diagnosed(bumping).causes[0]
+    assert best.effect == "freeplay"
+    assert best.probability > 0.9
+    assert best.parameters["gap"].value == pytest.approx(1e-3, rel=0.3)
+    assert best.parameters["contact_damping"].value > 0.1
 
 
 def test_each_form_is_a_special_case_of_the_further_one() -> None:

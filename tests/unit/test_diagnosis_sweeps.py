@@ -82,9 +82,10 @@ def test_a_force_that_varies_is_taken_line_by_line():
     assert deviation < 0.03 * K3
     assert right.hypothesis.effects[0].stiffness3 == pytest.approx(K3, abs=2 * deviation)
     assert right.corrected.hypothesis.effects[0].stiffness3 == pytest.approx(K3, rel=0.02)
-    # Taken for constant it is another law's record.
+    # Taken for constant it is another restoring force's record.
     constant = fitted(replace(entry, sine=SineTest(np.full(FREQ.size, 5.0), "up")))
-    assert constant.reduced > 10 * right.reduced
+    assert constant.log_evidence < right.log_evidence - 100.0
+    assert constant.spread.largest("cause")
 
 
 def test_a_held_response_is_solved_for_its_force():
@@ -128,6 +129,23 @@ def test_a_jump_is_told_where_the_curve_folds_beyond_the_last_line():
     shown = swept(model, group, 0)
     assert shown.which.tolist() == (FREQ >= 57.5).astype(int).tolist()
     assert np.mean(np.abs(shown.data - entry.data) ** 2 / entry.variance) < 2.0
+
+
+@pytest.mark.parametrize(("direction", "off"), [("up", 0.03), ("down", 0.3)])
+def test_a_jump_that_is_off_by_a_line_outweighs_no_other(direction, off):
+    """A line on the wrong branch had a residual of twice its response, and the steps of a fit ended there."""
+    force = np.full(FREQ.size, 12.0)
+    size = np.array([r[-1 if direction == "up" else 0] for r in roots(force)])
+    entry = record(duffing(size), SineTest(force, direction))
+    (group,) = merged([entry])
+    end = [swept(CubicStiffness("x", k).apply(oscillator()), group, 0) for k in ((1 - off) * K3, (1 + off) * K3)]
+    both = np.array([r.size == 3 for r in roots(force)])
+    assert any(one.beyond.any() for one in end)
+    for one in end:
+        wrong = np.abs(one.data - entry.data)[0] / np.abs(entry.data[0])
+        assert wrong.max() < 0.5
+        # Where there is one branch alone nothing is taken from elsewhere.
+        np.testing.assert_array_equal(one.ends[:, ~both][:, :5], np.arange(5) + np.zeros((2, 1)))
 
 
 def test_branches_between_folds():
