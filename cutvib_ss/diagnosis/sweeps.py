@@ -2,9 +2,9 @@
 Sine records as a nonlinear model shows them: on which branch of the response each line is.
 
 Where the response folds, a slow sweep stays on its branch until that ends, and jumps; a real one may jump earlier, for anything
-that disturbs it, but never later. So between the folds the lines before some line lie on the branch that the sweep follows, those
-behind on the other: the record says which line, in the last part before the fold. The model's own folds are off by some lines: behind
-one its branch goes on, straight, for a part of what lies between the two. Under a held response nothing folds.
+that disturbs it. So between the folds the lines before some line lie on the branch that the sweep follows, those behind on the
+other: the record says which line, in the last part before the fold. The model's own folds are off by some lines: behind one its
+branch goes on, straight, for a part of what lies between the two. Under a held response nothing folds.
 """
 
 from __future__ import annotations

@@ -84,13 +84,13 @@ class Freeplay(WithinSpring):
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
         for name, starts in super().starts(model, measured):
             alone = [e for e in starts if isinstance(e, Freeplay) and not e.within and e.contact_stiffness is None]
-            if not alone:
+            motion = cls._motion(model, measured, alone[0].place) if alone else None
+            if motion is None:
                 yield name, starts
                 continue
             # Stops are further starts, not a form: each form is fitted by itself, which took twice the time.
-            place, motion = alone[0].place, measured.motions[alone[0].place]
-            spring = model.spring_at(place)
-            k = spring[0] if spring else model.carried_at(place)[1] or motion.force / motion.middle
+            spring = model.spring_at(alone[0].place)
+            k = spring[0] if spring else model.carried_at(alone[0].place)[1] or motion.force / motion.middle
             stiff = (0.3, 3.0) if spring else (0.3, 3.0, 30.0)
             stops = [replace(e, contact_stiffness=r * k, beside=True) for e in alone[2::2] for r in stiff]
             yield name, (*starts, *stops) if spring else tuple(stops)

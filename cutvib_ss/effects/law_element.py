@@ -105,13 +105,18 @@ class LawElement(Effect):
     @classmethod
     def starts(cls, model: Model, measured: Measured) -> Iterator[tuple[str, tuple[Effect, ...]]]:
         for place in cls.places(model):
-            motion = measured.motions.get(place)
-            if motion is None or not motion.middle > 0.0:
-                continue
-            mass, k, c = model.carried_at(place)
-            if motion.force == 0.0:  # not known: that of its inertia
-                motion = replace(motion, force=mass * motion.rate**2 / motion.middle)
-            yield place, cls.starts_at(place, motion, k, c)
+            if (motion := cls._motion(model, measured, place)) is not None:
+                _, k, c = model.carried_at(place)
+                yield place, cls.starts_at(place, motion, k, c)
+
+    @classmethod
+    def _motion(cls, model: Model, measured: Measured, place: str) -> Motion | None:
+        """How a place moves, with the force of its inertia where none is known; None where it does not."""
+        motion = measured.motions.get(place)
+        if motion is None or not motion.middle > 0.0:
+            return None
+        inertia = model.carried_at(place)[0] * motion.rate**2 / motion.middle
+        return motion if motion.force != 0.0 else replace(motion, force=inertia)
 
     @classmethod
     def starts_at(cls, place: str, motion: Motion, k: float, c: float) -> tuple[LawElement, ...]:

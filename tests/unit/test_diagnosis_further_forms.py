@@ -21,6 +21,8 @@ from cutvib_ss.effects.freeplay import Freeplay
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.records import Campaign, History, Record
 from cutvib_ss.model.restoring_forces import law
+from cutvib_ss.model.second_order import Channel, SecondOrder
+from cutvib_ss.model.structure import Structure
 from tests.unit.struck_oscillator import DAMPING, FINE, MASS, OSCILLATOR, SPRING
 from tests.unit.test_diagnosis_kindred import fitted
 
@@ -136,6 +138,34 @@ def test_stops_with_play_leave_the_spring_as_it_is() -> None:
     assert list(started) == ["spring", "spring within"]
     beside = [isinstance(e, Freeplay) and e.beside for e in started["spring"]]
     assert 0 < sum(beside) < len(beside)
+
+
+def test_stops_are_anywhere_and_as_large_as_they_are_stiff() -> None:
+    system = SecondOrder(np.eye(1), np.eye(1), np.zeros((1, 1)), ("x",), {"gap": np.ones(1)})
+    free = Structure(system, {"a": Channel("gap", "acceleration")}, "gap")
+    assert Freeplay.places(free) == ("gap",)
+    started = dict(Freeplay.starts(free, Measured(motions={"gap": Motion(1e-4, 1e-3, 0.1, 0.1)})))
+    stops = [e for e in started["gap"] if isinstance(e, Freeplay)]
+    assert stops
+    assert all(e.beside and e.contact_stiffness for e in stops)
+    # A force of 0.1 N over the middle of motions from 0.1 to 1 mm is 316 N/m.
+    assert {round(e._contact) for e in stops} == {95, 949, 9487}
+    with pytest.raises(ParameterError, match="there is none at 'gap'"):
+        Freeplay("gap", 1e-4).apply(free)
+    [half] = {stops[0].at(0.5)}
+    assert half.contact_stiffness == pytest.approx(0.5 * stops[0]._contact)
+    assert half.gap == stops[0].gap
+    assert list(stops[0].by_size()) == ["contact_stiffness"]
+    assert list(Freeplay("spring", 1e-4).by_size()) == ["gap"]
+
+
+def test_contact_damping_takes_round_corners() -> None:
+    with pytest.raises(ParameterError, match="give a rounding"):
+        law("freeplay")(1e-4, 1e5, contact_damping=1.0)
+    lossy = law("freeplay")(1e-4, 0.0, 1e5, rounding=1e-3, contact_damping=2.0)
+    q, v = np.array([5e-5, 3e-4, 3e-4, -3e-4]), np.array([0.1, 0.1, -0.1, 0.1])
+    # As it closes more than as it opens, and next to nothing within the gap.
+    assert lossy.force(q, v) == pytest.approx([0.0, 20.0 * 1.2, 20.0 * 0.8, -20.0 * 0.8], abs=1e-3)
 
 
 def test_what_leads_is_fitted_in_its_further_form_from_where_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:

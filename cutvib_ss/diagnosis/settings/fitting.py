@@ -251,7 +251,8 @@ class FitSettings:
     simulation_early_jump: float = of(0.5, "1",
         "Part of the lines between two folds by which a sweep may jump before the one to which it goes, which is the nearer then",
         "less is learnt from where a sweep jumps", JUDGEMENT)
-    simulation_late_jump: float = of(0.25, "1", "Part of the lines between two folds by which a measured jump may lie behind the model's",
+    simulation_late_jump: float = of(0.25, "1",
+        "Part of the lines between two folds by which a measured jump may lie behind the model's",
         "less is learnt from where a sweep jumps", JUDGEMENT)
     simulation_branches_apart: float = of(1e-3, "1",
         "Difference of two branches, of the largest response, from which a line lies between folds", "-", NUMERICAL)
