@@ -128,11 +128,61 @@ def by_their_names(nominal: Model, records: Records, ranked: Sequence[Ranked]) -
     return out
 
 
+def leaves_noise(r: Ranked) -> bool:
+    """Whether a restoring force leaves noise without an error of its own that is larger than most."""
+    return r.reduced <= SETTINGS.search_enough and not r.fit.spread.is_large("cause")
+
+
+def in_further_forms(
+    nominal: Model,
+    records: Records,
+    few: Records,
+    best: Ranked,
+    rough: Sequence[tuple[Candidate, Fit]],
+    workers: Workers,
+) -> list[Ranked]:
+    """The best restoring force in its further form, and where that leaves more than noise one that leads it on few lines in its."""
+    found = in_further_form(nominal, records, best)
+    if any(leaves_noise(r) for r in found):
+        return found
+    return [*found, *rival_in_further_form(nominal, records, few, best, rough, workers)]
+
+
 def in_further_form(nominal: Model, records: Records, best: Ranked) -> list[Ranked]:
     """A hypothesis with its causes in their more general forms; none where they have none."""
     motions = best.fit.hypothesis.motions
     forms = [e.further(motions[e.place]) if e.place in motions else None for e in best.fit.hypothesis.effects]
     return _in_form(nominal, records, best, [f or e for f, e in zip(forms, best.fit.hypothesis.effects, strict=True)])
+
+
+def rival_in_further_form(
+    nominal: Model,
+    records: Records,
+    few: Records,
+    best: Ranked,
+    rough: Sequence[tuple[Candidate, Fit]],
+    workers: Workers,
+) -> list[Ranked]:
+    """Another restoring force that in its further form leads the best one in its own on few lines, fitted on all."""
+    motions, tried = best.fit.hypothesis.motions, dict[tuple[tuple[str, str], ...], tuple[Candidate, Hypothesis, Fit]]()
+    for c, f in rough:
+        [e] = f.hypothesis.effects
+        further = e.further(motions[e.place]) if e.place in motions else None
+        if further is not None:
+            tried.setdefault(f.hypothesis.causes, (c, Hypothesis((further,), motions), f))
+    own, each = best.fit.hypothesis.causes, list(tried.items())
+    if own not in tried or len(tried) < 2:
+        return []
+    chosen = [tried[own], *[row for causes, row in each if causes != own][: SETTINGS.search_laws_started]]
+    again = partial(refit, nominal, few, steps=SETTINGS.search_later_steps)
+    fits = workers.map(again, [h for _, h, _ in chosen], [f.x[: f.first_effect] for _, _, f in chosen])
+    c, f = min(
+        ((c, f) for (c, _, _), f in zip(chosen, fits, strict=True) if f is not None), key=lambda row: cost(row[1])
+    )
+    if f.hypothesis.causes == own:
+        return []
+    made = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_law_steps)
+    return [] if made is None else [Ranked(c.name, made, True)]
 
 
 def in_kindred_form(nominal: Model, records: Records, best: Ranked) -> list[Ranked]:

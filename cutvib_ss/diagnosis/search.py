@@ -35,8 +35,9 @@ from cutvib_ss.diagnosis.ranking import (
     by_their_names,
     cost,
     first_steps,
-    in_further_form,
+    in_further_forms,
     in_kindred_form,
+    leaves_noise,
     on_all_lines,
     once,
     refit,
@@ -286,13 +287,13 @@ def _with(
     new = [r for r in new if not acts_linearly(r.fit)]
     found = [r for r in new if r.refined]
     ahead = max(found, key=lambda r: r.fit.log_evidence, default=None)
-    if ahead is not None and (ahead.reduced > SETTINGS.search_enough or ahead.fit.spread.is_large("cause")):
+    if ahead is not None and not leaves_noise(ahead):
         pairs = springs_with_dampers(nominal, forces.outlook, rough, forces.candidates, forces.motion, workers)
         rival = (np.inf, ahead.fit.log_evidence)
         both = on_all_lines(nominal, records, pairs, 1, rival, workers, close=SETTINGS.pairs_close)
         both = [r for r in both if r.refined]
         new += [*both, *by_themselves(nominal, records, both, found, {c.name: cost(f) for c, f in rough})]
-        new += in_further_form(nominal, records, ahead)
+        new += in_further_forms(nominal, records, forces.outlook, ahead, rough, workers)
     return by_their_names(nominal, records, [*ranked, *new])
 
 

