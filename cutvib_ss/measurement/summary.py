@@ -13,7 +13,7 @@ from scipy import stats
 from cutvib_ss.measurement.blow_noise import Ordering, blow_scatter, chance_of_ordering
 from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.interference import interference
-from cutvib_ss.measurement.levels import mean_level, own_level, peaks, same_level
+from cutvib_ss.measurement.levels import levels_of, mean_level, own_level, peaks, same_level
 from cutvib_ss.measurement.plausibility import levels_over_nominal
 from cutvib_ss.measurement.records import Campaign, Record, Sweep
 from cutvib_ss.measurement.sweep_direction import opposed, sweep_direction
@@ -263,16 +263,16 @@ def summarise(campaign: Campaign) -> Summary:
     kept = frfs if tones is None else tuple(h.at_lines(~tones.spoils(h.freq)) for h in frfs)
     repeated: list[PairSummary] = []
     levels: list[PairSummary] = []
-    spread = {r.name: mean_level(r) for r in campaign.records}
+    stated = levels_of(campaign.records)
+    level = {r.name: (own, mean_level(r)) for r, own in zip(campaign.records, stated, strict=True)}
     for (a, ha), (b, hb) in combinations(zip(records, kept, strict=True), 2):
         if (a.position, a.input, a.kind) != (b.position, b.input, b.kind):
             continue
         pair = compare(a, ha, b, hb)
         if pair is not None:
-            same = same_level(a.level, b.level) and same_level(spread[a.name], spread[b.name])
+            same = all(same_level(x, y) for x, y in zip(level[a.name], level[b.name], strict=True))
             # A linear machine answers alike in both directions.
-            same = same and not opposed(a.sweep, b.sweep)
-            (repeated if same else levels).append(pair)
+            (repeated if same and not opposed(a.sweep, b.sweep) else levels).append(pair)
     unit = campaign.records[0].input_unit if campaign.records else "N"
     warnings = (*campaign.warnings, *(found.words for found in (tones, jitter) if found is not None))
     expected = tuple(campaign.machine.channels)

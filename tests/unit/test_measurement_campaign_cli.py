@@ -290,6 +290,13 @@ def test_show_tells_repeatability_and_levels(tmp_path, capsys):
     assert [r["level"] for r in data["records"]] == pytest.approx([50, 50, 200], rel=0.02)
 
 
+def test_records_of_one_stated_level_are_repetitions_however_they_were_hit(tmp_path, capsys):
+    for k, (name, peak) in enumerate((("a", 63.0), ("b", 49.0))):
+        _csv(tmp_path / f"{name}.csv", lab.blows(peaks=(0.9 * peak, peak, 1.1 * peak), noise=1e-4, seed=k))
+    stated = [RECORD.format(f"{n}.csv") + "peak_force = 60.0\n" for n in "ab"]
+    assert [len(_shown(tmp_path, stated, capsys)[key]) for key in ("repeated", "levels")] == [1, 0]
+
+
 def test_show_of_a_linear_machine_that_repeats_within_its_noise(tmp_path, capsys):
     for k, (name, peak) in enumerate((("a", 50.0), ("b", 50.0), ("c", 200.0))):
         _csv(tmp_path / f"{name}.csv", lab.blows(peaks=(0.9 * peak, peak, 1.1 * peak), noise=0.02, seed=k))
