@@ -32,6 +32,7 @@ class Freeplay(WithinSpring):
     touches = True
     severity = Severity("zero", ("gap",))
     sentence = "{place} has play"
+    _without_spring = "; stops with play need none: beside = true, and a contact_stiffness"
     inspection = "move {place} by hand to feel for clearance; check its bearing and its bolts"
 
     gap: float = parameter("rad", 1e-7, 1e-3)  # Half of the clearance [rad; m at a port that is a displacement]

@@ -49,6 +49,8 @@ class LawElement(Effect):
 
     linear: ClassVar[bool] = False
     scale_free: ClassVar[bool] = False
+    _without_spring: ClassVar[str] = ""
+    """What to do where no spring is, for an error message."""
 
     def __post_init__(self) -> None:
         for f in parameter_fields(type(self)):
@@ -157,9 +159,10 @@ class LawElement(Effect):
 
     def apply(self, model: Any) -> Any:
         if self._changes_spring and self.place in ports_of(model, ()) and model.spring_at(self.place) is None:
+            held = [place for place in self.places(model) if model.spring_at(place) is not None]
             raise ParameterError(
                 f"{self.effect} changes the spring that a port spans, and there is none at {self.place!r}; "
-                f"places with a spring: {', '.join(self.places(model)) or 'none on this model'}"
+                f"places with a spring: {', '.join(held) or 'none on this model'}{self._without_spring}"
             )
         check_place(self, model)
         element = NonlinearElement(self.place, self.effect, self._values(model))

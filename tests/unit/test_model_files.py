@@ -71,6 +71,8 @@ def every_effect(model: Machine | Structure) -> list[Effect]:
             values = a_value(cls, model, place)
             if isinstance(model, Structure):
                 values.pop("angle", None)  # its ports have one direction
+            if cls is EFFECTS["freeplay"] and model.spring_at(place) is None:
+                values |= {"contact_stiffness": 1e4, "beside": True}
             found.append(cls(place=place, **values))
     return found
 
