@@ -176,13 +176,12 @@ def rival_in_further_form(
     chosen = [tried[own], *[row for causes, row in each if causes != own][: SETTINGS.search_laws_started]]
     again = partial(refit, nominal, few, steps=SETTINGS.search_later_steps)
     fits = workers.map(again, [h for _, h, _ in chosen], [f.x[: f.first_effect] for _, _, f in chosen])
-    c, f = min(
-        ((c, f) for (c, _, _), f in zip(chosen, fits, strict=True) if f is not None), key=lambda row: cost(row[1])
-    )
+    found = [(c.name, f) for (c, _, _), f in zip(chosen, fits, strict=True) if f is not None]
+    name, f = min(found, key=lambda row: cost(row[1]), default=(best.name, best.fit))
     if f.hypothesis.causes == own:
         return []
     made = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_law_steps)
-    return [] if made is None else [Ranked(c.name, made, True)]
+    return [] if made is None else [Ranked(name, made, True)]
 
 
 def in_kindred_form(nominal: Model, records: Records, best: Ranked) -> list[Ranked]:

@@ -30,9 +30,8 @@ class SweptRecord:
 
     branches: tuple[SineSweep, ...]  # Swept up; where that jumps, swept down too
     which: np.ndarray  # Branch of each line
-    ends: (
-        np.ndarray
-    )  # Of lines behind the end of their branch the last two on it, of others themselves twice; shape (2, line)
+    # Of lines behind the end of their branch the last two on it, of others themselves twice; shape (2, line)
+    ends: np.ndarray
     beyond: FloatArray  # How far behind it they are, over the distance of these two
 
     def _taken(self, values: Sequence[ComplexArray]) -> ComplexArray:

@@ -192,6 +192,8 @@ def test_a_rival_in_its_further_form_has_to_lead_on_few_lines(monkeypatch: pytes
         costs["freeplay"] = 20.0
         assert not rival_in_further_form(cast(Model, None), records, few, best, rough, workers)
         assert not rival_in_further_form(cast(Model, None), records, few, best, rough[:2], workers)
+        monkeypatch.setattr(ranking, "refit", lambda *given, **more: None)
+        assert not rival_in_further_form(cast(Model, None), records, few, best, rough, workers)
 
 
 def test_what_leads_is_fitted_in_its_further_form_from_where_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
