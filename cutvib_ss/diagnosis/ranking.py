@@ -133,21 +133,6 @@ def leaves_noise(r: Ranked) -> bool:
     return r.reduced <= SETTINGS.search_enough and not r.fit.spread.is_large("cause")
 
 
-def in_further_forms(
-    nominal: Model,
-    records: Records,
-    few: Records,
-    best: Ranked,
-    rough: Sequence[tuple[Candidate, Fit]],
-    workers: Workers,
-) -> list[Ranked]:
-    """The best restoring force in its further form, and where that leaves more than noise one that leads it on few lines in its."""
-    found = in_further_form(nominal, records, best)
-    if any(leaves_noise(r) for r in found):
-        return found
-    return [*found, *rival_in_further_form(nominal, records, few, best, rough, workers)]
-
-
 def in_further_form(nominal: Model, records: Records, best: Ranked) -> list[Ranked]:
     """A hypothesis with its causes in their more general forms; none where they have none."""
     motions = best.fit.hypothesis.motions
@@ -170,15 +155,15 @@ def rival_in_further_form(
         further = e.further(motions[e.place]) if e.place in motions else None
         if further is not None:
             tried.setdefault(f.hypothesis.causes, (c, Hypothesis((further,), motions), f))
-    own, each = best.fit.hypothesis.causes, list(tried.items())
-    if own not in tried or len(tried) < 2:
+    own = tried.pop(best.fit.hypothesis.causes, None)
+    if own is None or not tried:
         return []
-    chosen = [tried[own], *[row for causes, row in each if causes != own][: SETTINGS.search_laws_started]]
+    chosen = [own, *list(tried.values())[: SETTINGS.search_laws_started]]
     again = partial(refit, nominal, few, steps=SETTINGS.search_later_steps)
     fits = workers.map(again, [h for _, h, _ in chosen], [f.x[: f.first_effect] for _, _, f in chosen])
     found = [(c.name, f) for (c, _, _), f in zip(chosen, fits, strict=True) if f is not None]
     name, f = min(found, key=lambda row: cost(row[1]), default=(best.name, best.fit))
-    if f.hypothesis.causes == own:
+    if f.hypothesis.causes == best.fit.hypothesis.causes:
         return []
     made = refit(nominal, records, f.hypothesis, f.x, SETTINGS.search_most_law_steps)
     return [] if made is None else [Ranked(name, made, True)]

@@ -35,12 +35,13 @@ from cutvib_ss.diagnosis.ranking import (
     by_their_names,
     cost,
     first_steps,
-    in_further_forms,
+    in_further_form,
     in_kindred_form,
     leaves_noise,
     on_all_lines,
     once,
     refit,
+    rival_in_further_form,
     sharpened,
 )
 from cutvib_ss.diagnosis.records import Records
@@ -293,7 +294,10 @@ def _with(
         both = on_all_lines(nominal, records, pairs, 1, rival, workers, close=SETTINGS.pairs_close)
         both = [r for r in both if r.refined]
         new += [*both, *by_themselves(nominal, records, both, found, {c.name: cost(f) for c, f in rough})]
-        new += in_further_forms(nominal, records, forces.outlook, ahead, rough, workers)
+        further = in_further_form(nominal, records, ahead)
+        if not any(leaves_noise(r) for r in further):
+            further += rival_in_further_form(nominal, records, forces.outlook, ahead, rough, workers)
+        new += further
     return by_their_names(nominal, records, [*ranked, *new])
 
 

@@ -24,7 +24,7 @@ class Freeplay(WithinSpring):
     The linear model is the joint without clearance, which this nears as the motion grows where the contact is as stiff. ``within``
     the joint's spring only a part of it, contact_stiffness, acts beyond the gap: one of several bolts is loose. Rest may be at an
     ``offset`` from the middle of the gap, and contacts may close gradually, over a length that is ``rounding`` times the gap.
-    Those contacts may lose energy, by ``contact_damping`` times the rate for each unit of force (Hunt and Crossley 1975).
+    Round contacts may lose energy: their force goes with 1 + ``contact_damping`` · the rate of closing (Hunt and Crossley 1975).
     ``beside`` a spring that stays as it is, contacts are stops on both sides of it, with play.
     """
 
@@ -158,7 +158,7 @@ class Freeplay(WithinSpring):
         if model.spring_at(place) is not None:
             yield from super().examples(model, place)
         else:
-            # What is there to be made softer has no size without a spring.
+            # Without a spring there is none to take away.
             yield "stops", cls(place, 1e-5, model.carried_at(place)[1] or 2.5e5, beside=True).at
 
     @classmethod

@@ -233,11 +233,11 @@ def around(x: float, middle: float) -> tuple[float, float]:
 
 
 def clipped(q: float, below: float, above: float, rounding: float) -> tuple[float, float]:
-    """q clipped to -below and above, and its slope; with corners rounded to hyperbolas it is ½ (above - below) less."""
+    """q clipped to -below and above, and its slope; corners may be rounded to hyperbolas."""
     low, high = q + below, q - above
     if rounding > 0.0:
         far, near = math.sqrt(low * low + rounding * rounding), math.sqrt(high * high + rounding * rounding)
-        return 0.5 * (far - near), 0.5 * (low / far - high / near)
+        return 0.5 * (far - near + above - below), 0.5 * (low / far - high / near)
     return min(max(q, -below), above), (1.0 if low > 0.0 and high < 0.0 else 0.0)
 
 

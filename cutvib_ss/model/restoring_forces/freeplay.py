@@ -65,14 +65,14 @@ class Freeplay(Memoryless):
         below, above, contact, more, r, loss = p[0], p[1], p[2], p[3], p[4], p[5]
         held = clipped(q, below, above, r)[0]
         f = more * q - contact * (held - clipped(0.0, below, above, r)[0])
-        return f + contact * loss * abs(q - held - 0.5 * (above - below)) * v if loss > 0.0 else f
+        return f + contact * loss * abs(q - held) * v if loss > 0.0 else f
 
     @staticmethod
     def tangents(p: Values, q: float, v: float) -> tuple[float, float]:
         below, above, contact, more, r, loss = p[0], p[1], p[2], p[3], p[4], p[5]
         held, slope = clipped(q, below, above, r)
         if loss > 0.0:
-            deep = q - held - 0.5 * (above - below)
+            deep = q - held
             deeper = math.copysign(1.0 - slope, deep)
             return more - contact * (slope - loss * deeper * v), contact * loss * abs(deep)
         return more - contact * slope, 0.0
@@ -88,7 +88,7 @@ class Freeplay(Memoryless):
             for _ in range(50):
                 x, w = q - a * f, v - b * f
                 held, slope = clipped(x, below, above, r)
-                deep = x - held - 0.5 * (above - below)
+                deep = x - held
                 lost = contact * loss * abs(deep)
                 deeper = contact * loss * math.copysign(1.0 - slope, deep)
                 rise = 1.0 + a * (more - contact * slope + deeper * w) + b * lost
@@ -115,7 +115,7 @@ class Freeplay(Memoryless):
         if r > 0.0:
             held = clipped(q[1], below, above, r)[0]
             middle = more * q[1] - contact * (held - clipped(0.0, below, above, r)[0])
-            middle += contact * p[5] * abs(q[1] - held - 0.5 * (above - below)) * v[1]
+            middle += contact * p[5] * abs(q[1] - held) * v[1]
             return (f0 + 4.0 * middle + f1) / 6.0
         bend = (2.0 * q[1] - q[0] - q[2]) / 12.0
         high = mean_size(q[0] + below, q[1] + below) + mean_size(q[1] + below, q[2] + below)
