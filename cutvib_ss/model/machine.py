@@ -144,6 +144,10 @@ class Machine(BaseModel):
         return "acceleration"
 
     @property
+    def in_modes(self) -> Machine:
+        return self
+
+    @property
     def assembly(self) -> Assembly:
         """The head over its own coordinates and those of the rail under it, with its attachments and guide."""
         return head_assembly(self.head, self.rail, self.attachments, self.guide)

@@ -30,7 +30,7 @@ class Part(NamedTuple):
 
 def modal_parts(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> tuple[Part, ...]:
     """Parts of a structure, none where one factor on a matrix is all that there is; modes are those without damping."""
-    squares, shapes = linalg.eigh(stiffness, mass)
+    squares, shapes = undamped_modes(mass, stiffness)
     springs = squares > 1e-9 * max(float(squares[-1]), 0.0)
     rigid, held = np.flatnonzero(~springs)[:MOST_MODES].tolist(), np.flatnonzero(springs)[:MOST_MODES].tolist()
     if len(squares) < 2:
@@ -48,6 +48,14 @@ def modal_parts(mass: FloatArray, damping: FloatArray, stiffness: FloatArray) ->
     modes = (*rigid, *held)
     out += [Part(2, (r, s), _both(rows[r], rows[s])) for r in modes for s in modes if s >= r]
     return tuple(out)
+
+
+def undamped_modes(mass: FloatArray, stiffness: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Squared frequencies and mass-normalised shapes (n, mode), the largest entry of each over √M positive."""
+    squares, shapes = linalg.eigh(stiffness, mass)
+    scaled = shapes * np.sqrt(np.diag(mass))[:, None]
+    largest = np.take_along_axis(scaled, np.abs(scaled).argmax(axis=0)[None], axis=0)
+    return squares, shapes * np.where(largest < 0.0, -1.0, 1.0)
 
 
 def _both(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -128,6 +128,11 @@ class Model(Protocol):
         ...
 
     @property
+    def in_modes(self) -> Self:
+        """The same model over coordinates that couple little: a structure over its undamped modes, a machine as it is."""
+        ...
+
+    @property
     def influence(self) -> FloatArray | None:
         """How the core moves with the base of a shaker, r; None where the input is a force."""
         ...

@@ -18,13 +18,17 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from cutvib_ss.errors import CouplingError, ParameterError
-from cutvib_ss.model.parts import Part, modal_parts
+from cutvib_ss.model.parts import Part, modal_parts, undamped_modes
 from cutvib_ss.parameters import control_name
 from cutvib_ss.results import ComplexArray, FloatArray, Quantity, read_only
 from cutvib_ss.units import DERIVATIVE_ORDER
 
 if TYPE_CHECKING:
     import control
+
+
+_ROUNDED = 1e-8
+"""Part of the modes' own damping below which what couples two of them is rounding error of written matrices."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +142,17 @@ class SecondOrder:
     def parts(self) -> tuple[Part, ...]:
         """By what its parts may differ from the matrices."""
         return modal_parts(self.mass, self.damping, self.stiffness)
+
+    @cached_property
+    def in_modes(self) -> SecondOrder:
+        """The same system over the amplitudes of its undamped modes, mass-normalised, the same ports."""
+        squares, shapes = undamped_modes(self.mass, self.stiffness)
+        damping = shapes.T @ self.damping @ shapes
+        own = np.sqrt(np.abs(np.diag(damping)))
+        damping = np.where(np.abs(damping) > _ROUNDED * np.outer(own, own), damping, 0.0)
+        modes = tuple(f"mode{r + 1}" for r in range(len(squares)))
+        rows = {port: row @ shapes for port, row in self.ports.items()}
+        return SecondOrder(np.eye(len(squares)), (damping + damping.T) / 2, np.diag(squares), modes, rows)
 
     def dynamic_stiffness(self, s: ArrayLike) -> ComplexArray:
         """

@@ -154,6 +154,11 @@ class Structure(BaseModel):
         """The factors of a tuned structure are written into its matrices."""
         return replace(self, system=self.scaled, scales=(1.0, 1.0, 1.0), parts=())
 
+    @cached_property
+    def in_modes(self) -> Structure:
+        # How a base carries the degrees of freedom is no row, and is left as it is.
+        return self if self.influence is not None else replace(self, system=self.system.in_modes)
+
     @property
     def assembly(self) -> Assembly:
         """The matrices with their factors, and what is attached."""

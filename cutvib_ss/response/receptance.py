@@ -28,6 +28,7 @@ from cutvib_ss.model.protocol import Model
 from cutvib_ss.model.rail import rail_point
 from cutvib_ss.response.batched import CLOSED_FORM, dot, inverse, mixed
 from cutvib_ss.response.rail_receptance import RailField, RailReceptance
+from cutvib_ss.response.structure_motion import StructureMotion
 from cutvib_ss.response.twist_receptance import TwistReceptance
 from cutvib_ss.results import ComplexArray, FloatArray
 
@@ -42,6 +43,7 @@ class ModelReceptance:
     """
 
     def __init__(self, model: Model, positions: FloatArray, s: ComplexArray, ports: Sequence[str] = ()) -> None:
+        model = model.in_modes
         self.model, self.positions, self.s = model, np.atleast_1d(positions), s
         self._ports: dict[str, PortReceptance] = {}
         self._core_changes: dict[Path, Changes | None] = {}
@@ -50,17 +52,20 @@ class ModelReceptance:
         self.interface = interface = [system.dofs.index(d) for d in self.assembly.base]
         self.rows: dict[str, FloatArray] = dict(system.ports)
         n = len(system.dofs)
+        self._free = [i for i in range(n) if i not in interface]
+        self._named = tuple(dict.fromkeys(ports))
+        # Motion of the head that follows its base.
+        self.following: ComplexArray = np.zeros((n, len(interface), s.size), dtype=np.complex128)
+        if not interface and n > CLOSED_FORM:
+            return
         polynomial = np.stack([system.stiffness, system.damping, system.mass], axis=-1)
         e = mixed(polynomial, np.array([np.ones_like(s), s, s * s]))
         for a in self.assembly.elements:
             p = self.foot(a)
             own = np.ix_(np.flatnonzero(p), np.flatnonzero(p))
             e[own] += a.element.dynamic_stiffness(s) * np.multiply.outer(p, p)[own][:, :, None]
-        self._free = [i for i in range(n) if i not in interface]
         f, u = self._free, interface
-        self._held_stiffness, self._named = e[np.ix_(f, f)] if u else e, tuple(dict.fromkeys(ports))
-        # Motion of the head that follows its base.
-        self.following: ComplexArray = np.zeros((n, len(u), s.size), dtype=np.complex128)
+        self._held_stiffness = e[np.ix_(f, f)] if u else e
         if u:
             self.following[f] = -np.einsum("abf,buf->auf", self._inverse, e[np.ix_(f, u)])
             self.following[u] = np.eye(len(u))[:, :, None]
@@ -71,15 +76,13 @@ class ModelReceptance:
         return inverse(self._held_stiffness)
 
     @cached_property
-    def _solved(self) -> dict[bytes, ComplexArray]:
-        """Motion of the head for a unit force at each of the named ports, by row, its base held."""
+    def _large(self) -> StructureMotion:
+        """Motions of a structure of many degrees of freedom."""
         wanted = (p if self.shaken(p) or self.is_rail(p) else self.model.port_of(p) for p in self._named)
         rows = {self.rows[p].tobytes(): self.rows[p] for p in wanted if p in self.rows}
-        if self.interface or len(self._free) <= CLOSED_FORM or not rows:
-            return {}
-        loads = np.array(list(rows.values())).T
-        motion = np.linalg.solve(np.moveaxis(self._held_stiffness, -1, 0), loads[None])
-        return dict(zip(rows, np.ascontiguousarray(np.moveaxis(motion, (2, 1), (0, 1))), strict=True))
+        feet = [self.foot(a) for a in self.assembly.elements]
+        stiffness = [a.element.dynamic_stiffness(self.s) for a in self.assembly.elements]
+        return StructureMotion(self.system, self.s, feet, stiffness, list(rows.values()))
 
     # -- the two sides ------------------------------------------------------------------------------------------------------
 
@@ -163,8 +166,8 @@ class ModelReceptance:
 
     def held(self, row: Row) -> ComplexArray:
         """Motion of the head for a unit force, its base held, shape (n, frequency)."""
-        if row.ndim == 1 and row.tobytes() in self._solved:
-            return self._solved[row.tobytes()]
+        if not self.interface and len(self._free) > CLOSED_FORM:
+            return self._large.of(row)
         out = np.zeros((len(self.system.dofs), self.s.size), dtype=np.complex128)
         if row.any():
             out[self._free] = dot(np.moveaxis(self._inverse, 1, 0), _over_frequency(row)[self._free][:, None])
