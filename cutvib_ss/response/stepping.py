@@ -102,7 +102,7 @@ class _Lines(NamedTuple):
     rate: float  # Of the weight e^(-rate t) on the histories [1/s]
     s: ComplexArray
     receptance: ComplexArray  # Shape (output, input, line)
-    at_start: tuple[ComplexArray, ComplexArray]  # 1/(s - p) and 1/(s̄ - p), shape (line, mode)
+    inverses: ComplexArray  # 1/((s - p)(s - p̄)), shape (mode, line)
     ends: FloatArray  # Weight of each line in the mean over all lines, the conjugate ones too
 
 
@@ -115,11 +115,10 @@ def _lines(form: ModalForm, fs: float, run: int) -> _Lines:
     slowest = float(np.min(-form.poles.real))
     rate = max(0.0, _WRAP * fs / size - slowest)
     s = _at_lines(rate, fs, size)
-    # The modal sum is made of the first and of the conjugate of the second.
-    upper, lower = (1.0 / (z - form.poles[:, None]) for z in (s, s.conj()))
+    inverses = form.inverses(s)
     ends = np.full(s.size, 1.0 / size)
     ends[[0, -1]] *= 0.5
-    made = _Lines(size, rate, s, form.summed(upper, lower), (upper.T, lower.T), ends)
+    made = _Lines(size, rate, s, form.summed(s, inverses), inverses, ends)
     if s.size * form.poles.size < _KEPT:
         form.at_lines[fs, run] = made
     return made
@@ -145,7 +144,7 @@ class _Run:
         self.force = np.hstack([force, force[:, -1:] * _fade(_TAPER)])
         self.run = self.samples + _TAPER
         lines = _lines(form, fs, self.run)
-        self.size, self.rate, self.s, self.receptance, self.at_start, self.ends = lines
+        self.size, self.rate, self.s, self.receptance, self.inverses, self.ends = lines
 
     def _weight(self, samples: int, fine: int) -> FloatArray:
         return _decay(self.rate / (self.fs * fine), samples)
@@ -177,9 +176,11 @@ class _Run:
 
     def _wrapped(self, spectrum: ComplexArray, drives: ComplexArray) -> ComplexArray:
         """Modes that a force's transform leaves at the first sample, shape (blow, mode)."""
-        # Mode k at the first sample is the mean over all lines, the conjugate ones too, of drive · force/(s - p_k).
-        (upper, lower), mean = self.at_start, self.ends * spectrum
-        modes: ComplexArray = drives * (mean @ upper + mean.conj() @ lower)
+        # Mode k at the first sample is the mean over all lines, the conjugate ones too, of drive · force/(s - p_k), which is
+        # drive · force (s - p̄_k)/((s - p_k)(s - p̄_k)).
+        mean = self.ends * spectrum
+        real_parts = np.stack([mean * self.s, mean]).conj().view(np.float64) @ self.inverses.view(np.float64).T
+        modes: ComplexArray = drives * 2 * (real_parts[0] - self.form.poles.conj() * real_parts[1])
         return modes
 
     def _free(self, modes: ComplexArray) -> FloatArray:
