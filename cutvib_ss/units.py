@@ -37,6 +37,11 @@ FORCE_OF: Mapping[str, str] = MappingProxyType({"m": "N", "rad": "N m", "kg^0.5 
 _PER_TIME = {"displacement": "", "velocity": "/s", "acceleration": "/s^2"}
 
 
+def percent(part: float) -> str:
+    """A part of something in percent, to two digits."""
+    return f"{100 * part:.2g} %" if abs(part) < 0.995 else f"{100 * part:.0f} %"
+
+
 def rate_unit(displacement: str, quantity: str) -> str:
     """Unit of a displacement's time derivative: ``rate_unit("rad", "velocity")`` is ``"rad/s"``."""
     return displacement + _PER_TIME[quantity]

@@ -262,12 +262,10 @@ def campaign_show_command(
         _print_show(found)
 
 
-_OPTIONAL = ("y/L", "input", "session", "use", "coherence")
-"""Columns that are left out where no record has any."""
-
 _OF_CHANNELS = (
     "|H| and its noise: root mean square over the band. Over nominal: median over the lines that are clear of noise; a resonance "
-    "that is shifted in a narrow band moves it, too."
+    "that is shifted in a narrow band moves it, too. Coherence: mean over the band, weighted with |H|²; of a record that of the "
+    "channel that has least."
 )
 _OF_PAIRS = "Difference: root mean square beyond noise, over that of the response."
 
@@ -294,9 +292,7 @@ def _print_show(found: Summary) -> None:
     ]
     peak = f"peak [{found.input_unit}]"
     heads = ["record", "kind", "y/L", "input", "session", "use", "blows", peak, "band [Hz]", "coherence"]
-    kept = [k for k, head in enumerate(heads) if head not in _OPTIONAL or any(row[k] for row in rows)]
-    align = "".join("llllllrrrr"[k] for k in kept)
-    show(console, "", [heads[k] for k in kept], [[row[k] for k in kept] for row in rows], align)
+    show(console, "", heads, rows, "llllllrrrr")
     say(console, "")
     rows = [
         [
@@ -306,13 +302,14 @@ def _print_show(found: Summary) -> None:
             f"{c.rms:.3g}",
             f"{c.noise:.2g}",
             "" if c.level is None else f"{c.level:.2f}",
+            "" if c.coherence is None else f"{c.coherence:.3f}",
             c.scatter_text(),
         ]
         for r in found.records
         for c in r.channels
     ]
-    heads = ["record", "channel", "unit", "rms |H|", "noise of H", "over nominal", "scatter of blows"]
-    show(console, "Channels", heads, rows, "lllrrrl")
+    heads = ["record", "channel", "unit", "rms |H|", "noise of H", "over nominal", "coherence", "scatter of blows"]
+    show(console, "Channels", heads, rows, "lllrrrrl")
     say(console, _OF_CHANNELS)
     for title, pairs in (("Repeatability", found.repeated), ("Linearity between levels", found.levels)):
         if pairs:

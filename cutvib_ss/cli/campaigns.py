@@ -17,6 +17,7 @@ from cutvib_ss.cli.options import CampaignArgument, JsonOption, NominalOption, S
 from cutvib_ss.cli.output import check_outputs, give_json, messages, results, say, show, text_writer, working, write_all
 from cutvib_ss.cli.progress import progress
 from cutvib_ss.errors import ParameterError
+from cutvib_ss.units import percent
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -169,7 +170,7 @@ def print_diagnosis(found: Diagnosis, console: Console) -> None:
         ["noise", f"{wording.figure(gap.noise_floor)} {gap.unit}"],
         [
             "repeats",
-            "not measured" if not isfinite(found.repeatability) else f"{100 * found.repeatability:.2g} % beyond noise",
+            "not measured" if not isfinite(found.repeatability) else f"{percent(found.repeatability)} beyond noise",
         ],
         ["closed", share + (f" ({interval})" if interval else "")],
     ]

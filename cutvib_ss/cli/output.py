@@ -43,7 +43,15 @@ def working(what: str) -> Iterator[None]:
 
 
 def show(console: Console, title: str, columns: Sequence[str], rows: Iterable[Sequence[str]], text: str = "") -> None:
-    """Print a table under its title: columns of text are named in ``text`` by an ``l`` each, numbers by ``r``."""
+    """
+    Print a table under its title: columns of text are named in ``text`` by an ``l`` each, numbers by ``r``.
+
+    A column that holds nothing is left out.
+    """
+    rows = list(rows)
+    kept = [k for k in range(len(columns)) if not rows or any(row[k] for row in rows)]
+    columns, text = [columns[k] for k in kept], "".join(text[k : k + 1] or "r" for k in kept)
+    rows = [[row[k] for k in kept] for row in rows]
     made = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=any(columns))
     for k, name in enumerate(columns):
         left = text[k : k + 1] == "l"

@@ -18,6 +18,7 @@ from cutvib_ss.diagnosis.settings import SETTINGS
 from cutvib_ss.effects.base import Model, Motion
 from cutvib_ss.effects.catalogue import EFFECTS
 from cutvib_ss.measurement.blow_noise import chance_of_ordering
+from cutvib_ss.measurement.levels import sessions_of_one_level
 from cutvib_ss.response.frequency import frequency_response
 from cutvib_ss.response.stepping import modal_form, step
 from cutvib_ss.results import FloatArray
@@ -34,17 +35,7 @@ def levels_compared(records: Records, model: Model | None = None, blow_at: float
 
 def confounded(records: Records) -> bool:
     """Whether every session has one level, and they differ: drift then does what a nonlinear restoring force does."""
-    levels: dict[tuple[float | str, ...], list[float]] = {}
-    for e in records.entries:
-        if (level := e.driven) is not None:
-            levels.setdefault(session_of(e), []).append(level)
-    apart = SETTINGS.level_apart
-    every = [level for own in levels.values() for level in own]
-    return (
-        len(levels) > 1
-        and max(every) > apart * min(every)
-        and all(max(own) <= apart * min(own) for own in levels.values())
-    )
+    return sessions_of_one_level((session_of(e), e.driven) for e in records.entries)
 
 
 def drift_for_levels(fit: Fit, records: Records) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Iterable, Sequence
 
 import numpy as np
 
@@ -20,6 +20,17 @@ def same_level(a: float | None, b: float | None) -> bool:
     if a is None or b is None:
         return a is b
     return abs(a - b) <= SAME_LEVEL * max(a, b)
+
+
+def sessions_of_one_level(each: Iterable[tuple[Hashable, float | None]]) -> bool:
+    """Whether each session, of (session, level), has one level, and they differ: drift then does what the level does."""
+    levels: dict[Hashable, list[float]] = {}
+    for session, level in each:
+        if level is not None:
+            levels.setdefault(session, []).append(level)
+    every = [level for own in levels.values() for level in own]
+    apart = len(levels) > 1 and max(every) > LEVELS_APART * min(every)
+    return apart and all(max(own) <= LEVELS_APART * min(own) for own in levels.values())
 
 
 def peaks(record: Record) -> list[float]:

@@ -13,12 +13,13 @@ from scipy import stats
 from cutvib_ss.measurement.blow_noise import Ordering, blow_scatter, chance_of_ordering
 from cutvib_ss.measurement.estimation import measured_response
 from cutvib_ss.measurement.interference import interference
-from cutvib_ss.measurement.levels import levels_of, mean_level, own_level, peaks, same_level
+from cutvib_ss.measurement.levels import levels_of, mean_level, own_level, peaks, same_level, sessions_of_one_level
 from cutvib_ss.measurement.plausibility import levels_over_nominal
 from cutvib_ss.measurement.records import Campaign, Record, Sweep
 from cutvib_ss.measurement.sweep_direction import opposed, sweep_direction
 from cutvib_ss.measurement.trigger_jitter import trigger_jitter
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse
+from cutvib_ss.units import percent
 
 _ORDERED = 0.01
 """Significance below which the scatter of blows is said to order with the force."""
@@ -129,7 +130,7 @@ class PairSummary:
         if opposed(*self.sweeps):
             both = [f"{level} {sweep}" for level, sweep in zip(both, self.sweeps, strict=True)]
         levels = " and ".join(both)
-        size = f"{100 * self.difference:.2g} %" if self.difference > 0 else "none beyond noise"
+        size = percent(self.difference) if self.difference > 0 else "none beyond noise"
         return [self.first, self.second, place, levels, size, self.worst if self.difference > 0 else ""]
 
 
@@ -163,10 +164,17 @@ class Summary:
         if self.repeatability is not None:
             by, mean = "no more than", _pairs(len(self.repeated))
             if self.repeatability > 0.0:
-                by, mean = f"{100 * self.repeatability:.2g} % beyond", f"root mean square of {mean}"
+                by, mean = f"{percent(self.repeatability)} beyond", f"root mean square of {mean}"
             said.append(f"Records of the same configuration differ by {by} their noise ({mean}).")
         elif len(self.records) > 1:
-            said.append("No two records are of the same position, input and level: repeatability is not known.")
+            same = [part for part, told in self._told() if told]
+            alike = f"{', '.join(same)} and level" if same else "level"
+            said.append(f"No two records are of the same {alike}: repeatability is not known.")
+        if self._confounded():
+            said.append(
+                "Every session has a level of its own: what drifts between sessions and what depends on the level look alike; "
+                "measure two levels in one session."
+            )
         if self.levels:
             said.append(self._of_levels())
         said += self._of_missing_channels()
@@ -177,6 +185,18 @@ class Summary:
                 "a sign of nonlinearity, or of a hand that hits elsewhere when it hits harder."
             )
         return said
+
+    def _told(self) -> list[tuple[str, bool]]:
+        """What tells records apart beside their level, and whether these records state it."""
+        return [
+            ("position", any(r.position is not None for r in self.records)),
+            ("input", any(r.input for r in self.records)),
+            ("direction of sweep", any(r.sweep is not None for r in self.records)),
+        ]
+
+    def _confounded(self) -> bool:
+        """Whether every session has one level, and they differ."""
+        return sessions_of_one_level((r.session, r.level) for r in self.records)
 
     def _of_missing_channels(self) -> list[str]:
         """Channels of the model that some record lacks."""
@@ -192,7 +212,7 @@ class Summary:
     def _of_levels(self) -> str:
         """What pairs of levels say of whether the response depends on the level."""
         clear, most = self._levels_apart(), max(self.levels, key=lambda p: p.difference)
-        size = f"by {100 * most.difference:.2g} % at most"
+        size = f"by {percent(most.difference)} at most"
         if not clear and most.difference > 2.0 * (self.repeatability or np.inf):
             return (
                 f"Levels differ {size} ({most.first}, {most.second}), by more than twice what records of one level do; so few of "
@@ -200,7 +220,7 @@ class Summary:
             )
         if not clear:
             said = "No dependence on the level stands out of noise and repeatability"
-            return f"{said}: {100 * most.difference:.2g} % at most." if most.difference > 0 else f"{said}."
+            return f"{said}: {percent(most.difference)} at most." if most.difference > 0 else f"{said}."
         turned = " or directions" if any(opposed(*p.sweeps) for p in self.levels) else ""
         count = f"in {len(clear)} of {_pairs(len(self.levels))} of levels{turned}"
         if self.repeatability is None:
@@ -346,26 +366,27 @@ def _record(record: Record, frf: MeasuredFrequencyResponse, machine: Any) -> Rec
         scatter = blow_scatter(record, band=band)
         ratios = [_known(x) if np.all(np.isfinite(scatter.noise[k])) else None for k, x in enumerate(scatter.ratio)]
         ordered, ordering = [_known(x) for x in scatter.significance], scatter.ordering
+    sweep = sweep_direction(record)
+    # Of a sweep each block holds the force at few lines, and its coherence says nothing.
+    untold = record.kind == "timeseries" and sweep is not None
     channels = []
     for k, (name, unit) in enumerate(zip(frf.outputs, frf.units, strict=True)):
         h, v, c = frf.data[0, k, 0, keep], frf.variance[0, k, 0, keep], frf.coherence[0, k, 0, keep]
-        known = c[np.isfinite(c)]
+        # Of what the channel measured: where it hardly moves, coherence is that of its noise.
+        told, power = np.isfinite(c) & (not untold), np.abs(h) ** 2
         channels.append(
             ChannelSummary(
                 name,
                 unit,
                 float(np.sqrt(np.mean(np.abs(h) ** 2))),
                 float(np.sqrt(np.mean(v))),
-                float(np.median(known)) if known.size else None,
+                float(np.average(c[told], weights=power[told])) if power[told].any() else None,
                 levels[name][0] if name in levels else None,
                 ratios[k],
                 ordered[k],
             )
         )
-    sweep = sweep_direction(record)
-    # Of a sweep each block holds the force at few lines, and its coherence says nothing.
-    untold = record.kind == "timeseries" and sweep is not None
-    told = [c.coherence for c in channels if c.coherence is not None and not untold]
+    told = [c.coherence for c in channels if c.coherence is not None]
     return RecordSummary(
         record.name,
         record.kind,

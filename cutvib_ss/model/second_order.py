@@ -144,6 +144,11 @@ class SecondOrder:
         return modal_parts(self.mass, self.damping, self.stiffness)
 
     @cached_property
+    def least_mass(self) -> float:
+        """Smallest eigenvalue of the mass matrix."""
+        return float(np.linalg.eigvalsh(self.mass).min())
+
+    @cached_property
     def in_modes(self) -> SecondOrder:
         """The same system over the amplitudes of its undamped modes, mass-normalised, the same ports."""
         squares, shapes = undamped_modes(self.mass, self.stiffness)

@@ -76,7 +76,7 @@ class Structure(BaseModel):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
-        if np.linalg.eigvalsh(self.system.mass).min() <= 0.0:
+        if self.system.least_mass <= 0.0:
             raise ParameterError("the mass matrix is not positive definite; check the masses and their signs")
         if all(f == 1.0 for f in self.parts):
             object.__setattr__(self, "parts", (1.0,) * len(self.system.parts))

@@ -20,6 +20,7 @@ from cutvib_ss.report.wording import (
     repeatability_in_gap,
     shrinkage_text,
 )
+from cutvib_ss.units import percent
 
 Row = tuple[str, ...]
 
@@ -166,7 +167,7 @@ def size_rows(d: Diagnosis) -> list[Row]:
         rows.append(
             (
                 "repeatability",
-                f"{100 * d.repeatability:.2g} %, about {figure(repeatability_in_gap(d))} {unit}",
+                f"{percent(d.repeatability)}, about {figure(repeatability_in_gap(d))} {unit}",
                 "difference beyond noise between records of the same configuration",
             )
         )
@@ -186,7 +187,7 @@ def size_rows(d: Diagnosis) -> list[Row]:
     ):
         if math.isfinite(value := d.sizes.get(key, math.nan)):
             least = " or less" if value <= 3e-5 else ""
-            rows.append((name, f"{100 * value:.2g} %{least}", words))
+            rows.append((name, f"{percent(value)}{least}", words))
     position, point, angle = 1e3 * SETTINGS.set_up_position, 1e3 * SETTINGS.set_up_point, SETTINGS.set_up_angle
     for key, name, units, words in (
         ("placing", "position", ((position, "mm"),), "error of the head's position (standard deviation)"),

@@ -78,9 +78,9 @@ class ModalForm:
         residues = self.shapes[:, None, :] * self.drives.T[None, :, :]
         numerators = np.stack([residues.real, -(residues * self.poles.conj()).real])
         linear, constant = mixed(numerators, inverses)
-        linear *= s
-        linear += constant
-        return linear
+        total: ComplexArray = linear * s
+        total += constant
+        return total
 
 
 def modal_form(

@@ -47,9 +47,7 @@ class StructureMotion:
         if by_row:
             z = np.array(list(by_row.values()))
             seen = np.einsum("en,nkf->ekf", self._feet, self._by_elements)
-            self._resists = np.einsum(
-                "ekf,kf->ekf", inverse(z[:, None] * seen + np.eye(len(z))[:, :, None]), z
-            )
+            self._resists = np.einsum("ekf,kf->ekf", inverse(z[:, None] * seen + np.eye(len(z))[:, :, None]), z)
         self._known = {row.tobytes(): self._held(free[:, [len(by_row) + k]])[:, 0] for k, row in enumerate(rows)}
 
     def of(self, row: FloatArray | ComplexArray) -> ComplexArray:
@@ -63,7 +61,8 @@ class StructureMotion:
     def _own(self) -> ComplexArray:
         """Receptance of the coordinates that are coupled to none, shape (alone, frequency)."""
         diagonal: FloatArray = self._polynomial[self._alone, self._alone]
-        return 1.0 / (diagonal @ self._powers)
+        own: ComplexArray = 1.0 / (diagonal @ self._powers)
+        return own
 
     @cached_property
     def _coupled(self) -> ComplexArray:
@@ -85,4 +84,5 @@ class StructureMotion:
         if not len(self._feet):
             return free
         force = np.einsum("ekf,kif->eif", self._resists, np.einsum("kn,nif->kif", self._feet, free))
-        return free - np.einsum("nef,eif->nif", self._by_elements, force)
+        held: ComplexArray = free - np.einsum("nef,eif->nif", self._by_elements, force)
+        return held
