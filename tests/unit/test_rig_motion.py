@@ -8,7 +8,7 @@ pytest.importorskip("exudyn")
 from cutvib_ss.validation.rig import motion
 from cutvib_ss.validation.rig.blows import FINE, FS, Blow, Pulse, antialiased
 from cutvib_ss.validation.rig.cases import draw_case
-from cutvib_ss.validation.rig.fittings import Law, Oscillator, Spring, Supports, Twist
+from cutvib_ss.validation.rig.fittings import Bob, Law, Spring, Supports, Twist
 from cutvib_ss.validation.rig.motion import (
     CONVERGED,
     SENSITIVE,
@@ -107,7 +107,7 @@ def test_a_machine_with_everything_on_it_rests_when_nothing_strikes_it() -> None
         supports=Supports(1e7, 2e7),
         twist=Twist(0.05, 0.5, 220.0, 0.02),
         guide=(1e8, 1e3),
-        oscillators=(Oscillator("tool", "x", 0.05, 180.0, 0.02), Oscillator("head", "z", 0.5, 180.0, 0.02)),
+        bobs=(Bob("tool_x", 0.05, 180.0, 0.02), Bob("head_z", 0.5, 180.0, 0.02)),
         springs=(Spring(("tool", "ground"), "x", 1e5, 10.0), Spring(("tool", "base"), "z", 1e5, 10.0)),
         coupling=500.0,
     )

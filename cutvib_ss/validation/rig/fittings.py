@@ -81,17 +81,6 @@ class Crack:
 
 
 @dataclass(frozen=True)
-class Oscillator:
-    """A sprung mass."""
-
-    place: str  # ``"tool"`` or ``"head"``
-    axis: str  # ``"x"`` or ``"z"``, the only direction in which it is felt
-    mass: float  # Mass [kg]
-    frequency: float  # Natural frequency [Hz]
-    damping_ratio: float  # Damping ratio
-
-
-@dataclass(frozen=True)
 class Spring:
     """A spring and damper between two places."""
 
@@ -187,7 +176,6 @@ class Fittings:
     crack: Crack | None = None  # A crack in the rail
     # Stiffness [N/m] and damping [N s/m] of a guide that gives between rail and head
     guide: tuple[float, float] | None = None
-    oscillators: tuple[Oscillator, ...] = ()  # Sprung masses
     springs: tuple[Spring, ...] = ()  # Springs between places
     coupling: float = 0.0  # Spring on the difference of the joints' angles [N m/rad]
     ties: tuple[Tie, ...] = ()  # Springs, dampers and inertances along ports

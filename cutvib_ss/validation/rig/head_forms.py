@@ -85,6 +85,15 @@ def _panel(machine: AnyMachine, severity: float, rng: np.random.Generator) -> Ma
     return fitted, place, p | {"ratio": ratio}
 
 
+def _pendulum(machine: AnyMachine, severity: float, rng: np.random.Generator) -> Made:
+    """A mass that swings across the force (at a port: one on a mount)."""
+    if not isinstance(machine, Rig):
+        return _mounted_resonator(machine, severity, rng)
+    place, port, p = _resonator_values(machine, severity, rng)
+    across = Bob(port[:-1] + "z", **p)
+    return machine.fitted(bobs=(*machine.fittings.bobs, across)), place, p | {"angle_deg": 90.0}
+
+
 def _oblique_resonator(machine: AnyMachine, severity: float, rng: np.random.Generator) -> Made:
     """A mass that swings at an angle to the force (at a port: one whose spring loses as rubber does)."""
     place, port, p = _resonator_values(machine, severity, rng)
@@ -284,7 +293,7 @@ def _rubber_joint(machine: AnyMachine, severity: float, rng: np.random.Generator
 HEAD_FORMS: Mapping[str, tuple[Form, ...]] = {
     "local_resonator": (
         Form("along", 0, _resonator), Form("with_mount", 1, _mounted_resonator), Form("two_modes", 2, _panel),
-        Form("oblique", 2, _oblique_resonator),
+        Form("oblique", 2, _oblique_resonator), Form("across", 2, _pendulum),
     ),
     "added_mass": (
         Form("rigid", 0, _mass), Form("overhung", 1, _overhung_mass), Form("soft_mount", 1, _soft_mass),

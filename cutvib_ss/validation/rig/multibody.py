@@ -144,12 +144,6 @@ def build(rig: Rig, position: float, highest: float = HIGHEST, assemble: bool = 
     for s in fittings.springs:
         one, other = s.ends
         spring((markers[other], markers[one]), s.axis, s.stiffness, s.damping, where[one] - where[other])
-    for o in fittings.oscillators:
-        node = system.AddNode(item.NodePoint(referenceCoordinates=where[o.place]))
-        system.AddObject(item.ObjectMassPoint(mass=o.mass, nodeNumber=node))
-        bob = int(system.AddMarker(item.MarkerNodePosition(nodeNumber=node)))
-        w = 2 * np.pi * o.frequency
-        spring((markers[o.place], bob), o.axis, o.mass * w * w, 2 * o.damping_ratio * w * o.mass, np.zeros(3))
     joints = {f"joint{i + 1}": _coordinate_marker(system, tree_node, n - 2 + i) for i in range(2)}
     if fittings.coupling:
         pair = [joints["joint1"], joints["joint2"]]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cutvib_ss.validation.rig.fittings import Bob, Crack, Law, Lossy, Oscillator, Skew, Spring, Supports
+from cutvib_ss.validation.rig.fittings import Bob, Crack, Law, Lossy, Skew, Spring, Supports
 from cutvib_ss.validation.rig.frames import Frame
 from cutvib_ss.validation.rig.sites import (
     SWING,
@@ -83,16 +83,6 @@ def _saturating_sensor(machine: AnyMachine, severity: float, rng: np.random.Gene
     """A charge amplifier that saturates softly."""
     limit = about(rng, 80.0) / severity
     return machine.measured(saturation=dict.fromkeys(_names(machine), limit)), "measurement", {"limit": limit}
-
-
-def _z_pendulum(machine: AnyMachine, severity: float, rng: np.random.Generator) -> Made:
-    """A mass on the tool that swings along the machine (the head hardly moves that way)."""
-    p = {
-        "mass": about(rng, 0.015) * severity,
-        "frequency": float(rng.uniform(120.0, 320.0)),
-        "damping_ratio": float(rng.uniform(0.01, 0.05)),
-    }
-    return rig_only(machine).fitted(oscillators=(Oscillator("tool", "z", **p),)), "tool", p
 
 
 def _joint_coupling(machine: AnyMachine, severity: float, rng: np.random.Generator) -> Made:
@@ -277,7 +267,6 @@ OUTSIDE: Mapping[str, Kind] = {
     "rattling_support": Kind(_rattling_support),
     "warming": Kind(_warming),
     "saturating_sensor": Kind(_saturating_sensor),
-    "z_pendulum": Kind(_z_pendulum),
     "joint_coupling": Kind(_joint_coupling, ("joint1",)),
     "crack": Kind(_crack),
     "cable_pull": Kind(_cable_pull, ("head_base",)),

@@ -33,7 +33,7 @@ _APART = 1e-3
 def covered(rig: Rig) -> bool:
     """Whether a machine has nothing but what is computed here."""
     f, c = rig.fittings, rig.chain
-    strange = (f.laws, f.oscillators, f.springs, f.coupling, f.skews, f.crack, rig.lean, rig.drift)
+    strange = (f.laws, f.springs, f.coupling, f.skews, f.crack, rig.lean, rig.drift)
     odd = (c.saturation, c.asymmetry, c.jitter, c.mains, c.feedthrough, c.clock, c.shift[0])
     pierced = f.shear is not None and f.shear.soft is not None
     return not any(strange + odd) and not pierced and (c.window is None or c.window.kind == "exponential")
