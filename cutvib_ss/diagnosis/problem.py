@@ -55,7 +55,8 @@ class Problem:
             # What is not given, or infinite, is not fitted.
             if getattr(e, name) is not None and np.isfinite(getattr(e, name))
         ]
-        self._large = max(1.0, len(nominal.assembly.core.dofs) / SETTINGS.search_small_order)
+        coupled = np.count_nonzero(nominal.in_modes.assembly.core.coupled)
+        self._large = max(1.0, coupled / SETTINGS.search_small_order)
         self.n_tuning = len(self.tuning)
         self.parts = parts_among(nominal, self.tuning)
         """Unknowns that are errors of single parts of a structure's matrices, and of the losses of its modes."""

@@ -149,6 +149,13 @@ class SecondOrder:
         return float(np.linalg.eigvalsh(self.mass).min())
 
     @cached_property
+    def coupled(self) -> np.ndarray:
+        """Which of its coordinates some matrix couples to another, shape (n,)."""
+        entries = np.any([m != 0.0 for m in (self.mass, self.damping, self.stiffness)], axis=0)
+        among: np.ndarray = (entries & ~np.eye(len(self.dofs), dtype=bool)).any(axis=0)
+        return among
+
+    @cached_property
     def in_modes(self) -> SecondOrder:
         """The same system over the amplitudes of its undamped modes, mass-normalised, the same ports."""
         squares, shapes = undamped_modes(self.mass, self.stiffness)

@@ -108,15 +108,20 @@ class ResponseDerivatives:
         return None if any(map(receptance.is_rail, (*self.outputs, self.input))) else changes
 
     def _by_cores(self, changes: Sequence[Changes]) -> ComplexArray:
-        """dqᵀ X_p + X_qᵀ dp - X_qᵀ dE X_p of several values: products of two motions serve all of them."""
+        """dqᵀ X_p + X_qᵀ dp - X_qᵀ dE X_p of several values: products of two motions serve all of them, but for full matrices."""
         powers = (np.ones_like(self.s), self.s, self.s * self.s)
         n = len(self._held)
         upper = _pairs(n)
         # Of each value and power of s the symmetric matrix, over pairs of motions.
         weights = np.zeros((3, len(changes), upper[0].size))
+        full: list[tuple[int, int, FloatArray]] = []
         for k, change in enumerate(changes):
             for power, part in change.stiffness:
-                weights[power, k] -= part[upper[0]] * part[upper[1]] if part.ndim == 1 else part[upper]
+                entries = part[upper[0]] * part[upper[1]] if part.ndim == 1 else part[upper]
+                if part.ndim == 2 and n > _FEW and np.count_nonzero(entries) > n:
+                    full.append((k, power, part))
+                else:
+                    weights[power, k] -= entries
         driven, moving = self._driven_motion[:, :, None], self._moving
         # Those of which a matrix is none need no product.
         used = np.flatnonzero(weights.any(axis=(0, 1)))
@@ -131,6 +136,8 @@ class ResponseDerivatives:
             moved = np.flatnonzero(weight.any(axis=1))
             if moved.size:
                 out[moved] += factor * mixed(weight[moved], pairs)
+        for k, power, part in full:
+            out[k] -= powers[power] * dot(mixed(part, self._driven_motion)[:, :, None], moving)
         for k, change in enumerate(changes):
             if (row := change.rows.get(self.model.port_of(self.input))) is not None:
                 out[k] += _read(row, moving)

@@ -35,8 +35,7 @@ class StructureMotion:
     ) -> None:
         self._core, self._powers = core, np.array([np.ones_like(s), s, s * s])
         self._polynomial = np.stack([core.stiffness, core.damping, core.mass], axis=-1)
-        apart = np.any(self._polynomial != 0.0, axis=-1) & ~np.eye(len(core.dofs), dtype=bool)
-        self._together, self._alone = np.flatnonzero(apart.any(axis=0)), np.flatnonzero(~apart.any(axis=0))
+        self._together, self._alone = np.flatnonzero(core.coupled), np.flatnonzero(~core.coupled)
         by_row: dict[bytes, ComplexArray] = {}
         for row, z in zip(at, stiffness, strict=True):
             by_row[row.tobytes()] = by_row.get(row.tobytes(), 0.0) + z
