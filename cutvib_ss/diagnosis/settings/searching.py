@@ -19,7 +19,7 @@ class SearchSettings:
     search_response: float = of(12.0, "derivatives", "What a value of a response counts as, by the time it takes", "-", TIME)
     search_sample: float = of(5.0, "derivatives", "The same of a sample that is simulated", "-", TIME)
     search_products: float = of(1.5, "derivatives", "The same of a derivative in the normal matrix and its factors", "-", TIME)
-    search_small_order: int = of(8, "degrees of freedom", "Coupled ones, from which what is computed counts in proportion to their number", "-",
+    search_small_order: int = of(8, "degrees of freedom", "Coupled ones beyond which work counts by their number", "-",
         TIME)
     search_coarse_lines: int = of(120, "lines", "Of a group, on which starts are fitted", "longer", TIME)
     search_coarse_error: float = of(0.03, "1", "Relative error by which their noise is widened",
