@@ -13,12 +13,12 @@ class SearchSettings:
     """Of the search, and of records that were held out."""
 
     # Search
-    search_work: float = of(7e8, "derivatives", "Of values of a response, or what takes as long, after which further "
+    search_work: float = of(9e8, "derivatives", "Of values of a response, or what takes as long, after which further "
         "steps are left out", "longer", TIME)
     search_work_pairs: float = of(1.5, "1", "Of `search_work`, after which causes that act together are left out", "longer", TIME)
-    search_response: float = of(12.0, "derivatives", "What a value of a response counts as, by the time it takes", "-", TIME)
-    search_sample: float = of(5.0, "derivatives", "The same of a sample that is simulated", "-", TIME)
-    search_products: float = of(1.5, "derivatives", "The same of a derivative in the normal matrix and its factors", "-", TIME)
+    search_response: float = of(6.0, "derivatives", "What a value of a response counts as, by the time it takes", "-", TIME)
+    search_sample: float = of(11.0, "derivatives", "The same of a sample that is simulated", "-", TIME)
+    search_products: float = of(0.6, "derivatives", "The same of a derivative in the normal matrix and its factors", "-", TIME)
     search_small_order: int = of(8, "degrees of freedom", "Coupled ones beyond which work counts by their number", "-",
         TIME)
     search_coarse_lines: int = of(120, "lines", "Of a group, on which starts are fitted", "longer", TIME)
