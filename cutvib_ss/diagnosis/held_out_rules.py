@@ -249,6 +249,13 @@ class _HeldOutRules:
         # What values far out of their tolerance close, nobody believes of them: there the second cause is in the tuning.
         return self.closed(first, both) >= SETTINGS.verdict_closed and (both.fit.tuned_away or not first.fit.tuned_away)
 
+    def takes_all(self, both: Ranked, first: Ranked) -> bool:
+        """Whether two causes close all but a few percent of what the first of them leaves, which alone is no answer."""
+        alone, with_both = self.held(first), self.held(both)
+        if alone.against_stated <= SETTINGS.verdict_misfit:
+            return False
+        return share(alone, with_both, with_both) >= SETTINGS.verdict_closed
+
     def beside_something(self, first: Ranked) -> Ranked:
         """A cause beside something unknown; alone, if no such fit is at hand."""
         beside = [x for x in self.fitted if x.fit.hypothesis.causes[:1] == first.fit.hypothesis.causes]
@@ -256,8 +263,8 @@ class _HeldOutRules:
 
     def second_is_not_proven(self, both: Ranked, first: Ranked) -> None:
         """Pass on the probability of two known causes that leave more than noise."""
-        # What the form of a first cause leaves is structured: of many second causes some takes a part of it away.
-        if self.is_enough(first, both):
+        # What the form of a first cause leaves is structured: of many second causes some takes a part of it away, but none all.
+        if self.is_enough(first, both) and not self.takes_all(both, first):
             give(self.odds, both, first)
             return
         target = self.beside_something(first)

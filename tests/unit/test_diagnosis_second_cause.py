@@ -115,6 +115,22 @@ def test_a_second_cause_is_named_where_it_leaves_noise(left: float, closed: floa
     assert found["other"] == 0.0
 
 
+@pytest.mark.parametrize(("alone", "left", "best"), [(157.0, 1.3, "both"), (157.0, 20.0, "main"), (1.9, 1.3, "main")])
+def test_a_second_cause_that_closes_nearly_all_that_the_first_leaves_is_named(
+    alone: float, left: float, best: str
+) -> None:
+    """A mass on a lightly damped frame closes 97 % of the excess and leaves a hundred times the noise; a spring closes that."""
+    seen = held(
+        none=Leaves(squares=5900.0, log_density=-1e6),
+        main=Leaves(squares=alone, against_stated=alone, log_density=-1e4),
+        both=Leaves(squares=left, against_stated=left, reduced=max(left, 1.3), floor=1.0, log_density=-100.0),
+        beside=Leaves(log_density=-2e4, floor=1.0),
+    )
+    found = judged_on_held_out(EVERY, ODDS, seen, 1.0)
+    assert max(found, key=lambda name: found[name]) == best
+    assert found["both"] <= SETTINGS.verdict_form
+
+
 @pytest.mark.parametrize(("place", "closed", "kept"), [("tool", 0.8, 0.4), ("tool", 0.4, 1.0), ("head", 0.8, 1.0)])
 def test_two_linear_causes_between_the_same_points_are_one_of_another_form(
     place: str, closed: float, kept: float
