@@ -70,14 +70,12 @@ def simulated(
     force_scale: FloatArray | None = None,
     offset: float = 0.0,
     one_blow: bool = False,
-    blocks: int = 0,
 ) -> Simulated:
     """
     Run each record's force through a model in time, and its estimator on the responses.
 
     `offset` is a constant force [N] that acts beside the recorded one all through a continuous recording. With `one_blow` only
-    that of middle size of several blows is run, with `blocks` only so many of the loudest blocks in succession of a continuous
-    recording: all that a difference needs.
+    that of middle size of several blows is run, which is all that a difference needs.
     """
     elements = model.nonlinear
     # Stepped are the channels' own quantities, and a window is applied in time: the chain does the rest.
@@ -111,8 +109,6 @@ def simulated(
         if one_blow:
             windows = [(gain, w if r.block else w[[r.middle]]) for r, (gain, w) in zip(replays, windows, strict=False)]
             replays = [r if r.block else r.typical for r in replays]
-        if blocks:
-            replays = [r.short(blocks) if r.block and r.count > blocks else r for r in replays]
         size = dict(zip(rows, scales[rows] * np.array([gain for gain, _ in windows] or [1.0]), strict=True))
         forces = np.concatenate(
             [size[row] * np.stack(r.forces) + offset * _begun(r) for row, r in zip(rows, replays, strict=True)]

@@ -159,25 +159,19 @@ class SimulatedProblem(Problem):
 
     def _differences(self, x: FloatArray, which: Sequence[int], p: Simulated) -> dict[int, ComplexArray]:
         """Derivatives to some unknowns by simulation."""
-        replays = [replay for same in p.group.entries if (replay := same[0].replay) is not None]
-        blows = len(replays) == len(p.group.entries) and not any(r.block for r in replays)
+        blows = all(same[0].replay is not None and not same[0].replay.block for same in p.group.entries)
         rounded = blows and (self.by_simulation != "no" or self.hypothesis.touches)
         index, out = self._fitted(p), {}
-        # Blows of one record are alike, and so are blocks: how one of them changes tells enough of the way.
+        # Blows of one record are alike: how one of them changes tells enough of the way.
         one_blow = self.by_simulation != "of all blows"
-        blocks = SETTINGS.search_outlook_blocks if one_blow else 0
         scales = None if index is None else self._force_scales(x)[index]
-        run = partial(
-            simulated, group=p.group, steps=self.steps, force_scale=scales, offset=self.offset_of(x), one_blow=one_blow,
-            blocks=blocks,
-        )  # fmt: skip
-        here = p.typical if one_blow else p.data
-        if which and any(r.block and r.count > blocks > 0 for r in replays):
-            here = run(p.model).data
         for i in which:
             moved, step = x.copy(), self._difference(i, rounded)
             moved[i] += step if i < self.n_tuning or x[i] + step <= 1.0 else -step
-            out[i] = (run(self.applied(moved)).data - here) / (moved[i] - x[i])
+            there = simulated(
+                self.applied(moved), p.group, None, self.steps, scales, self.offset_of(x), one_blow=one_blow
+            )
+            out[i] = (there.data - (p.typical if one_blow else p.data)) / (moved[i] - x[i])
         return out
 
     def _difference(self, i: int, rounded: bool) -> float:

@@ -76,11 +76,6 @@ class Replay:
         return [self.transformed(f) for f in self.forces]
 
     @property
-    def count(self) -> int:
-        """Number of blocks, or of blows."""
-        return sum(len(f) for f in self.spectra)
-
-    @property
     def shared(self) -> float:
         """Part of the blocks that share the force at a line, in the median: all if periodic, half of noise, few of a sweep."""
         power = np.abs(np.concatenate(self.spectra)) ** 2
