@@ -145,6 +145,7 @@ class Machine(BaseModel):
 
     @property
     def in_modes(self) -> Machine:
+        """The machine as it is: its rail is over its modes already."""
         return self
 
     @property

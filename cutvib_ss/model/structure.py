@@ -156,6 +156,7 @@ class Structure(BaseModel):
 
     @cached_property
     def in_modes(self) -> Structure:
+        """The structure over its undamped modes; on a shaker as it is."""
         # How a base carries the degrees of freedom is no row, and is left as it is.
         return self if self.influence is not None else replace(self, system=self.system.in_modes)
 
