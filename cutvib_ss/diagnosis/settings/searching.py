@@ -13,7 +13,7 @@ class SearchSettings:
     """Of the search, and of records that were held out."""
 
     # Search
-    search_work: float = of(9e8, "derivatives", "Of values of a response, or what takes as long, after which further "
+    search_work: float = of(1.5e9, "derivatives", "Of values of a response, or what takes as long, after which further "
         "steps are left out", "longer", TIME)
     search_work_pairs: float = of(1.5, "1", "Of `search_work`, after which causes that act together are left out", "longer", TIME)
     search_response: float = of(6.0, "derivatives", "What a value of a response counts as, by the time it takes", "-", TIME)
