@@ -63,9 +63,9 @@ class _EquivalentSupports(EndSupports):
         pass
 
 
-LOSSY_MODES = 5
+LOSSY_MODES = 4
 """
-Modes of the rail whose dampings may differ one by one, the lowest: those of a band of eight hundred hertz. The highest of a model
+Modes of the rail whose dampings may differ one by one, the lowest: those of a band of some hundred hertz. The highest of a model
 has the rail's damping ratio, as have those that it leaves out.
 """
 
