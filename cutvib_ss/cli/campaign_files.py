@@ -264,9 +264,9 @@ def campaign_show_command(
 
 _OF_CHANNELS = (
     "|H| and its noise: root mean square over the band. Over nominal: median over the lines that are clear of noise; a resonance "
-    "that is shifted in a narrow band moves it, too. Coherence: mean over the band, weighted with |H|²; of a record that of the "
-    "channel that has least."
+    "that is shifted in a narrow band moves it, too."
 )
+_OF_COHERENCE = "Coherence: mean over the band, weighted with |H|²; of a record that of the channel that has least."
 _OF_PAIRS = "Difference: root mean square beyond noise, over that of the response."
 
 
@@ -311,6 +311,8 @@ def _print_show(found: Summary) -> None:
     heads = ["record", "channel", "unit", "rms |H|", "noise of H", "over nominal", "coherence", "scatter of blows"]
     show(console, "Channels", heads, rows, "lllrrrrl")
     say(console, _OF_CHANNELS)
+    if any(r.coherence is not None for r in found.records):
+        say(console, _OF_COHERENCE)
     for title, pairs in (("Repeatability", found.repeated), ("Linearity between levels", found.levels)):
         if pairs:
             say(console, "")
