@@ -271,7 +271,7 @@ _OF_PAIRS = "Difference: root mean square beyond noise, over that of the respons
 
 
 def _print_show(found: Summary) -> None:
-    from cutvib_ss.measurement.summary import PAIR_HEADS
+    from cutvib_ss.measurement.record_pairs import PAIR_HEADS
 
     console = results()
     say(console, found.title)

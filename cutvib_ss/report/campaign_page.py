@@ -10,8 +10,9 @@ import numpy as np
 from cutvib_ss.errors import CutvibError
 from cutvib_ss.identification.stabilisation import stabilisation
 from cutvib_ss.measurement.inputs import response_to
+from cutvib_ss.measurement.record_pairs import PAIR_HEADS
 from cutvib_ss.measurement.records import Campaign, Record
-from cutvib_ss.measurement.summary import PAIR_HEADS, RecordSummary, Summary
+from cutvib_ss.measurement.summary import RecordSummary, Summary
 from cutvib_ss.plot.style import WORKING_FREQUENCY, scale_of, unit_text
 from cutvib_ss.report.frame import complex_lists, lines_to_draw, number_list, page
 from cutvib_ss.results import FloatArray, MeasuredFrequencyResponse

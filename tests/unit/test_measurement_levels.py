@@ -11,8 +11,9 @@ from cutvib_ss.diagnosis.observations import observe
 from cutvib_ss.diagnosis.repeatability import repeatability
 from cutvib_ss.measurement import History, Record
 from cutvib_ss.measurement.levels import levels_of, own_level, same_level
+from cutvib_ss.measurement.record_pairs import PairSummary
 from cutvib_ss.measurement.records import Campaign
-from cutvib_ss.measurement.summary import PairSummary, Summary, summarise
+from cutvib_ss.measurement.summary import Summary, summarise
 from cutvib_ss.measurement.sweep_direction import direction_of
 from tests.unit.struck_oscillator import OSCILLATOR
 
