@@ -123,16 +123,21 @@ class SecondOrder:
         """Mass that a force at a port moves at once, and stiffness against a slow one; its stiffest mode's where it floats."""
         row = self.port(name)
         mass = 1.0 / float(row @ np.linalg.solve(self.mass, row))
-        squares, shapes = linalg.eigh(self.stiffness, self.mass)
+        squares, shapes = self.undamped
         moved = (shapes.T @ row) ** 2
         held = squares > 1e-9 * squares[-1]
         floats = float(moved[~held].sum()) > 1e-9 * float(moved.sum())
         return mass, mass * float(squares[-1]) if floats else 1.0 / float(np.sum(moved[held] / squares[held]))
 
     @cached_property
+    def undamped(self) -> tuple[FloatArray, FloatArray]:
+        """Squared frequencies of its undamped modes [rad²/s²], and their mass-normalised shapes (n, mode)."""
+        return undamped_modes(self.mass, self.stiffness)
+
+    @cached_property
     def highest_mode(self) -> tuple[float, float] | None:
         """Natural frequency [Hz] and damping ratio of the highest mode; None where nothing is held by a spring."""
-        squares, shapes = linalg.eigh(self.stiffness, self.mass)
+        squares, shapes = self.undamped
         if not squares[-1] > 0.0:
             return None
         speed = float(np.sqrt(squares[-1]))
@@ -158,7 +163,7 @@ class SecondOrder:
     @cached_property
     def in_modes(self) -> SecondOrder:
         """The same system over the amplitudes of its undamped modes, mass-normalised, the same ports."""
-        squares, shapes = undamped_modes(self.mass, self.stiffness)
+        squares, shapes = self.undamped
         damping = shapes.T @ self.damping @ shapes
         own = np.sqrt(np.abs(np.diag(damping)))
         damping = np.where(np.abs(damping) > _ROUNDED * np.outer(own, own), damping, 0.0)

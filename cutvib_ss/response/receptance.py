@@ -56,7 +56,9 @@ class ModelReceptance:
         self._named = tuple(dict.fromkeys(ports))
         # Motion of the head that follows its base.
         self.following: ComplexArray = np.zeros((n, len(interface), s.size), dtype=np.complex128)
-        if not interface and n > CLOSED_FORM:
+        self._is_large = not interface and n > CLOSED_FORM
+        if self._is_large:
+            # Solved by `_large`, for the ports that are asked for.
             return
         polynomial = np.stack([system.stiffness, system.damping, system.mass], axis=-1)
         e = mixed(polynomial, np.array([np.ones_like(s), s, s * s]))
@@ -78,7 +80,7 @@ class ModelReceptance:
     @cached_property
     def _large(self) -> StructureMotion:
         """Motions of a structure of many degrees of freedom."""
-        wanted = (p if self.shaken(p) or self.is_rail(p) else self.model.port_of(p) for p in self._named)
+        wanted = (p if self.shaken(p) else self.model.port_of(p) for p in self._named)
         rows = {self.rows[p].tobytes(): self.rows[p] for p in wanted if p in self.rows}
         feet = [self.foot(a) for a in self.assembly.elements]
         stiffness = [a.element.dynamic_stiffness(self.s) for a in self.assembly.elements]
@@ -166,7 +168,7 @@ class ModelReceptance:
 
     def held(self, row: Row) -> ComplexArray:
         """Motion of the head for a unit force, its base held, shape (n, frequency)."""
-        if not self.interface and len(self._free) > CLOSED_FORM:
+        if self._is_large:
             return self._large.of(row)
         out = np.zeros((len(self.system.dofs), self.s.size), dtype=np.complex128)
         if row.any():

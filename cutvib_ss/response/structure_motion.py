@@ -33,7 +33,7 @@ class StructureMotion:
         stiffness: Sequence[ComplexArray],
         rows: Sequence[FloatArray],
     ) -> None:
-        self._core, self._powers = core, np.array([np.ones_like(s), s, s * s])
+        self._powers = np.array([np.ones_like(s), s, s * s])
         self._polynomial = np.stack([core.stiffness, core.damping, core.mass], axis=-1)
         self._together, self._alone = np.flatnonzero(core.coupled), np.flatnonzero(~core.coupled)
         by_row: dict[bytes, ComplexArray] = {}
